@@ -18,7 +18,7 @@ CRATES = {
     "crates/dataset": (set(), 6, 9),
 }
 
-MOST_MODULES = 12
+MAX_MODULES = 12
 # Folders with one file for each of the things that users can name.
 LONG_LISTS = {"src/verbs", "crates/testkit/src"}
 
@@ -153,7 +153,7 @@ def long_folders(root):
         for folder in [source, *(path for path in source.rglob("*") if path.is_dir())]:
             modules = {path.stem for path in folder.iterdir() if path.suffix == ".rs"} - {"lib", "main", "tests"}
             name = folder.relative_to(root).as_posix()
-            if len(modules) > MOST_MODULES and name not in LONG_LISTS:
+            if len(modules) > MAX_MODULES and name not in LONG_LISTS:
                 yield name, len(modules)
 
 
@@ -162,7 +162,7 @@ def main():
     arguments.add_argument("--list", action="store_true", help="print which rooms each room imports")
     listed = arguments.parse_args().list
     root = Path(__file__).parent.parent
-    faults = [f"{folder}: {count} modules in a folder, expected at most {MOST_MODULES}" for folder, count in long_folders(root)]
+    faults = [f"{folder}: {count} modules in a folder, expected at most {MAX_MODULES}" for folder, count in long_folders(root)]
     for crate, (divided, most_in_circle, most_levels) in CRATES.items():
         imports = Crate(root / crate).imports
         rooms = rooms_of(imports, divided)

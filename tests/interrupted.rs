@@ -19,7 +19,7 @@ use tiny::{SCENARIOS, Tiny, label_otherwise};
 /// The first signal after the start of a command, and the step by which the next one comes later.
 const LATER: Duration = Duration::from_millis(4);
 /// Attempts to hit a verb while it is at work.
-const MOST_ATTEMPTS: u32 = 300;
+const MAX_ATTEMPTS: u32 = 300;
 /// What a verb says at the first signal, if it was at work.
 const IS_STOPPING: &str = "stopping cleanly";
 
@@ -71,7 +71,7 @@ fn interrupted(line: &str, prepare: impl Fn(&Tiny)) -> Ran {
     let undisturbed = (undisturbed, output);
     let mut delay = Duration::ZERO;
     let mut tiny = prepared();
-    for _ in 0..MOST_ATTEMPTS {
+    for _ in 0..MAX_ATTEMPTS {
         let process = start(&tiny, line);
         sleep(delay);
         // Handled as Ctrl-C is, but not ignored before that by a process that a shell started in the background.
@@ -261,7 +261,7 @@ fn a_second_signal_ends_a_verb_at_once() {
         assert!(!is_at_second || output.status.code() == Some(75), "{said}");
         is_at_second
     };
-    assert!((0..MOST_ATTEMPTS).any(is_ended_twice), "never");
+    assert!((0..MAX_ATTEMPTS).any(is_ended_twice), "never");
     drop(claim);
     run(&tiny, "fetch {store} --out fetched");
 }

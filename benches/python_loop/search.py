@@ -19,11 +19,11 @@ import cv2
 import numpy as np
 import onnxruntime
 
-TILE_SCORE, SCORE, MERGE_IOU, MOST_WINDOWS = 0.15, 0.4, 0.3, 6
+TILE_SCORE, SCORE, MERGE_IOU, MAX_WINDOWS = 0.15, 0.4, 0.3, 6
 USUAL_PX = 640
 STRIDE_PX = 32
 CROP_PX = (160, 256)
-LARGEST_SHARE = 0.65
+MAX_SHARE = 0.65
 PADDING = 114
 
 
@@ -69,7 +69,7 @@ def iou(one, others):
 def best(boxes):
     boxes = boxes[np.argsort(-boxes[:, 4], kind="stable")]
     kept = []
-    while len(boxes) and len(kept) < MOST_WINDOWS:
+    while len(boxes) and len(kept) < MAX_WINDOWS:
         kept.append(boxes[0])
         boxes = boxes[1:][iou(boxes[0], boxes[1:]) <= MERGE_IOU]
     return np.array(kept).reshape(-1, 5)
@@ -77,7 +77,7 @@ def best(boxes):
 
 def around(box, model, picture):
     size = box[2:4] - box[:2]
-    width, height = model.size or [multiple(min(max(size.max() / LARGEST_SHARE, CROP_PX[0]), CROP_PX[1]))] * 2
+    width, height = model.size or [multiple(min(max(size.max() / MAX_SHARE, CROP_PX[0]), CROP_PX[1]))] * 2
     start = lambda centre, side, most: int(min(max(round(centre - (side - 1) / 2), 0), max(most - side, 0)))
     centre = (box[:2] + box[2:4]) / 2
     return start(centre[0], width, picture.shape[1]), start(centre[1], height, picture.shape[0]), width, height

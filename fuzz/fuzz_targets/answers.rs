@@ -44,7 +44,7 @@ mod detector {
     use profile::{BoxOrigin, ModelProfile};
 
     /// More would be slow and teach nothing.
-    const MOST_NUMBERS: usize = 1 << 16;
+    const MAX_NUMBERS: usize = 1 << 16;
     const LAYOUTS: [Layout; 10] = [
         Layout::Rows,
         Layout::AnchorRows,
@@ -108,7 +108,7 @@ mod detector {
             return;
         };
         let count = match numbers_of(&shape) {
-            Some(count) if count <= MOST_NUMBERS => count,
+            Some(count) if count <= MAX_NUMBERS => count,
             _ => made.numbers.len(),
         };
         let endless = made.numbers.iter().chain([&1.0]).copied().cycle();

@@ -7,14 +7,14 @@ use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::frame_rate::FrameRate;
-use dataset::numbers::limits::{Check, FieldOutOfLimits, MOST_APPROACH_S};
+use dataset::numbers::limits::{Check, FieldOutOfLimits, MAX_APPROACH_S};
 
 pub(crate) use inbound::{Approaches, Inbound, last_approach};
 
 mod inbound;
 
 /// States may be this far apart, seconds: over longer gaps an aircraft turns too much for a cubic.
-pub(crate) const LARGEST_GAP_S: f64 = 2.0;
+pub(crate) const MAX_GAP_S: f64 = 2.0;
 /// Positions may differ from what the velocities on both sides imply by this much, metres, plus a tenth of the displacement.
 const VELOCITY_TOLERANCE_M: f64 = 1.0;
 
@@ -43,7 +43,7 @@ pub enum BadFlight {
     },
     /// Time stands still, runs backwards or jumps.
     #[error(
-        "has state {row} {step_s} s after the one before it, expected more than 0 and at most {LARGEST_GAP_S}"
+        "has state {row} {step_s} s after the one before it, expected more than 0 and at most {MAX_GAP_S}"
     )]
     Gap {
         /// Index of the state, from 0.
@@ -90,7 +90,7 @@ pub enum BadFlight {
     },
     /// An approach of hours.
     #[error(
-        "takes {takes_s:.0} s from {start_dtd_m:.0} m to the touchdown target; expected at most {MOST_APPROACH_S} s"
+        "takes {takes_s:.0} s from {start_dtd_m:.0} m to the touchdown target; expected at most {MAX_APPROACH_S} s"
     )]
     TooLong {
         /// Its duration.
@@ -157,7 +157,7 @@ impl Trajectory {
         for (row, pair) in states.windows(2).enumerate() {
             let [before, after] = pair else { continue };
             let step_s = after.time_s - before.time_s;
-            if !(step_s > 0.0 && step_s <= LARGEST_GAP_S) {
+            if !(step_s > 0.0 && step_s <= MAX_GAP_S) {
                 return Err(BadFlight::Gap {
                     row: row + 1,
                     step_s,
@@ -261,7 +261,7 @@ impl AlongCourse<'_> {
         };
         let passing_s = inbound.passing.map(|index| self.crossing_at(index, 0.0));
         let takes_s = passing_s.unwrap_or(last) - start_s;
-        if takes_s > MOST_APPROACH_S {
+        if takes_s > MAX_APPROACH_S {
             return Err(BadFlight::TooLong {
                 takes_s,
                 start_dtd_m,

@@ -7,8 +7,8 @@ use generator::airports;
 use generator::recording::Recording;
 use testkit::repository;
 
-const FEWEST_BYTES: usize = 48 << 20;
-const MOST_BYTES: u64 = 12 << 20;
+const MIN_BYTES: usize = 48 << 20;
+const MAX_BYTES: u64 = 12 << 20;
 
 /// The most memory that this process has had, bytes.
 fn peak_bytes() -> u64 {
@@ -35,7 +35,7 @@ fn a_recording_of_hours_before_its_approach_is_read_in_little_memory() {
     let path = folder.path().join("long.csv");
     let mut file = BufWriter::new(File::create(&path).unwrap());
     writeln!(file, "{header}").unwrap();
-    let count = FEWEST_BYTES / parked.len();
+    let count = MIN_BYTES / parked.len();
     for row in 0..count {
         writeln!(file, "{},{parked}", row as f64 * 0.02 - count as f64).unwrap();
     }
@@ -46,5 +46,5 @@ fn a_recording_of_hours_before_its_approach_is_read_in_little_memory() {
     let recording = Recording::read(&path, &runway, 18_520.0, &[]).unwrap();
     assert!(recording.trajectory.touchdown().is_some());
     let more = peak_bytes() - before;
-    assert!(more < MOST_BYTES, "{more} bytes for {FEWEST_BYTES}");
+    assert!(more < MAX_BYTES, "{more} bytes for {MIN_BYTES}");
 }

@@ -36,20 +36,20 @@ const COARSER: f64 = 0.95;
 /// formula of a zoomed camera has the least error in leave-one-out tests on the approaches of docs/results.md.
 const SPOT_PX: f64 = 1.4;
 /// An image that shows the aircraft larger by more than this factor is blurred no more: a patch ends 26 px beyond its box.
-const MOST_MATCHED: f64 = 3.0;
+const MAX_MATCHED: f64 = 3.0;
 /// Pixels around the larger box that are compared.
 const MARGIN_PX: f64 = 4.0;
 /// Search radius around the boxes' centres: a minimum in pixels, plus a part of the aircraft's width.
 const SEARCH_PX: f64 = 6.0;
 const SEARCH_PART: f64 = 0.1;
 /// Least correlation. Of 1,340 pairs of the demo's corpus none that shows the aircraft in both views is below 0.65.
-const LEAST_CORRELATION: f64 = 0.6;
+const MIN_CORRELATION: f64 = 0.6;
 /// The brightest or darkest pixel of the aircraft over the noise around it. The largest of a few hundred pixels of noise is about 3.
-const LEAST_CONTRAST: f64 = 4.0;
+const MIN_CONTRAST: f64 = 4.0;
 /// Range of the ratio of contrasts; beyond it, one of the images does not show the aircraft, or as a negative.
 const GAINS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 /// A shift with a larger standard deviation says less than the boxes.
-const MOST_SD_PX: f64 = 0.7;
+const MAX_SD_PX: f64 = 0.7;
 /// Error that remains in ideal images: interpolation and compression.
 const FLOOR_SD_PX: f64 = 0.025;
 /// The scatter of the residuals underestimates the error by this factor.
@@ -69,7 +69,7 @@ pub(crate) fn register(
     let bin = reference.bin().max(view.bin());
     let blur_px = |larger: f64| {
         if larger * COARSER > 1.0 {
-            blur_of_finer_px(larger.min(MOST_MATCHED), SPOT_PX / bin as f64)
+            blur_of_finer_px(larger.min(MAX_MATCHED), SPOT_PX / bin as f64)
         } else {
             BLUR_PX
         }
@@ -97,7 +97,7 @@ fn blur_of_finer_px(larger: f64, spot_px: f64) -> f64 {
 }
 
 fn shift_of(reference: &Cleaned, fit: &Fit, expected: &Expected) -> Result<Shift, NoShift> {
-    if fit.correlation < LEAST_CORRELATION || !GAINS.contains(&fit.gain) {
+    if fit.correlation < MIN_CORRELATION || !GAINS.contains(&fit.gain) {
         return Err(NoShift::Different);
     }
     let sd = |sd: f64, depth_px_per_m: f64| {
@@ -120,7 +120,7 @@ fn shift_of(reference: &Cleaned, fit: &Fit, expected: &Expected) -> Result<Shift
     };
     // Perspective is no reason to refuse: it grows with the size of the aircraft, and so does the error of the boxes.
     let fitted_px = (SD_FACTOR * fit.sd_px).max_element() / reference.step_px();
-    if fitted_px > MOST_SD_PX || !is_within_limits(&shift) {
+    if fitted_px > MAX_SD_PX || !is_within_limits(&shift) {
         return Err(NoShift::Vague);
     }
     Ok(shift)

@@ -18,11 +18,11 @@ use row_band::RowBand;
 use search_windows::{first_windows, window_around};
 
 /// Maximum number of second-pass windows that can be configured.
-const MOST_WINDOWS: usize = 1_000;
+const MAX_WINDOWS: usize = 1_000;
 /// Smaller tiles show too little around an aircraft, pixels.
-const LEAST_TILE_PX: u32 = 64;
+const MIN_TILE_PX: u32 = 64;
 /// Larger than any image's side, pixels.
-const MOST_TILE_PX: u32 = 16_384;
+const MAX_TILE_PX: u32 = 16_384;
 
 /// Thresholds and windows of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -87,14 +87,14 @@ impl TilingSettings {
                 });
             }
         }
-        if !(1..=MOST_WINDOWS).contains(&self.most_windows) {
+        if !(1..=MAX_WINDOWS).contains(&self.most_windows) {
             return Err(Error::Option {
                 name: "most_windows",
                 found: self.most_windows.to_string(),
                 expected: "1 to 1000".into(),
             });
         }
-        let tiles = LEAST_TILE_PX..=MOST_TILE_PX;
+        let tiles = MIN_TILE_PX..=MAX_TILE_PX;
         if let Some(found) = self.tile_px.filter(|side_px| !tiles.contains(side_px)) {
             return Err(Error::Option {
                 name: "--tile",

@@ -25,7 +25,7 @@ use dataset::tables::pixel_box::PixelBox;
 pub(crate) use hindsight::{Hindsight, TrackedBox};
 use history::History;
 use motion::Motion;
-use standing::{GROWTH_SHOWS_S, LONGEST_STILL_S, has_stood_still, hops};
+use standing::{GROWTH_SHOWS_S, MAX_STILL_S, has_stood_still, hops};
 
 /// Version of the rules, in the record of the detections. Detections of another version are repeated.
 pub(crate) const METHOD: u32 = 2;
@@ -39,12 +39,12 @@ const GATE: f64 = 30.0;
 /// The same for a faint box: clutter is more likely than a long tail.
 const FAINT_GATE: f64 = 18.5;
 /// A confirmed track ends after this number of consecutive images without a box...
-const MOST_MISSES: u32 = 5;
+const MAX_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
-const LONGEST_GAP_S: f64 = 2.0;
+const MAX_GAP_S: f64 = 2.0;
 /// A track that lasted shorter than this is no aircraft, seconds: at 30 images per second a patch of cloud looks like one for three of
 /// them, and is still there in the next ones.
-const SHORTEST_S: f64 = 2.0;
+const MIN_S: f64 = 2.0;
 
 /// Follows the aircraft of one view.
 #[derive(Debug)]
@@ -189,7 +189,7 @@ impl Tracker {
             if track.history.is_confirmed() {
                 !track.is_gone(now_s)
             } else {
-                !track.has_failed(hits) && !has_stood_still(track.history.boxes(), LONGEST_STILL_S)
+                !track.has_failed(hits) && !has_stood_still(track.history.boxes(), MAX_STILL_S)
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
@@ -273,7 +273,7 @@ impl Tracker {
     /// True if a track that is followed counts by its boxes so far: it is confirmed, has lasted, and does not stand still.
     pub(crate) fn counts(&self, track: u32) -> bool {
         self.history(track)
-            .is_some_and(|history| history.clear_for_s() >= SHORTEST_S && !history.is_still())
+            .is_some_and(|history| history.clear_for_s() >= MIN_S && !history.is_still())
     }
 
     fn history(&self, track: u32) -> Option<&History> {
@@ -299,7 +299,7 @@ impl Track {
 
     /// True if a confirmed track is no longer searched for.
     fn is_gone(&self, now_s: f64) -> bool {
-        self.misses >= MOST_MISSES && now_s - self.seen_s >= LONGEST_GAP_S
+        self.misses >= MAX_MISSES && now_s - self.seen_s >= MAX_GAP_S
     }
 
     /// True if too few of the last images had a box for a track that is not confirmed.

@@ -29,15 +29,15 @@ pub(crate) const METHOD: u32 = 8;
 const AROUND_TICKS: usize = 5;
 const AROUND_S: f64 = 2.5;
 /// A direction that is off by less is usual, pixels.
-const LEAST_OFF_PX: f64 = 0.3;
+const MIN_OFF_PX: f64 = 0.3;
 /// And one that is off by fewer standard deviations.
-const LEAST_OFF_SD: f64 = 6.0;
+const MIN_OFF_SD: f64 = 6.0;
 /// No standard deviation of a direction is below this, pixels: light and compression.
-const LEAST_SD_PX: f64 = 0.05;
+const MIN_SD_PX: f64 = 0.05;
 /// An uncertain usual direction counts up to this, pixels: turns are corrected nevertheless, not left out as badly measured ones are.
-const MOST_USUAL_SD_PX: f64 = 0.25;
+const MAX_USUAL_SD_PX: f64 = 0.25;
 /// Ticks that must be off for a lasting move.
-const FEWEST_MOVED: usize = 3;
+const MIN_MOVED: usize = 3;
 /// A direction belongs to the usual one up to so many times the scatter, and up to this, pixels.
 const SCATTER: f64 = 1.5;
 const SAME_PX: f64 = 0.5;
@@ -168,13 +168,13 @@ impl Off {
             shift_x_px: self.turn.shift_px.x,
             shift_y_px: self.turn.shift_px.y,
             roll_deg: self.turn.roll_rad.to_degrees(),
-            shift_sd_px: self.sd_px.hypot(usual_sd_px.min(MOST_USUAL_SD_PX)),
+            shift_sd_px: self.sd_px.hypot(usual_sd_px.min(MAX_USUAL_SD_PX)),
         }
     }
 
     /// Largest deviation that counts as none.
     fn tolerated_px(&self) -> f64 {
-        LEAST_OFF_PX.max(LEAST_OFF_SD * self.sd_px.max(LEAST_SD_PX))
+        MIN_OFF_PX.max(MIN_OFF_SD * self.sd_px.max(MIN_SD_PX))
     }
 
     fn is_off_from(&self, direction_px: DVec2) -> bool {
@@ -256,7 +256,7 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Off>]) -> Option<Heal
     let measured = |range: std::ops::Range<usize>| off[range].iter().flatten();
     let median = median(measured(around.clone()).map(|off| off.turn.shift_px));
     let off_ticks = measured(around.clone()).filter(|off| off.is_off_from(DVec2::ZERO));
-    let is_moved = median.length() > own.tolerated_px() && off_ticks.count() >= FEWEST_MOVED;
+    let is_moved = median.length() > own.tolerated_px() && off_ticks.count() >= MIN_MOVED;
     // A step has scatter on one of its sides only, about the direction of the other.
     let scatters = |range: std::ops::Range<usize>| {
         let many = range.len().div_ceil(5).max(2);

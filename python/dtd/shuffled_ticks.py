@@ -58,7 +58,7 @@ else:
 RUN_TICKS = 240
 """Length of a run. A multiple of the distance of key frames in a corpus (60), so that no image is decoded for nothing."""
 
-MOST_AHEAD = 8
+MAX_AHEAD = 8
 """Most samples of a run that are decoded ahead: a decoder that goes on for some images finds its own in the processor's caches."""
 AHEAD_BYTES = 64 << 20
 """Most memory for the images that are decoded ahead, in each worker. Where it is too small, samples are decoded when they are asked for."""
@@ -90,7 +90,7 @@ class ShuffledTicks(_IterableDataset):
         runs = self._shuffled_runs()[worker::workers]
         random = np.random.default_rng([self._seed, int(self._epoch[0]), worker, 1])
         open_runs: list[_OpenRun] = []
-        ahead = min(AHEAD_BYTES // (self._runs_at_once * self._of_ticks.sample_bytes), MOST_AHEAD)
+        ahead = min(AHEAD_BYTES // (self._runs_at_once * self._of_ticks.sample_bytes), MAX_AHEAD)
         threads = ThreadPoolExecutor(max(_cores() // workers, 1)) if ahead > 1 else None
         try:
             while runs or open_runs:

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
-use trainer::{MOST_APPROACHES, TrainingBackend};
+use trainer::{MAX_APPROACHES, TrainingBackend};
 
 use crate::args::folder;
 use crate::args::output::Output;
@@ -142,7 +142,7 @@ pub(crate) struct RefitArgs {
     #[arg(long, value_name = "RUN2", value_parser = Output::Run.parser())]
     pub(crate) out: PathBuf,
     /// Number of approaches to use, the first of the training side; 10 at most
-    #[arg(long, value_name = "N", default_value_t = MOST_APPROACHES)]
+    #[arg(long, value_name = "N", default_value_t = MAX_APPROACHES)]
     pub(crate) scenarios: usize,
     /// Print the result as JSON
     #[arg(long)]

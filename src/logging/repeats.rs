@@ -15,9 +15,9 @@ use crate::logging::stderr::{self, Level};
 /// The same line is written at most once in this time.
 const PERIOD: Duration = Duration::from_secs(60);
 /// Different lines with text of peers that one place in the code writes in this time.
-const MOST_DIFFERENT: u64 = 60;
+const MAX_DIFFERENT: u64 = 60;
 /// Lines that are remembered.
-const MOST_REMEMBERED: usize = 1_024;
+const MAX_REMEMBERED: usize = 1_024;
 /// Interval for looking for counts whose minute is over.
 const COUNT_INTERVAL: Duration = Duration::from_secs(5);
 
@@ -164,7 +164,7 @@ impl Repeats {
                 (place.since, place.different) = (now, 0);
             }
             place.different += 1;
-            if place.different > MOST_DIFFERENT {
+            if place.different > MAX_DIFFERENT {
                 if place.left_out == 0 {
                     text.clone_into(&mut place.text);
                 }
@@ -172,11 +172,11 @@ impl Repeats {
                 return None;
             }
         }
-        if self.lines.len() >= MOST_REMEMBERED {
+        if self.lines.len() >= MAX_REMEMBERED {
             self.forget(|written| is_recent(written.at));
         }
         // More different ones than that within a minute: those that are forgotten may be written again.
-        if self.lines.len() >= MOST_REMEMBERED {
+        if self.lines.len() >= MAX_REMEMBERED {
             self.forget(|_| false);
         }
         let written = Written {
@@ -304,12 +304,12 @@ mod tests {
     fn no_more_lines_are_remembered_than_the_limit_and_no_count_is_lost() {
         let mut repeats = Repeats::default();
         let now = Instant::now();
-        for number in 0..MOST_REMEMBERED {
+        for number in 0..MAX_REMEMBERED {
             assert!(admit(&mut repeats, &number.to_string(), now).is_some());
         }
         assert!(admit(&mut repeats, "0", now).is_none());
         assert!(admit(&mut repeats, "one more", now).is_some());
-        assert!(repeats.lines.len() <= MOST_REMEMBERED);
+        assert!(repeats.lines.len() <= MAX_REMEMBERED);
         let counted = ["0 (1 more of these since the last one)"];
         assert_eq!(texts(repeats.counts(now, Duration::ZERO)), counted);
     }

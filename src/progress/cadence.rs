@@ -8,11 +8,11 @@ use super::standing::Standing;
 /// Parts of the work after each of which a line is due.
 const PARTS: u64 = 10;
 /// Lines of progress are at least this far apart, except for the last one of a step.
-const SHORTEST: Duration = Duration::from_secs(10);
+const MIN_TIME: Duration = Duration::from_secs(10);
 /// Programs get more of them.
-const SHORTEST_FOR_PROGRAMS: Duration = Duration::from_secs(1);
+const MIN_FOR_PROGRAMS: Duration = Duration::from_secs(1);
 /// Without any other reason a line is due after this long: within five minutes of the last one, looked at every [`BEAT`].
-const LONGEST: Duration = Duration::from_secs(290);
+const MAX_TIME: Duration = Duration::from_secs(290);
 /// How often it is looked whether a line is due although the work does not move.
 pub(super) const BEAT: Duration = Duration::from_secs(5);
 
@@ -45,9 +45,9 @@ impl Cadence {
         let is_due = if standing.is_complete() {
             !self.is_complete
         } else if for_programs {
-            since >= LONGEST || (standing.done != self.done && since >= SHORTEST_FOR_PROGRAMS)
+            since >= MAX_TIME || (standing.done != self.done && since >= MIN_FOR_PROGRAMS)
         } else {
-            since >= LONGEST || (part(standing) > self.part && since >= SHORTEST)
+            since >= MAX_TIME || (part(standing) > self.part && since >= MIN_TIME)
         };
         if is_due {
             self.resume(standing);

@@ -6,7 +6,7 @@ use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
 
 /// A shorter time says nothing about the pace.
-const SHORTEST: Duration = Duration::from_secs(1);
+const MIN_TIME: Duration = Duration::from_secs(1);
 
 /// The scenarios of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -52,7 +52,7 @@ impl Standing {
             .done
             .checked_sub(self.before)
             .filter(|done| *done > 0)?;
-        (elapsed >= SHORTEST).then(|| done as f64 / elapsed.as_secs_f64())
+        (elapsed >= MIN_TIME).then(|| done as f64 / elapsed.as_secs_f64())
     }
 
     /// The time that is left at that pace, if the end is known.

@@ -196,7 +196,7 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
 }
 
 /// Views that a line names.
-const MOST_NAMED: usize = 5;
+const MAX_NAMED: usize = 5;
 
 fn print_summary(outcome: &DetectOutcome) {
     let registered = match outcome.registered.len() {
@@ -237,7 +237,7 @@ fn print_without_background(views: &[String]) {
     if views.is_empty() {
         return;
     }
-    let named = views.iter().take(MOST_NAMED).map(String::as_str);
+    let named = views.iter().take(MAX_NAMED).map(String::as_str);
     println!(
         "most images of {} show too little background to notice that a camera is turned: {}{}",
         count(views.len(), "view"),
@@ -248,7 +248,7 @@ fn print_without_background(views: &[String]) {
 
 /// Views beyond those that are named.
 fn more(views: usize) -> String {
-    match views.saturating_sub(MOST_NAMED) {
+    match views.saturating_sub(MAX_NAMED) {
         0 => String::new(),
         more => format!("; and {more} more"),
     }
@@ -259,7 +259,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     let badness = |view: &Unhealthy| (view.late_ms, view.ill_ticks());
     let mut views: Vec<&Unhealthy> = unhealthy.iter().collect();
     views.sort_by_key(|view| Reverse(badness(view)));
-    let named: Vec<String> = (views.iter().take(MOST_NAMED))
+    let named: Vec<String> = (views.iter().take(MAX_NAMED))
         .map(|view| {
             let counts = [
                 (view.frozen, "frozen"),
@@ -312,7 +312,7 @@ fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Vec<String>
         return Vec::new();
     }
     let boxes: u64 = false_boxes.iter().map(|of| of.boxes).sum();
-    let named = false_boxes.iter().take(MOST_NAMED).map(|of| {
+    let named = false_boxes.iter().take(MAX_NAMED).map(|of| {
         format!(
             "  {} {}: {} of {} near ({:.0}, {:.0}) px from tick {}",
             of.scenario,
@@ -329,7 +329,7 @@ fn false_boxes_warning(corpus: &Path, false_boxes: &[FalseBoxes]) -> Vec<String>
         count(boxes as usize, "false detection"),
         corpus.display()
     );
-    let others = false_boxes.len().saturating_sub(MOST_NAMED);
+    let others = false_boxes.len().saturating_sub(MAX_NAMED);
     let last = (others > 0).then(|| format!("  and {}", count(others, "other view")));
     iter::once(first).chain(named).chain(last).collect()
 }

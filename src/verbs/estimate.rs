@@ -101,9 +101,9 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
 
 /// Threads of a search. One of a whole image delays the images after it, so all cores shorten it; the small windows between need few.
 fn threads() -> usize {
-    const MOST: usize = 4;
+    const MAX_COUNT: usize = 4;
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    cores.min(MOST)
+    cores.min(MAX_COUNT)
 }
 
 /// A run is of one detector: boxes of another one have other errors.

@@ -19,7 +19,7 @@ use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 
 /// Characters of a foreign name that a message shows.
-const MOST_SHOWN: usize = 64;
+const MAX_SHOWN: usize = 64;
 
 /// Result for the scenarios.
 #[derive(Default, Serialize)]
@@ -188,7 +188,7 @@ impl Brought {
 
 /// A name of any length and content, for a message.
 fn shortened(name: &str) -> String {
-    let start: String = name.chars().take(MOST_SHOWN).collect();
+    let start: String = name.chars().take(MAX_SHOWN).collect();
     start.escape_debug().to_string()
 }
 

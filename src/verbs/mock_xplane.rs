@@ -16,7 +16,7 @@ use crate::failure::{Ending, Failure};
 use crate::signals::CleanStop;
 
 /// A faster clock makes frames longer. Above this length, a flight cannot be followed from frame to frame.
-const LONGEST_FRAME_S: f64 = 0.1;
+const MAX_FRAME_S: f64 = 0.1;
 
 /// The module that XPPython3 starts.
 const PLUGIN: &str = "PI_dtd_bridge.py";
@@ -102,7 +102,7 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     }
     Ok(LinkServer::Plugin(PluginOptions {
         window_px: (width_px, height_px),
-        frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(LONGEST_FRAME_S),
+        frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(MAX_FRAME_S),
         ..PluginOptions::new(folder)
     }))
 }

@@ -132,10 +132,10 @@ fn shell_word(text: &str) -> Cow<'_, str> {
 pub(crate) fn listed<'a>(
     ids: impl IntoIterator<Item = &'a String, IntoIter: ExactSizeIterator>,
 ) -> String {
-    const MOST: usize = 5;
+    const MAX_COUNT: usize = 5;
     let ids = ids.into_iter();
-    let more = ids.len().saturating_sub(MOST);
-    let shown: Vec<&str> = ids.take(MOST).map(String::as_str).collect();
+    let more = ids.len().saturating_sub(MAX_COUNT);
+    let shown: Vec<&str> = ids.take(MAX_COUNT).map(String::as_str).collect();
     match more {
         0 => shown.join(", "),
         more => format!("{} and {more} more", shown.join(", ")),

@@ -48,7 +48,7 @@ const SHRINK: u32 = 2;
 /// Shares of ticks that one view alone sees that are near enough to the paper's.
 const SHARES: ops::Range<f64> = 0.13..0.17;
 /// The weaker detector may see no less than this share of the ticks that the detector sees: without the far ones the test would be easier.
-const LEAST_SEEN: f64 = 0.9;
+const MIN_SEEN: f64 = 0.9;
 /// Stages in their order.
 const CORPUS: &str = "corpus";
 const LABELS: &str = "labels";
@@ -265,7 +265,7 @@ impl Experiment<'_> {
         let (mut ending, mut hash) = search(shrink, 0.0)?;
         if ending == Ending::Done {
             let shrunk = training(&hash)?.single_views(0.0);
-            let sees_less = (shrunk.all.seen as f64) < LEAST_SEEN * whole.seen as f64;
+            let sees_less = (shrunk.all.seen as f64) < MIN_SEEN * whole.seen as f64;
             if sees_less || share(&shrunk) > SHARES.end {
                 shrink = 1;
                 (ending, hash) = search(shrink, 0.0)?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::toml_file::TomlFile;
-use detector_training::{DetectorConfig, Effort, Error, MOST_MINUTES, train_detector};
+use detector_training::{DetectorConfig, Effort, Error, MAX_MINUTES, train_detector};
 
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
@@ -45,9 +45,9 @@ fn config(args: &TrainDetectorArgs) -> Result<DetectorConfig, Failure> {
         Some(path) => settings_in(path)?,
     };
     if let Some(minutes) = args.minutes {
-        if !(minutes > 0.0 && minutes <= MOST_MINUTES) {
+        if !(minutes > 0.0 && minutes <= MAX_MINUTES) {
             return Err(Failure::bad_input_message(format!(
-                "--minutes is {minutes:?}, expected a number above 0, at most {MOST_MINUTES}, a year"
+                "--minutes is {minutes:?}, expected a number above 0, at most {MAX_MINUTES}, a year"
             )));
         }
         config.training.effort = Effort::Minutes(minutes);

@@ -28,8 +28,8 @@ use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 
 /// Views whose empty boxes are listed, and ticks of each.
-const MOST_VIEWS_LISTED: usize = 8;
-const MOST_TICKS_LISTED: usize = 12;
+const MAX_VIEWS_LISTED: usize = 8;
+const MAX_TICKS_LISTED: usize = 12;
 
 /// Timeout for an unreachable store.
 const STORE_TIMEOUT: Duration = Duration::from_secs(300);
@@ -172,8 +172,8 @@ fn print_not_filled(report: &VerifyReport) {
         .views
         .iter()
         .filter(|view| !view.not_filled.is_empty());
-    for view in views.by_ref().take(MOST_VIEWS_LISTED) {
-        let ticks: Vec<String> = (view.not_filled.iter().take(MOST_TICKS_LISTED))
+    for view in views.by_ref().take(MAX_VIEWS_LISTED) {
+        let ticks: Vec<String> = (view.not_filled.iter().take(MAX_TICKS_LISTED))
             .map(u32::to_string)
             .collect();
         let more = if view.not_filled.len() > ticks.len() {
@@ -198,7 +198,7 @@ fn print_not_filled(report: &VerifyReport) {
 fn print_without_clear_box(report: &VerifyReport) {
     let views = report.views.iter();
     let mut views = views.filter(|view| view.clear_boxes == 0 && view.pictures > 0);
-    for view in views.by_ref().take(MOST_VIEWS_LISTED) {
+    for view in views.by_ref().take(MAX_VIEWS_LISTED) {
         let rough = match view.rough_boxes {
             0 => "",
             _ => ", as no background is smooth",

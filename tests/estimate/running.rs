@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::workshop::VIEWS;
 
 /// No test takes longer.
-const LONGEST: Duration = Duration::from_secs(150);
+const MAX_TIME: Duration = Duration::from_secs(150);
 
 pub(crate) struct Running {
     pub(crate) child: Child,
@@ -28,7 +28,7 @@ impl Running {
         let pid = Pid::from_child(&child);
         let (alive, is_over) = channel::<()>();
         thread::spawn(move || {
-            if is_over.recv_timeout(LONGEST) == Err(RecvTimeoutError::Timeout) {
+            if is_over.recv_timeout(MAX_TIME) == Err(RecvTimeoutError::Timeout) {
                 // Whoever waits for its lines then sees that it ended.
                 let _ = kill_process(pid, Signal::KILL);
             }

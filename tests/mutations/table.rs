@@ -10,7 +10,7 @@ use super::json::pick;
 use super::text;
 
 /// More than any table of the tiny corpus has.
-const MOST_ROWS: u64 = 1_000_000;
+const MAX_ROWS: u64 = 1_000_000;
 
 enum Column {
     Floats(Vec<Option<f64>>),
@@ -161,7 +161,7 @@ fn value(name: &str, column: &mut Column, row: usize, random: &mut ChaCha12Rng) 
 }
 
 fn read(path: &Path) -> Vec<(String, Column)> {
-    let table = Table::read(path, MOST_ROWS).unwrap();
+    let table = Table::read(path, MAX_ROWS).unwrap();
     let names: Vec<String> = table.column_names().map(str::to_owned).collect();
     let column = |name: String| {
         let column = table.optional_f64(&name).map(Column::Floats);

@@ -38,19 +38,19 @@ use motion::{after, matrix, turned};
 use picture::Picture;
 
 /// References of each view.
-const MOST_REFERENCES: usize = 5;
+const MAX_REFERENCES: usize = 5;
 /// Greatest elevation of stationary objects above the horizon, radians.
 const ABOVE_HORIZON_RAD: f64 = 0.006;
 /// A view with fewer rows below that has no background.
-const FEWEST_ROWS: usize = 64;
+const MIN_ROWS: usize = 64;
 /// Misfits of whole pairs are larger than their patches say: what they see differs in more than noise. Standard deviations are multiplied
 /// by this, and none is below the least, pixels.
 const UNDERSTATED: f64 = 3.0;
-const LEAST_SD_PX: f64 = 0.03;
+const MIN_SD_PX: f64 = 0.03;
 /// A scenario whose direction is less certain is not aligned, pixels.
-const MOST_SD_PX: f64 = 0.5;
+const MAX_SD_PX: f64 = 0.5;
 /// An image of a shaking camera that is off by less shows the usual direction, pixels.
-const MOST_USUAL_PX: f64 = 0.5;
+const MAX_USUAL_PX: f64 = 0.5;
 /// Levels of the stored images per grey level.
 const PARTS: f32 = 256.0;
 
@@ -150,7 +150,7 @@ impl ViewPlace {
             view: view.to_owned(),
             planned: planned.clone(),
             horizon_px,
-            top: (top + FEWEST_ROWS <= camera.height_px as usize).then_some(top),
+            top: (top + MIN_ROWS <= camera.height_px as usize).then_some(top),
             camera,
         }
     }
@@ -168,7 +168,7 @@ impl ViewPlace {
 
 /// True for an image that shows the background where it usually is.
 fn is_usual(row: &ViewHealth) -> bool {
-    let is_near = |turn: CameraTurn| turn.shift_x_px.hypot(turn.shift_y_px) <= MOST_USUAL_PX;
+    let is_near = |turn: CameraTurn| turn.shift_x_px.hypot(turn.shift_y_px) <= MAX_USUAL_PX;
     match row.state {
         HealthState::Steady | HealthState::Unknown | HealthState::Inconsistent => true,
         HealthState::Moved | HealthState::Shaking | HealthState::Frozen => {
@@ -213,7 +213,7 @@ impl ViewBackgrounds {
         loop {
             let left = (1..count).filter(|to| !done.contains(to));
             let next = left.filter_map(|to| Some((to, place(&all, &done, to)?)));
-            let next = next.filter(|(_, located)| located.sd_px <= MOST_SD_PX);
+            let next = next.filter(|(_, located)| located.sd_px <= MAX_SD_PX);
             let Some((to, located)) = next.min_by(|(_, a), (_, b)| a.sd_px.total_cmp(&b.sd_px))
             else {
                 break;
@@ -256,7 +256,7 @@ impl ViewBackgrounds {
         let sd_px = (UNDERSTATED * measured.sd_px).hypot(from.sd_px);
         Located {
             turn_rad: after(measured.motion.turn_rad, from.turn_rad),
-            sd_px: sd_px.max(LEAST_SD_PX),
+            sd_px: sd_px.max(MIN_SD_PX),
         }
     }
 
@@ -270,7 +270,7 @@ impl ViewBackgrounds {
             .filter_map(|from| Some(self.located(from, &self.motion(from, &compared)?)));
         let measured: Vec<Located> = measured.collect();
         let located = combined(&measured, self.place.camera.focal_px);
-        Ok(located.filter(|located| located.sd_px <= MOST_SD_PX))
+        Ok(located.filter(|located| located.sd_px <= MAX_SD_PX))
     }
 }
 
@@ -304,7 +304,7 @@ fn combined(measured: &[Located], focal_px: f64) -> Option<Located> {
         let spread_px = (squares.sum::<f64>() / sum).sqrt();
         found = Located {
             turn_rad,
-            sd_px: sum.sqrt().recip().max(spread_px).max(LEAST_SD_PX),
+            sd_px: sum.sqrt().recip().max(spread_px).max(MIN_SD_PX),
         };
     }
     Some(found)
@@ -484,7 +484,7 @@ impl Backgrounds {
             let is_whole = view.width_px <= width
                 && view.width_px == place.camera.width_px as usize
                 && view.top_px + view.rows <= place.camera.height_px as usize
-                && view.rows >= FEWEST_ROWS;
+                && view.rows >= MIN_ROWS;
             if !is_whole && !view.references.is_empty() {
                 return None;
             }
@@ -529,7 +529,7 @@ fn references(samples: &Samples) -> Vec<&ScenarioSummary> {
         conditions.entry(condition).or_insert(scenario);
     }
     let all: Vec<&ScenarioSummary> = conditions.into_values().collect();
-    let count = all.len().min(MOST_REFERENCES);
+    let count = all.len().min(MAX_REFERENCES);
     (0..count).map(|i| all[i * all.len() / count]).collect()
 }
 

@@ -57,6 +57,6 @@ pub use run::fitted_cameras::fitted_cameras;
 pub use run::folder::RunFolder;
 pub use run::refitted_view::Refit;
 pub use samples::Moment;
-pub use training::refit::{MOST_APPROACHES, RefitConfig, refit};
+pub use training::refit::{MAX_APPROACHES, RefitConfig, refit};
 pub use training::search::{Search, SearchTable, TrainingResult, VariantResult, search};
 pub use training::{TrainOutcome, train, train_on_all, train_unless_done};

@@ -16,7 +16,7 @@ use hardly_trained::hardly_trained;
 
 const GIB: f64 = (1_u64 << 30) as f64;
 const FULL_TICKS: f64 = 770_000.0;
-const MOST_GIB: f64 = 1.0;
+const MAX_GIB: f64 = 1.0;
 
 /// Flights with registered views, seven for each of `times`.
 fn corpus(folder: &Path, times: usize, seed: u64) -> Corpus {
@@ -109,7 +109,7 @@ fn the_full_corpus_is_trained_evaluated_and_predicted_in_a_gibibyte() {
         let per_tick = (many - few) / (ticks[1] - ticks[0]);
         let full_gib = (few + per_tick * (FULL_TICKS - ticks[0])) / GIB;
         println!("{verb}: {per_tick:.0} bytes a tick, {full_gib:.2} GiB for the full corpus");
-        if full_gib >= MOST_GIB {
+        if full_gib >= MAX_GIB {
             wrong.push(format!("{verb} takes {full_gib:.2} GiB"));
         }
     }

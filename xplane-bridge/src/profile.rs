@@ -22,7 +22,7 @@ use crate::link::{PictureSize, PixelKind};
 /// Version of the record. Records of another version are measured again.
 pub(crate) const PROFILE_FORMAT: u32 = 1;
 /// The plugin rejects more frames than these.
-const MOST_SETTLE_FRAMES: u32 = 600;
+const MAX_SETTLE_FRAMES: u32 = 600;
 
 /// A measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -300,7 +300,7 @@ impl Profile {
     pub(crate) fn settle_frames(&self, default: u32) -> u32 {
         let measured = self.frames_until_settled.found().copied().unwrap_or(0);
         // Any program of the simulator's computer can store a profile.
-        default.max(measured.min(MOST_SETTLE_FRAMES))
+        default.max(measured.min(MAX_SETTLE_FRAMES))
     }
 
     /// True if weather must be regenerated before it shows, which is assumed unless it was measured to be unnecessary.

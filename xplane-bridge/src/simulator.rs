@@ -63,7 +63,7 @@ const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
 /// Time until X-Plane's weather shows, if the plugin does not report it, seconds.
 const WEATHER_SETTLE_S: f32 = 15.0;
 /// Attempts at grabbing a frame off the screen, which may be replaced meanwhile.
-const MOST_GRABS: u32 = 5;
+const MAX_GRABS: u32 = 5;
 /// Time reserved for opening the capture link once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
 /// A simulator that has run for a shorter time, by its own clock, may not have started its plugins yet.
@@ -554,7 +554,7 @@ impl Simulator {
             let mut frame = self.receive_answer(&request, lent).await?;
             let mut grabs = 1;
             while is_grabbed && !self.is_still_shown().await? {
-                if grabs == MOST_GRABS {
+                if grabs == MAX_GRABS {
                     return Err(BridgeError::ViewTaken { grabs });
                 }
                 grabs += 1;

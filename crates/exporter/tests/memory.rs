@@ -15,7 +15,7 @@ const TICKS: u32 = 12;
 const VIEWS: u32 = 2;
 const MIB: f64 = (1 << 20) as f64;
 /// Threads begin and end, and their allocators keep what they freed.
-const MOST_GROWTH_MIB: f64 = 20.0;
+const MAX_GROWTH_MIB: f64 = 20.0;
 
 /// Labelled flights, whose images are noise in their upper half: coded, they are nearly half as large as in memory.
 fn corpus(root: &Path, scenarios: u32) -> Corpus {
@@ -53,7 +53,7 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
     let picture_bytes = f64::from(SIZE_PX[0] * SIZE_PX[1] * 3);
     let added_mib = f64::from((sizes[1] - sizes[0]) * TICKS * VIEWS) * picture_bytes / MIB;
     assert!(
-        added_mib > 5.0 * MOST_GROWTH_MIB,
+        added_mib > 5.0 * MAX_GROWTH_MIB,
         "{added_mib} MiB of images, about half of it when coded"
     );
     for format in [
@@ -76,7 +76,7 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
         }
         println!("{format:?}: {:.0} MiB, {:.0} MiB", peaks[0], peaks[1]);
         assert!(
-            peaks[1] - peaks[0] < MOST_GROWTH_MIB,
+            peaks[1] - peaks[0] < MAX_GROWTH_MIB,
             "{format:?}: {peaks:?} MiB, {added_mib:.0} MiB of images more"
         );
     }

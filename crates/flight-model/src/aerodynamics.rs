@@ -14,7 +14,7 @@ const LIFT_AT_ZERO_ANGLE: f64 = 0.136;
 const LIFT_PER_FLAP_RATIO: f64 = 0.932;
 const LIFT_PER_RAD: f64 = 5.0;
 /// Maximum lift: the wing stalls.
-const LARGEST_LIFT: f64 = 2.6;
+const MAX_LIFT: f64 = 2.6;
 const DRAG_CLEAN: f64 = 0.020;
 const DRAG_PER_LIFT_SQUARED: f64 = 0.045;
 const DRAG_PER_FLAP_RATIO_SQUARED: f64 = 0.060;
@@ -59,8 +59,8 @@ pub(crate) fn force_body_n(
     let angle_of_attack = through_air_mps.z.atan2(through_air_mps.x.max(1.0));
     let sideslip = (through_air_mps.y / airspeed).clamp(-1.0, 1.0).asin();
     let pressure_n = dynamic_force_n(airspeed, density_kg_per_m3);
-    let attached = (lift_at_zero_angle(controls) + LIFT_PER_RAD * angle_of_attack)
-        .clamp(-LARGEST_LIFT, LARGEST_LIFT);
+    let attached =
+        (lift_at_zero_angle(controls) + LIFT_PER_RAD * angle_of_attack).clamp(-MAX_LIFT, MAX_LIFT);
     let lift = attached * (1.0 - LIFT_LOST_TO_SPOILERS * spoiler_ratio);
     let drag = drag_coefficient(lift, controls, spoiler_ratio);
     let (sin, cos) = angle_of_attack.sin_cos();

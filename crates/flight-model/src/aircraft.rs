@@ -27,7 +27,7 @@ const YAW_DAMPING_PER_S: f64 = 1.4;
 const RUDDER_STIFFNESS_PER_S2: f64 = 1.5;
 /// Bank: demanded rate per radian of error, its limit, and the lag of the rate.
 const BANK_GAIN_PER_S: f64 = 0.8;
-const LARGEST_BANK_RATE_RAD_PER_S: f64 = 0.12;
+const MAX_BANK_RATE_RAD_PER_S: f64 = 0.12;
 const BANK_RATE_LAG_S: f64 = 0.5;
 /// Part of the air's rotation that the wing follows before the ailerons answer.
 const ROLL_GUST_RESPONSE: f64 = 1.0;
@@ -169,7 +169,7 @@ impl Aircraft {
         self.pitch_rad += self.pitch_rate_rad_per_s * step_s;
 
         let wanted_rate = (BANK_GAIN_PER_S * (commands.bank_rad - self.bank_rad))
-            .clamp(-LARGEST_BANK_RATE_RAD_PER_S, LARGEST_BANK_RATE_RAD_PER_S);
+            .clamp(-MAX_BANK_RATE_RAD_PER_S, MAX_BANK_RATE_RAD_PER_S);
         // In a deliberate sideslip the crew holds the wing with aileron.
         let disturbed_rate = wanted_rate + ROLL_GUST_RESPONSE * air.roll_rad_per_s
             - (1.0 - commands.align_ratio) * ROLL_PER_SIDESLIP_PER_S * sideslip;

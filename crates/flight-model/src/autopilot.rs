@@ -21,9 +21,9 @@ const OFFSET_RATE_TIME_S: f64 = 4.0;
 const INTERCEPT_RAD: f64 = 0.35;
 /// A start that converges by at least this much keeps its angle until capture, radians.
 const CONVERGING_RAD: f64 = 0.05;
-const LARGEST_BANK_RAD: f64 = 0.436;
+const MAX_BANK_RAD: f64 = 0.436;
 /// Bank near the ground: an engine pod must not touch.
-const LARGEST_BANK_NEAR_GROUND_RAD: f64 = 0.12;
+const MAX_BANK_NEAR_GROUND_RAD: f64 = 0.12;
 const NEAR_GROUND_M: f64 = 30.0;
 const BANK_COMMAND_RATE_RAD_PER_S: f64 = 0.1;
 
@@ -58,7 +58,7 @@ const GROUND_PITCH_RAD: f64 = 0.006;
 const NOSE_DOWN_RAD_PER_S: f64 = 0.03;
 /// Steering: heading per metre off the centreline, radians, with a limit.
 const STEERING_RAD_PER_M: f64 = 0.006;
-const LARGEST_STEERING_RAD: f64 = 0.05;
+const MAX_STEERING_RAD: f64 = 0.05;
 
 /// Autopilot of one flight.
 #[derive(Debug)]
@@ -177,9 +177,9 @@ impl Autopilot {
         let wanted_rate = (-now.right_of_course_m / OFFSET_TIME_S).clamp(-largest_mps, largest_mps);
         let wanted_mps2 = (wanted_rate - now.right_rate_mps) / OFFSET_RATE_TIME_S;
         let largest = if now.wheel_height_m < NEAR_GROUND_M {
-            LARGEST_BANK_NEAR_GROUND_RAD
+            MAX_BANK_NEAR_GROUND_RAD
         } else {
-            LARGEST_BANK_RAD
+            MAX_BANK_RAD
         };
         let wanted_rad = (wanted_mps2 / GRAVITY_MPS2).atan().clamp(-largest, largest);
         self.bank_command_rad = towards(
@@ -281,7 +281,7 @@ impl Autopilot {
         );
         let steering_rad = (-STEERING_RAD_PER_M
             * (now.right_of_course_m + 2.0 * now.right_rate_mps))
-            .clamp(-LARGEST_STEERING_RAD, LARGEST_STEERING_RAD);
+            .clamp(-MAX_STEERING_RAD, MAX_STEERING_RAD);
         let nose_is_down = aircraft.pitch_rad < 0.035;
         Commands {
             bank_rad: 0.0,

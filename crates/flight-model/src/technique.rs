@@ -19,7 +19,7 @@ const SPEED_SCHEDULE: [(f64, f64); 4] = [
 const FINAL_SPEED_MPS: f64 = 71.2;
 /// Part of the headwind at 10 m that is added to the final speed, and the largest addition (15 kt).
 const HEADWIND_PART: f64 = 0.25;
-const LARGEST_ADDITION_MPS: f64 = 7.7;
+const MAX_ADDITION_MPS: f64 = 7.7;
 /// Flap schedule: distance before the threshold (metres), flap ratio from there on.
 const FLAP_SCHEDULE: [(f64, f64); 4] = [
     (f64::INFINITY, 0.25),
@@ -55,7 +55,7 @@ impl Technique {
     /// against the landing course (negative: tailwind).
     pub(crate) fn of(seed: u64, start_speed_mps: f64, headwind_mps: f64) -> Self {
         let mut generator = random::generator(seed, Stream::Technique);
-        let addition_mps = (HEADWIND_PART * headwind_mps).clamp(0.0, LARGEST_ADDITION_MPS);
+        let addition_mps = (HEADWIND_PART * headwind_mps).clamp(0.0, MAX_ADDITION_MPS);
         let final_speed_mps = FINAL_SPEED_MPS + addition_mps + uniform(&mut generator, -0.8, 0.8);
         let missing_mps =
             (SPEED_SCHEDULE[0].1 - (start_speed_mps - final_speed_mps) - HABITUAL_MPS).max(0.0);

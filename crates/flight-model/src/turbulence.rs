@@ -18,7 +18,7 @@ const SEVERE_WIND_AT_20_FT_MPS: f64 = 45.0 * MPS_PER_KNOT;
 const HIGH_SIGMA_PER_WIND_AT_20_FT: f64 = 0.22;
 
 /// Below this height the low altitude model's vertical scale length would go to zero.
-const LOWEST_HEIGHT_M: f64 = 5.0;
+const MIN_HEIGHT_M: f64 = 5.0;
 
 /// Span of the wing, for the rolling gust, metres.
 const SPAN_M: f64 = 35.8;
@@ -88,7 +88,7 @@ impl Turbulence {
 
 impl Scales {
     fn at(wind_at_20_ft_mps: f64, height_m: f64) -> Self {
-        let height_ft = height_m.max(LOWEST_HEIGHT_M) / METERS_PER_FOOT;
+        let height_ft = height_m.max(MIN_HEIGHT_M) / METERS_PER_FOOT;
         if height_ft <= 1_000.0 {
             return Self::low(wind_at_20_ft_mps, height_ft);
         }

@@ -15,10 +15,10 @@ use dataset::geometry::runway::Runway;
 const PATH_TIME_S: f64 = 4.5;
 const LEVEL_TIME_S: f64 = 5.5;
 /// Largest correction to the glide path's own rate of descent, metres per second.
-const LARGEST_PATH_CORRECTION_MPS: f64 = 2.5;
+const MAX_PATH_CORRECTION_MPS: f64 = 2.5;
 /// Fastest descent and climb between levels, metres per second (1,000 and 800 ft/min).
-const LARGEST_DESCENT_MPS: f64 = 5.1;
-const LARGEST_CLIMB_MPS: f64 = 4.1;
+const MAX_DESCENT_MPS: f64 = 5.1;
+const MAX_CLIMB_MPS: f64 = 4.1;
 /// A step goes down this much steeper than the glide path: from D7.6 of the Changi chart it reaches 1,500 ft before D4.4.
 const STEP_STEEPER: f64 = 1.35;
 /// Nearer to a level than this counts as being there, metres.
@@ -115,7 +115,7 @@ impl VerticalGuidance {
                     - self.touchdown_sink_mps
                     - SINK_PER_LONG_M * long_m
             }
-            Phase::GlidePath => self.glide_path_climb_mps(now, LARGEST_PATH_CORRECTION_MPS),
+            Phase::GlidePath => self.glide_path_climb_mps(now, MAX_PATH_CORRECTION_MPS),
             Phase::BeforeGlidePath => self.climb_before_glide_path_mps(now),
         }
     }
@@ -179,6 +179,6 @@ impl VerticalGuidance {
 
     fn level_climb_mps(&self, altitude_msl_m: f64, now: &Situation) -> f64 {
         ((altitude_msl_m - self.target_msl_m - now.height_m) / LEVEL_TIME_S)
-            .clamp(-LARGEST_DESCENT_MPS, LARGEST_CLIMB_MPS)
+            .clamp(-MAX_DESCENT_MPS, MAX_CLIMB_MPS)
     }
 }

@@ -22,10 +22,10 @@ from held_lock import HeldPipe, pause_until
 from xp_rules import ENABLE, START
 
 # The stand-in has no screen to wait for; without a pause an idle plugin would take a whole core.
-LEAST_PAUSE_S = 0.001
+MIN_PAUSE_S = 0.001
 # The list of values to read is rebuilt after so many frames; at most so many conversions are remembered.
 FRAMES_REMEMBERED = 64
-MOST_CONVERSIONS = 1_000
+MAX_CONVERSIONS = 1_000
 
 
 class PipeWorld:
@@ -104,7 +104,7 @@ class PipeWorld:
 
     def _convert(self, *question: Any) -> tuple[float, float, float]:
         if question not in self._converted:
-            if len(self._converted) >= MOST_CONVERSIONS:
+            if len(self._converted) >= MAX_CONVERSIONS:
                 self._converted.clear()
             self._converted[question] = tuple(self._ask(*question))
         return self._converted[question]
@@ -237,4 +237,4 @@ def run(settings: dict[str, Any]) -> None:
         world.flush()
         if xp.misplaced:
             sys.exit(f"the plugin called what X-Plane does not allow there: {xp.misplaced}")
-        pause_until(max(began_s + period_s, time.monotonic() + LEAST_PAUSE_S))
+        pause_until(max(began_s + period_s, time.monotonic() + MIN_PAUSE_S))

@@ -275,13 +275,13 @@ pub struct UnknownQuirk {
 }
 
 /// Names that are less alike are not offered for one another (Jaro and Winkler, 0 to 1).
-const LEAST_LIKENESS: f64 = 0.7;
+const MIN_LIKENESS: f64 = 0.7;
 
 impl UnknownQuirk {
     fn new(word: &str, name: &str) -> Self {
         let likeness = |quirk: &str| strsim::jaro_winkler(quirk, name);
         let names = FACTS.iter().map(|facts| facts.name);
-        let nearest = (names.filter(|quirk| likeness(quirk) > LEAST_LIKENESS))
+        let nearest = (names.filter(|quirk| likeness(quirk) > MIN_LIKENESS))
             .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
         Self {
             found: word.into(),

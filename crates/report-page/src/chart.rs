@@ -27,7 +27,7 @@ pub const INK: RGBColor = RGBColor(55, 60, 67);
 /// Font of all text.
 pub const FONT: &str = "sans-serif";
 /// Maximum points of a line or cloud: a screen shows no more, and a page must open.
-pub const MOST_POINTS: usize = 2_000;
+pub const MAX_POINTS: usize = 2_000;
 
 /// Drawing area of a chart.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
@@ -88,7 +88,7 @@ pub struct LogarithmicAxis {
 
 impl LogarithmicAxis {
     /// Widest ratio of the ends.
-    const MOST_RATIO: f64 = 1e9;
+    const MAX_RATIO: f64 = 1e9;
 
     /// The axis that covers all positive numbers among these, with some room.
     pub fn over(numbers: impl Iterator<Item = f64>) -> Self {
@@ -100,7 +100,7 @@ impl LogarithmicAxis {
         let (low, high) = ends.unwrap_or((0.1, 1.0));
         let high = high.clamp(1e-9, 1e9) * 1.5;
         Self {
-            ends: (low / 1.5).clamp(high / Self::MOST_RATIO, high / 4.0)..high,
+            ends: (low / 1.5).clamp(high / Self::MAX_RATIO, high / 4.0)..high,
         }
     }
 
@@ -153,7 +153,7 @@ pub fn shown_points(
             (x.start..=x.end).contains(&point.0) && (y.start..=y.end).contains(&point.1)
         })
         .collect();
-    let every = inside.len().div_ceil(MOST_POINTS).max(1);
+    let every = inside.len().div_ceil(MAX_POINTS).max(1);
     inside.into_iter().step_by(every).collect()
 }
 

@@ -40,7 +40,7 @@ const XYZ: [[f64; 3]; 3] = [
     [0.0177, 0.1095, 0.8729],
 ];
 /// Smallest distance of two colours in CIE Lab at which adjacent lines in them can be distinguished.
-const LEAST_DISTANCE: f64 = 15.0;
+const MIN_DISTANCE: f64 = 15.0;
 
 fn times(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum())
@@ -96,7 +96,7 @@ fn series_and_steps_are_told_apart_with_any_colour_vision_on_light_and_on_dark_p
                     let squares = seen[one].iter().zip(seen[other]);
                     let distance = squares.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
                     assert!(
-                        distance >= LEAST_DISTANCE,
+                        distance >= MIN_DISTANCE,
                         "{kind}-{one} and {kind}-{other} on {paper} paper, {vision}: {distance:.1}"
                     );
                 }

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 /// Width of a part over its height.
 const ASPECT: f64 = 1.5;
 /// Width of a part, pixels, unless the box needs more.
-const LEAST_WIDTH_PX: f64 = 96.0;
+const MIN_WIDTH_PX: f64 = 96.0;
 /// Width of a crop as a multiple of the box's width.
 const SURROUNDINGS: f64 = 3.0;
 /// Distance between a box and the line around it, over the width of the crop: a line on the box would cover a small aircraft.
@@ -36,7 +36,7 @@ impl Part {
         [picture_width, picture_height]: [u32; 2],
     ) -> Self {
         let needed = (shown.width_px * surroundings).max(shown.height_px * surroundings * ASPECT);
-        let width = needed.max(LEAST_WIDTH_PX).min(f64::from(picture_width)) as u32;
+        let width = needed.max(MIN_WIDTH_PX).min(f64::from(picture_width)) as u32;
         let height = ((f64::from(width) / ASPECT) as u32).min(picture_height);
         let start = |centre: f64, length: u32, picture: u32| {
             (centre - f64::from(length) / 2.0).clamp(0.0, f64::from(picture - length)) as u32

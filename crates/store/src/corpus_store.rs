@@ -37,7 +37,7 @@ const HASH: &str = "blake3";
 /// Small requests in parallel.
 const QUESTIONS_AT_ONCE: usize = 16;
 /// The largest object that is read into memory: a plan of a hundred thousand scenarios. Anything larger is not ours.
-const MOST_BYTES: u64 = 256 << 20;
+const MAX_BYTES: u64 = 256 << 20;
 /// A file of a store that is a folder. Its maximum size depends on its kind.
 const OBJECT: FileKind = FileKind::new("object", u64::MAX);
 /// A corpus in an object store.
@@ -133,7 +133,7 @@ impl CorpusStore {
         // Objects that readers of a folder would reject are not downloaded.
         let most_bytes = match file_name(name).rsplit('/').next() {
             Some(MANIFEST) => FileKind::MANIFEST.most_bytes(),
-            _ => MOST_BYTES,
+            _ => MAX_BYTES,
         };
         if object.size > most_bytes {
             return Err(StoreError::Damaged {

@@ -9,7 +9,7 @@ use tokio::time::sleep;
 use crate::error::Result;
 
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
-const LONGEST_PAUSE: Duration = Duration::from_secs(30);
+const MAX_PAUSE: Duration = Duration::from_secs(30);
 /// Cancellation is noticed within this time while waiting.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
@@ -110,7 +110,7 @@ impl Patience {
                 transfer.check()?;
                 sleep(LOOK_UP.min(until.saturating_duration_since(Instant::now()))).await;
             }
-            pause = (pause * 2).min(LONGEST_PAUSE);
+            pause = (pause * 2).min(MAX_PAUSE);
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::run::Run;
 use crate::server::refusal::Refusal;
 
 /// Scenarios that stay open: the shown one, and the one before.
-const MOST_OPENED: usize = 2;
+const MAX_OPENED: usize = 2;
 
 /// The corpus and the runs.
 pub(crate) struct Library {
@@ -39,7 +39,7 @@ impl Library {
         let opened = self.look_into(id)?;
         let mut list = self.list();
         list.retain(|other| other.record.id != id);
-        list.truncate(MOST_OPENED - 1);
+        list.truncate(MAX_OPENED - 1);
         list.insert(0, opened.clone());
         Ok(opened)
     }

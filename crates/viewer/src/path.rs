@@ -9,7 +9,7 @@ use crate::rounded::thousandths;
 use crate::server::refusal::Refusal;
 
 /// Points of a path.
-const MOST_POINTS: usize = 200;
+const MAX_POINTS: usize = 200;
 
 /// A flown path.
 #[derive(Debug, Default, Serialize)]
@@ -23,7 +23,7 @@ pub(crate) struct FlownPath {
 /// Reads a path: some of its ticks, the first and the last among them.
 pub(crate) fn read(opened: &Opened) -> Result<FlownPath, Refusal> {
     let frames = opened.files.frames()?;
-    let every = frames.rows.len().div_ceil(MOST_POINTS).max(1);
+    let every = frames.rows.len().div_ceil(MAX_POINTS).max(1);
     let last = frames.rows.len().saturating_sub(1);
     let mut path = FlownPath::default();
     for (index, row) in frames.rows.iter().enumerate() {

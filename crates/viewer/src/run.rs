@@ -23,7 +23,7 @@ const ANSWER: &str = "_dtd_m";
 /// Column of the ground truth, which has the same ending.
 const TRUTH: &str = "dtd_m";
 /// Above the ticks of any corpus.
-const MOST_ROWS: u64 = 1 << 30;
+const MAX_ROWS: u64 = 1 << 30;
 
 /// A run, by the name of its folder.
 pub(crate) struct Run {
@@ -174,7 +174,7 @@ impl Answers {
 
 /// The rows of a table of answers, by scenario.
 fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
-    let table = Table::read(path, MOST_ROWS)?;
+    let table = Table::read(path, MAX_ROWS)?;
     let scenario = table.text("scenario")?;
     let tick = table.u32("tick")?;
     let truth = if table.has(TRUTH) {

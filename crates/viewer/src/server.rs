@@ -25,7 +25,7 @@ use tokio::task::spawn_blocking;
 
 use crate::error::ViewError;
 use crate::library::Library;
-use crate::pictures::planes::{MOST_EVERY, Part};
+use crate::pictures::planes::{MAX_EVERY, Part};
 use crate::pictures::{Form, Picture};
 use crate::pictures::{planes, thumbnail};
 use crate::run::{Run, Summary};
@@ -204,8 +204,8 @@ async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> 
 /// The planes of an image as a screen shows them: the whole image, reduced, and optionally a part of it.
 fn shown_planes(picture: &[u8], size: [u32; 2], every: u32, part: Option<&str>) -> Answer {
     let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, message);
-    if !(1..=MOST_EVERY).contains(&every) {
-        let message = format!("every is {every}, expected 1 to {MOST_EVERY}");
+    if !(1..=MAX_EVERY).contains(&every) {
+        let message = format!("every is {every}, expected 1 to {MAX_EVERY}");
         return Err(wrong(message));
     }
     let mut body = Vec::new();

@@ -32,7 +32,7 @@ const USUAL_GLIDE_PATH_DEG: f64 = 3.0;
 const USUAL_TOUCHDOWN_M: f64 = 291.0;
 
 /// Reasons that a message has room for.
-const MOST_REASONS: usize = 5;
+const MAX_REASONS: usize = 5;
 /// A runway without a second source.
 pub const UNCONFIRMED: &str =
     "unconfirmed: no second source agrees within 5 m across and 0.02 degrees";
@@ -359,10 +359,10 @@ impl Imported {
 
 /// The reasons for which tracks are left out; of many, the first.
 fn reasons(left_out: &[RefusedTrack]) -> String {
-    let shown = left_out.iter().take(MOST_REASONS);
+    let shown = left_out.iter().take(MAX_REASONS);
     let mut text: Vec<String> = shown.map(ToString::to_string).collect();
-    if left_out.len() > MOST_REASONS {
-        text.push(format!("{} more", left_out.len() - MOST_REASONS));
+    if left_out.len() > MAX_REASONS {
+        text.push(format!("{} more", left_out.len() - MAX_REASONS));
     }
     text.join("; ")
 }

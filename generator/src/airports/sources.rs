@@ -16,7 +16,7 @@ use dataset::geometry::geodesy::LatLon;
 const AIRPORT_TABLE: FileKind = FileKind::new("table of airports", 4 << 30);
 /// Bytes of a file that tell its kind, and the longest line.
 const HEAD_BYTES: u64 = 4_096;
-const LONGEST_LINE: u64 = 65_536;
+const MAX_LINE: u64 = 65_536;
 
 /// One end of a runway.
 #[derive(Debug, Clone, PartialEq)]
@@ -177,15 +177,15 @@ impl<R: BufRead> Lines<'_, R> {
     fn next(&mut self) -> Result<Option<String>, SourceError> {
         let mut bytes = Vec::new();
         let length = (&mut self.reader)
-            .take(LONGEST_LINE)
+            .take(MAX_LINE)
             .read_until(b'\n', &mut bytes)
             .map_err(|cause| SourceError::Unreadable {
                 path: self.path.to_owned(),
                 cause,
             })?;
         self.number += 1;
-        if length as u64 == LONGEST_LINE {
-            return Err(self.bad(format!("a line of more than {LONGEST_LINE} bytes")));
+        if length as u64 == MAX_LINE {
+            return Err(self.bad(format!("a line of more than {MAX_LINE} bytes")));
         }
         Ok((length > 0).then(|| String::from_utf8_lossy(&bytes).trim_end().to_owned()))
     }

@@ -22,7 +22,7 @@ use super::record::pictures::Pictures;
 use crate::generate::stand_in::{StandIn, StandInError, StandInTask};
 
 /// More stand-ins than this on one machine are a typo.
-pub(super) const MOST_STAND_INS: usize = 64;
+pub(super) const MAX_STAND_INS: usize = 64;
 
 /// Simulator to use.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -50,7 +50,7 @@ impl SimulatorTarget {
 #[derive(Debug, thiserror::Error)]
 pub enum BadSimulator {
     /// A number of stand-ins that is none, or too large.
-    #[error("{text:?}: expected mock:awkward, or mock:N with N from 1 to {MOST_STAND_INS}")]
+    #[error("{text:?}: expected mock:awkward, or mock:N with N from 1 to {MAX_STAND_INS}")]
     StandIns {
         /// The text.
         text: String,

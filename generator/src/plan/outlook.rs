@@ -28,7 +28,7 @@ const LOOKS: FrameRate = FrameRate {
     denominator: 1,
 };
 /// A level segment below this height over the field is unusual: the chart of WSSS 02L has one at 450 m.
-const LOWEST_LEVEL_M: f64 = 400.0;
+const MIN_LEVEL_M: f64 = 400.0;
 
 /// Outlook of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -134,7 +134,7 @@ impl Outlook {
         if let Some(live) = &scenario.parameters.live {
             let (name, profile) = (live.profile_name.clone(), &live.profile);
             let start_m = profile.start_altitude_msl_m() - ground_m;
-            if let Some(level_m) = lowest_level_m(profile, ground_m, LOWEST_LEVEL_M) {
+            if let Some(level_m) = lowest_level_m(profile, ground_m, MIN_LEVEL_M) {
                 self.low_levels_m.insert(name.clone(), level_m);
             }
             self.profiles_above_runway_m.insert(name, start_m);

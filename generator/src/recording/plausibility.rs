@@ -35,7 +35,7 @@ const LOWEST: (f64, f64) = (0.2, -30.0);
 const HIGHEST: (f64, f64) = (3.0, 300.0);
 
 /// A recording that begins later before the target, seconds, is a part of an approach.
-const SHORTEST_S: f64 = 10.0;
+const MIN_S: f64 = 10.0;
 
 /// Kinds of flights that are no approach and may be flown nevertheless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -227,10 +227,10 @@ impl<'a> Seen<'a> {
         let lasts_s = self.states[passing].time_s - self.states[first].time_s;
         // Otherwise it was cut where the sweep begins.
         let begins_here = first == 0;
-        (begins_here && lasts_s < SHORTEST_S).then(|| {
+        (begins_here && lasts_s < MIN_S).then(|| {
             format!(
                 "begins {:.0} m before the touchdown target of {airport} {name}, {lasts_s:.1} s before it passes it; expected at least \
-                 {SHORTEST_S} s",
+                 {MIN_S} s",
                 self.places[first].along_track_m
             )
         })

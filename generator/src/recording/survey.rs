@@ -10,7 +10,7 @@ use dataset::geometry::runway::Runway;
 use super::RecordingError;
 use super::plausibility::{self, Implausible};
 use super::table::{HEAD_BYTES, Row, Rows};
-use crate::trajectory::{Approaches, BadFlight, Inbound, LARGEST_GAP_S};
+use crate::trajectory::{Approaches, BadFlight, Inbound, MAX_GAP_S};
 
 /// Part of a recording that is kept after the touchdown target, seconds: the landing roll, for the point of touchdown.
 const AFTER_TARGET_S: f64 = 60.0;
@@ -142,7 +142,7 @@ pub(super) fn rows_of(
     let step_s = |states: [&FlightState; 2]| states[1].time_s - states[0].time_s;
     if let [before, first, ..] = &kept[..]
         && from < found.first
-        && step_s([&before.state, &first.state]) > LARGEST_GAP_S
+        && step_s([&before.state, &first.state]) > MAX_GAP_S
     {
         kept.remove(0);
         from += 1;

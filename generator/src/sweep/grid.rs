@@ -18,7 +18,7 @@ use crate::time_of_day::TimeOfDay;
 use times::{LocalDay, TimeEntry};
 
 /// More is a typo, and a plan of gigabytes.
-const MOST_SCENARIOS: u64 = 1_000_000;
+const MAX_SCENARIOS: u64 = 1_000_000;
 
 /// `[grid]`: every time is combined with every weather (and every profile, if they are listed here), `repeats` times.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -35,7 +35,7 @@ pub(super) struct Grid {
     #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
     pub(super) profiles: Option<Vec<String>>,
     /// How often each combination is flown, each time with a different seed.
-    #[schemars(range(min = 1, max = MOST_SCENARIOS))]
+    #[schemars(range(min = 1, max = MAX_SCENARIOS))]
     repeats: u32,
     /// Day of the year, 1 to 365; it sets the sun's path.
     #[schemars(transform = limits::DAY_OF_YEAR.in_schema())]
@@ -72,7 +72,7 @@ pub(super) struct Include {
     /// With these profiles.
     profiles: Vec<String>,
     /// These repeats, counted from 1.
-    #[schemars(inner(range(min = 1, max = MOST_SCENARIOS)))]
+    #[schemars(inner(range(min = 1, max = MAX_SCENARIOS)))]
     repeats: Vec<u32>,
 }
 
@@ -259,7 +259,7 @@ impl Include {
         }
         if !self.repeats.is_empty() {
             distinct(&key("repeats"), &self.repeats, |key, repeat| {
-                if (1..=MOST_SCENARIOS).contains(&u64::from(*repeat)) {
+                if (1..=MAX_SCENARIOS).contains(&u64::from(*repeat)) {
                     Ok(())
                 } else {
                     fault(key, format!("{repeat} is not a repeat; expected 1 or more"))
@@ -388,10 +388,10 @@ fn distinct<T: Ord + std::fmt::Display>(
 }
 
 fn check_count(key: &str, scenarios: u64) -> Checked<()> {
-    if scenarios > MOST_SCENARIOS {
+    if scenarios > MAX_SCENARIOS {
         return fault(
             key,
-            format!("the sweep has {scenarios} scenarios; expected at most {MOST_SCENARIOS}"),
+            format!("the sweep has {scenarios} scenarios; expected at most {MAX_SCENARIOS}"),
         );
     }
     Ok(())

@@ -8,8 +8,8 @@ use serde::Deserialize;
 
 use super::check::fault::{Checked, fault};
 
-const LEAST_SIDE_PX: u32 = PICTURE_SIDE_PX.least as u32;
-const MOST_SIDE_PX: u32 = PICTURE_SIDE_PX.most as u32;
+const MIN_SIDE_PX: u32 = PICTURE_SIDE_PX.least as u32;
+const MAX_SIDE_PX: u32 = PICTURE_SIDE_PX.most as u32;
 
 /// `[picture]`
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
@@ -17,10 +17,10 @@ const MOST_SIDE_PX: u32 = PICTURE_SIDE_PX.most as u32;
 #[schemars(rename = "Picture")]
 pub(super) struct PictureTable {
     /// Width, pixels; even.
-    #[schemars(range(min = LEAST_SIDE_PX, max = MOST_SIDE_PX), extend("multipleOf" = 2))]
+    #[schemars(range(min = MIN_SIDE_PX, max = MAX_SIDE_PX), extend("multipleOf" = 2))]
     width_px: u32,
     /// Height, pixels; even.
-    #[schemars(range(min = LEAST_SIDE_PX, max = MOST_SIDE_PX), extend("multipleOf" = 2))]
+    #[schemars(range(min = MIN_SIDE_PX, max = MAX_SIDE_PX), extend("multipleOf" = 2))]
     height_px: u32,
     /// Images per second of flight, 1/60 to 240: a number, or a fraction such as `"30000/1001"` or `"1/2"` (an image every two
     /// seconds) with terms up to 1,000,000.
@@ -37,11 +37,11 @@ impl PictureTable {
             frame_rate,
         } = self;
         for (name, side_px) in [("width_px", width_px), ("height_px", height_px)] {
-            if !(LEAST_SIDE_PX..=MOST_SIDE_PX).contains(&side_px) || side_px % 2 == 1 {
+            if !(MIN_SIDE_PX..=MAX_SIDE_PX).contains(&side_px) || side_px % 2 == 1 {
                 return fault(
                     format!("picture.{name}"),
                     format!(
-                        "{side_px} pixels cannot be recorded; expected an even number from {LEAST_SIDE_PX} to {MOST_SIDE_PX}"
+                        "{side_px} pixels cannot be recorded; expected an even number from {MIN_SIDE_PX} to {MAX_SIDE_PX}"
                     ),
                 );
             }

@@ -46,7 +46,7 @@ pub struct WeatherTable {
     pub visibility_m: Spread,
     /// At most three layers, lowest first.
     #[serde(default)]
-    #[schemars(length(max = limits::MOST_CLOUD_LAYERS))]
+    #[schemars(length(max = limits::MAX_CLOUD_LAYERS))]
     pub clouds: Vec<CloudTable>,
     /// Rain intensity, 0 none to 1 heavy; 0 by default.
     #[serde(default)]
@@ -148,13 +148,13 @@ impl WeatherTable {
         ] {
             limits.check_spread(key(field), spread)?;
         }
-        if self.clouds.len() > limits::MOST_CLOUD_LAYERS {
+        if self.clouds.len() > limits::MAX_CLOUD_LAYERS {
             let found = self.clouds.len();
             return fault(
                 key("clouds"),
                 format!(
                     "{found} cloud layers; expected at most {}",
-                    limits::MOST_CLOUD_LAYERS
+                    limits::MAX_CLOUD_LAYERS
                 ),
             );
         }

@@ -10,8 +10,8 @@ use crate::recording::GO_AROUND_M;
 use crate::trajectory::last_approach;
 
 /// Fixes that an arrival needs at least, and the time that they cover, seconds. Some receivers report every eight seconds.
-const FEWEST: usize = 8;
-const SHORTEST_S: f64 = 60.0;
+const MIN_COUNT: usize = 8;
+const MIN_S: f64 = 60.0;
 /// No aircraft on approach is faster, m/s: a position that implies it to both neighbours is wrong.
 const FASTEST_MPS: f64 = 250.0;
 /// Arrivals begin within this distance, metres.
@@ -21,7 +21,7 @@ const FLYING_MPS: f64 = 40.0;
 /// A track may end in the air within this distance.
 const LATEST_END_M: f64 = 3_000.0;
 /// Gaps in which an aircraft may have done anything, seconds, and the distances between which they matter.
-const LONGEST_GAP_S: f64 = 10.0;
+const MAX_GAP_S: f64 = 10.0;
 const GAPS_MATTER_M: (f64, f64) = (METERS_PER_NAUTICAL_MILE, 5.0 * METERS_PER_NAUTICAL_MILE);
 /// Distance from the centreline within the last two kilometres, metres.
 const OTHER_RUNWAY_M: f64 = 150.0;
@@ -40,7 +40,7 @@ pub enum NoArrival {
     NoPositions,
     /// Not enough to smooth.
     #[error(
-        "{fixes} different positions in {lasts_s:.0} s of approach, expected at least {FEWEST} in {SHORTEST_S} s"
+        "{fixes} different positions in {lasts_s:.0} s of approach, expected at least {MIN_COUNT} in {MIN_S} s"
     )]
     TooFew {
         /// Their number.
@@ -66,7 +66,7 @@ pub enum NoArrival {
     },
     /// Too little is known of it.
     #[error(
-        "it has no position for {gap_s:.0} s, {to_go_m:.0} m before the touchdown target; expected at most {LONGEST_GAP_S} s there"
+        "it has no position for {gap_s:.0} s, {to_go_m:.0} m before the touchdown target; expected at most {MAX_GAP_S} s there"
     )]
     Gap {
         /// Its length.
@@ -181,7 +181,7 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
         [first, .., last] => last.fix.time_s - first.fix.time_s,
         _ => 0.0,
     };
-    if approach.len() < FEWEST || lasts_s < SHORTEST_S {
+    if approach.len() < MIN_COUNT || lasts_s < MIN_S {
         return Err(NoArrival::TooFew {
             fixes: approach.len(),
             lasts_s,
@@ -197,7 +197,7 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
     }
     let gap = arrival.windows(2).find(|pair| {
         let matters = pair[1].to_go_m > GAPS_MATTER_M.0 && pair[0].to_go_m < GAPS_MATTER_M.1;
-        matters && pair[1].fix.time_s - pair[0].fix.time_s > LONGEST_GAP_S
+        matters && pair[1].fix.time_s - pair[0].fix.time_s > MAX_GAP_S
     });
     if let Some(pair) = gap {
         return Err(NoArrival::Gap {
@@ -258,7 +258,7 @@ fn beginning(approach: &[Seen], first: usize) -> usize {
     let gap = approach[outside.min(approach.len())..]
         .windows(2)
         .rposition(|pair| {
-            let is_long = pair[1].fix.time_s - pair[0].fix.time_s > LONGEST_GAP_S;
+            let is_long = pair[1].fix.time_s - pair[0].fix.time_s > MAX_GAP_S;
             is_long && pair[1].to_go_m >= GAPS_MATTER_M.1
         });
     gap.map_or(outside, |gap| outside + gap + 1)

@@ -25,7 +25,7 @@ const FLAPS_LOWER_DEG: f64 = 9.6;
 /// No aircraft flies slower, in ratio to its final speed.
 const SLOWEST: f64 = 0.5;
 /// Measured attitudes are interpolated over at most this time, seconds.
-const LONGEST_S: f64 = 4.0;
+const MAX_S: f64 = 4.0;
 /// Angles of attack, degrees.
 const ATTACK_DEG: (f64, f64) = (-2.0, 10.0);
 
@@ -40,7 +40,7 @@ pub(super) fn measured_attitude(seen: &[Seen], time_s: f64) -> Option<Attitude> 
     let next = seen.partition_point(|at| at.fix.time_s < time_s).max(1);
     let (before, after) = (seen[next - 1].fix, seen.get(next)?.fix);
     let step_s = after.time_s - before.time_s;
-    if step_s > LONGEST_S {
+    if step_s > MAX_S {
         return None;
     }
     let part = (time_s - before.time_s) / step_s;

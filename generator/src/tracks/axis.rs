@@ -17,9 +17,9 @@ const FOLLOWS_M: (f64, f64) = (
     0.5 * METERS_PER_NAUTICAL_MILE,
     6.0 * METERS_PER_NAUTICAL_MILE,
 );
-const FEWEST_FIXES: usize = 10;
+const MIN_FIXES: usize = 10;
 /// One arrival may be anywhere.
-const FEWEST_ARRIVALS: usize = 2;
+const MIN_ARRIVALS: usize = 2;
 /// Arrivals contradict a runway beyond these differences: metres, degrees. They keep to the centreline within about 10 m.
 const ELSEWHERE_M: f64 = 12.0;
 const ELSEWHERE_DEG: f64 = 0.1;
@@ -44,7 +44,7 @@ pub struct ArrivalAxis {
 impl ArrivalAxis {
     /// There are enough arrivals to judge a runway.
     pub(crate) fn is_judge(&self) -> bool {
-        self.arrivals >= FEWEST_ARRIVALS
+        self.arrivals >= MIN_ARRIVALS
     }
 
     /// The arrivals contradict the runway.
@@ -108,12 +108,12 @@ pub(crate) fn arrival_axis(
                 .iter()
                 .filter(|at| (FOLLOWS_M.0..=FOLLOWS_M.1).contains(&at.to_go_m));
             let points: Vec<(f64, f64)> = follows.map(|at| (at.to_go_m, at.right_m)).collect();
-            if points.len() >= FEWEST_FIXES {
+            if points.len() >= MIN_FIXES {
                 lines.push(line_through_medians(&points));
             } else {
                 let found = points.len();
                 refuse(format!(
-                    "it has {found} positions between 6 and 0.5 NM, expected at least {FEWEST_FIXES}"
+                    "it has {found} positions between 6 and 0.5 NM, expected at least {MIN_FIXES}"
                 ));
             }
         }

@@ -12,7 +12,7 @@ use super::arrival::{NoArrival, Seen};
 
 /// Distances between which the line is fitted, metres: 0.7 to 4 NM.
 const FINAL_M: (f64, f64) = (1_300.0, 7_400.0);
-const FEWEST: usize = 8;
+const MIN_COUNT: usize = 8;
 /// Angles of approaches, degrees.
 const ANGLES_DEG: std::ops::RangeInclusive<f64> = 2.0..=6.5;
 /// Altitudes further from the line are left out, metres.
@@ -62,7 +62,7 @@ impl Datum {
             .filter(|at| (FINAL_M.0..=FINAL_M.1).contains(&at.to_go_m))
             .filter_map(|at| Some((at.to_go_m, at.fix.altitude_m?)))
             .collect();
-        if points.len() < FEWEST {
+        if points.len() < MIN_COUNT {
             return Err(NoArrival::NoAltitudes {
                 altitudes: points.len(),
             });
@@ -74,7 +74,7 @@ impl Datum {
         points.retain(|(to_go_m, altitude_m)| {
             (altitude_m - rough.0 - rough.1 * to_go_m).abs() < OUTLIER_M
         });
-        if points.len() < FEWEST {
+        if points.len() < MIN_COUNT {
             return Err(NoArrival::NoAltitudes {
                 altitudes: points.len(),
             });

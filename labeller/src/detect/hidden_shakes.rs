@@ -15,7 +15,7 @@ use super::pictures::ViewTicks;
 /// leaves rows 0.2 to 0.4, air without tilt 0.05; boxes scatter by 0.8.
 const SHAKES_PX: f64 = 1.0;
 /// Fewest ticks that tell.
-const FEWEST: usize = 20;
+const MIN_COUNT: usize = 20;
 /// A view shakes if its places scatter by this part of those in the other view.
 const PART: f64 = 0.5;
 
@@ -38,7 +38,7 @@ pub(super) fn add_hidden_shakes(
             row.view == view.id && pair.iter().any(|id| hidden.contains(&(id, row.tick)))
         });
         let off_px: Vec<f64> = off_px.filter_map(|row| row.vertical_px).collect();
-        if off_px.len() < FEWEST || deviation_from_zero(off_px.into_iter()) < SHAKES_PX {
+        if off_px.len() < MIN_COUNT || deviation_from_zero(off_px.into_iter()) < SHAKES_PX {
             continue;
         }
         let of_pair = views.iter().filter(|view| pair.contains(&view.id.as_str()));

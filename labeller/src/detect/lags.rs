@@ -7,7 +7,7 @@ use dataset::corpus::detections::{Detection, Detections};
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::LAG_STEP_S;
 use dataset::numbers::motion::motion_at;
-use dataset::tables::health::{HealthState, LEAST_LAG_SD_MS, ViewHealth, ViewLag};
+use dataset::tables::health::{HealthState, MIN_LAG_SD_MS, ViewHealth, ViewLag};
 use dataset::tables::registrations::Registration;
 use glam::DVec2;
 
@@ -15,9 +15,9 @@ use super::pictures::ViewTicks;
 use crate::view_health::view_lag::{CommonSighting, ViewRelation};
 
 /// A direction that is less certain is not corrected, pixels.
-const MOST_TURN_SD_PX: f64 = 0.3;
+const MAX_TURN_SD_PX: f64 = 0.3;
 /// A larger lag, or a less certain one, was not measured: motion changes too much during it, milliseconds.
-const MOST_MS: f64 = 10_000.0;
+const MAX_MS: f64 = 10_000.0;
 /// Two views do not show the same aircraft if rows contradict by so many pixels and standard deviations of the flight.
 const INCONSISTENT_PX: f64 = 1.0;
 const INCONSISTENT_SD: f64 = 8.0;
@@ -27,7 +27,7 @@ const INCONSISTENT_PART: f64 = 0.01;
 /// an aircraft flies along a line, a fit would bend to what is beside it.
 const LONG_PART: f64 = 0.25;
 /// Rows that contradict by more are not told apart, pixels.
-const MOST_PX: f64 = 1_000.0;
+const MAX_PX: f64 = 1_000.0;
 
 /// Evidence from one flight.
 struct Flight<'a> {
@@ -128,9 +128,9 @@ impl Flight<'_> {
         let relation = ViewRelation::robust(&kept)?;
         let lag = ViewLag {
             lag_ms: -1e3 * relation.offset.seconds,
-            lag_sd_ms: (1e3 * relation.offset.sd_s).hypot(LEAST_LAG_SD_MS),
+            lag_sd_ms: (1e3 * relation.offset.sd_s).hypot(MIN_LAG_SD_MS),
         };
-        if lag.lag_ms.abs().max(lag.lag_sd_ms) > MOST_MS {
+        if lag.lag_ms.abs().max(lag.lag_sd_ms) > MAX_MS {
             return None;
         }
         let longest = of_tracks.iter().map(Vec::len).max().unwrap_or_default();
@@ -152,7 +152,7 @@ impl Flight<'_> {
                 Sighted::Short(sighting) if !lag.is_sure() => sighting,
                 Sighted::Short(_) => return None,
             };
-            let off_px = usual.off_px(sighting).clamp(-MOST_PX, MOST_PX);
+            let off_px = usual.off_px(sighting).clamp(-MAX_PX, MAX_PX);
             let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
             Some((seen.tick, (off_px, contradicts)))
         };
@@ -193,7 +193,7 @@ impl Flight<'_> {
             HealthState::Moved | HealthState::Shaking => {
                 let turn = row
                     .motion
-                    .filter(|turn| turn.shift_sd_px <= MOST_TURN_SD_PX)?;
+                    .filter(|turn| turn.shift_sd_px <= MAX_TURN_SD_PX)?;
                 Some(turn.usual_place(self.camera(&row.view)?, place_px))
             }
         }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 
 /// The longest time between searches of whole images that can be set, seconds.
-const LONGEST_PERIOD_S: f64 = 3_600.0;
+const MAX_PERIOD_S: f64 = 3_600.0;
 
 /// Mode of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -45,7 +45,7 @@ impl Default for ModeSettings {
 impl ModeSettings {
     /// Checks all ranges.
     pub fn check(&self) -> Result<()> {
-        if (0.0..=LONGEST_PERIOD_S).contains(&self.full_search_s) {
+        if (0.0..=MAX_PERIOD_S).contains(&self.full_search_s) {
             return Ok(());
         }
         Err(Error::Option {

@@ -19,11 +19,11 @@ use crate::tracking::{Expected, Searched, Seen, Tracker};
 /// in every other image.
 const LOSS_PART: f64 = 0.25;
 /// While an aircraft is followed, the shortest time between two periodic searches of whole images, in images.
-const LEAST_PERIOD: f64 = 5.0;
+const MIN_PERIOD: f64 = 5.0;
 /// An image that is due within this part of the time since the last one is due now.
 const DUE_PART: f64 = 0.5;
 /// An aircraft that may move further between two images, in lengths of its box, is looked for everywhere.
-const MOST_LENGTHS: f64 = 1.0;
+const MAX_LENGTHS: f64 = 1.0;
 /// A box this close to the border of its window may be cut off there, pixels.
 const BORDER_PX: f64 = 1.5;
 
@@ -124,7 +124,7 @@ impl Sequence {
         since_s: f64,
     ) -> Result<Looked> {
         let expected = self.tracker.expected(since_s);
-        let is_fast = |expected: &Expected| expected.lengths_moved > MOST_LENGTHS;
+        let is_fast = |expected: &Expected| expected.lengths_moved > MAX_LENGTHS;
         let is_too_fast = self.modes.mode == Mode::Auto && expected.iter().any(is_fast);
         let has_passed = |period_s: f64| {
             self.last_full_s
@@ -132,7 +132,7 @@ impl Sequence {
         };
         let may_follow_loss = has_passed(LOSS_PART * self.modes.full_search_s);
         let period_s = if expected.iter().any(|expected| expected.is_confirmed) {
-            self.modes.full_search_s.max(LEAST_PERIOD * since_s)
+            self.modes.full_search_s.max(MIN_PERIOD * since_s)
         } else {
             self.modes.full_search_s
         };

@@ -3,7 +3,7 @@
 use super::layout::Layout;
 
 /// Maximum bytes of the windows of one run, or of the output for them: five windows of the largest size.
-pub(super) const MOST_RUN_BYTES: usize = 1 << 30;
+pub(super) const MAX_RUN_BYTES: usize = 1 << 30;
 
 /// Numbers and their shape. The count matches the shape, and all of them are finite.
 #[derive(Debug, Clone, Copy)]
@@ -16,7 +16,7 @@ pub(super) struct Answer<'a> {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum AnswerFault {
     #[error(
-        "has the shape {shape:?}, more than {MOST_RUN_BYTES} bytes; expected a few thousand candidates a window"
+        "has the shape {shape:?}, more than {MAX_RUN_BYTES} bytes; expected a few thousand candidates a window"
     )]
     TooLarge { shape: Vec<usize> },
     #[error("has {found} numbers, which does not match its shape {shape:?}")]
@@ -98,7 +98,7 @@ pub(super) fn numbers_of(shape: &[usize]) -> Option<usize> {
     shape
         .iter()
         .try_fold(1_usize, |product, &length| product.checked_mul(length))
-        .filter(|numbers| *numbers <= MOST_RUN_BYTES / size_of::<f32>())
+        .filter(|numbers| *numbers <= MAX_RUN_BYTES / size_of::<f32>())
 }
 
 /// The indices of an element, the last one varying fastest.

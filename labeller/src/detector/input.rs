@@ -4,7 +4,7 @@ use dataset::work::memory::{self, TooMuchMemory};
 use ort::session::Session;
 use ort::value::{TensorElementType, ValueType};
 
-use super::answer::{MOST_RUN_BYTES, numbers_of};
+use super::answer::{MAX_RUN_BYTES, numbers_of};
 use super::profile::ModelProfile;
 
 /// Planes of a window: red, green, blue.
@@ -14,13 +14,13 @@ const USUAL_WINDOW_PX: u32 = 640;
 /// The sides of a window are multiples of this if the model leaves its size open: the coarsest stride of YOLO-like models, pixels.
 const STRIDE_PX: u32 = 32;
 /// A smaller window has no cell of the coarsest stride, pixels.
-const LEAST_WINDOW_PX: u32 = STRIDE_PX;
+const MIN_WINDOW_PX: u32 = STRIDE_PX;
 /// Larger than the sides of any camera's images, pixels.
-const MOST_WINDOW_PX: u32 = 4_096;
+const MAX_WINDOW_PX: u32 = 4_096;
 /// Copies of a window's pixels in memory: where they are gathered, and at least one inside the model.
 const COPIES: usize = 2;
 /// Windows in one run.
-const MOST_BATCH: usize = 256;
+const MAX_BATCH: usize = 256;
 
 /// Windows per run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,11 +101,11 @@ pub(super) enum InputFault {
     #[error("input {name:?} is {found}, expected floats of the shape [batch, 3, height, width]")]
     Form { name: String, found: String },
     #[error(
-        "input {name:?} takes windows of {found} px, expected {LEAST_WINDOW_PX} to {MOST_WINDOW_PX}"
+        "input {name:?} takes windows of {found} px, expected {MIN_WINDOW_PX} to {MAX_WINDOW_PX}"
     )]
     WindowSize { name: String, found: i64 },
     #[error(
-        "its settings say input.size_px = {found}, expected {LEAST_WINDOW_PX} to {MOST_WINDOW_PX}"
+        "its settings say input.size_px = {found}, expected {MIN_WINDOW_PX} to {MAX_WINDOW_PX}"
     )]
     ProfileSize { found: u32 },
     #[error("its settings say input.size_px = {said}, but input {name:?} takes only {size}")]
@@ -122,7 +122,7 @@ pub(super) enum InputFault {
         most: usize,
     },
     #[error(
-        "output {name:?} has the shape {shape:?}, more than {MOST_RUN_BYTES} bytes; expected a few thousand candidates a window"
+        "output {name:?} has the shape {shape:?}, more than {MAX_RUN_BYTES} bytes; expected a few thousand candidates a window"
     )]
     Output { name: String, shape: Vec<i64> },
     #[error(transparent)]
@@ -187,7 +187,7 @@ impl Input {
                 found,
             });
         }
-        let sizes = LEAST_WINDOW_PX..=MOST_WINDOW_PX;
+        let sizes = MIN_WINDOW_PX..=MAX_WINDOW_PX;
         if let Some(found) = size_of_profile_px.filter(|size| !sizes.contains(size)) {
             return Err(InputFault::ProfileSize { found });
         }
@@ -274,7 +274,7 @@ pub(super) fn numbers_in([width_px, height_px]: [u32; 2]) -> usize {
 
 /// Number of windows that fit into the memory of one run.
 pub(super) fn most_windows(size_px: [u32; 2]) -> usize {
-    (MOST_RUN_BYTES / (numbers_in(size_px) * size_of::<f32>())).min(MOST_BATCH)
+    (MAX_RUN_BYTES / (numbers_in(size_px) * size_of::<f32>())).min(MAX_BATCH)
 }
 
 /// Rejects an output that would not fit into memory, as far as the model declares its size.
@@ -320,7 +320,7 @@ mod tests {
             height_px: 384,
         };
         assert_eq!(of(&[1, 3, 384, 640], None).unwrap().size, wide);
-        assert_eq!(most_windows([MOST_WINDOW_PX; 2]), 5);
+        assert_eq!(most_windows([MAX_WINDOW_PX; 2]), 5);
     }
 
     #[test]

@@ -5,9 +5,9 @@ use dataset::geometry::rays::{self, Ray};
 use glam::{DMat2, DVec2, DVec3};
 
 /// Rays that meet closer than this meet nowhere: the boxes are not of one aircraft.
-const LEAST_RANGE_M: f64 = 10.0;
+const MIN_RANGE_M: f64 = 10.0;
 /// And farther away they are parallel.
-const MOST_RANGE_M: f64 = 500_000.0;
+const MAX_RANGE_M: f64 = 500_000.0;
 /// Steps of the numerical derivatives, metres.
 const STEP_M: f64 = 1.0;
 
@@ -74,6 +74,6 @@ fn meeting_point_m(
         Ray::through(view, view_px),
     ];
     let point_m = rays::meeting_point_m(&rays)?;
-    let plausible = |ray: &Ray| (LEAST_RANGE_M..=MOST_RANGE_M).contains(&ray.along_m(point_m));
+    let plausible = |ray: &Ray| (MIN_RANGE_M..=MAX_RANGE_M).contains(&ray.along_m(point_m));
     rays.iter().all(plausible).then_some(point_m)
 }

@@ -17,11 +17,11 @@ const STILL_PX: f64 = 1e-3;
 /// Weights of aircraft seen from two sides may swing between two states; a small swing is within the error.
 const SWING_PX: f64 = 0.05;
 /// A step is never longer.
-const LONGEST_STEP_PX: f64 = 1.0;
+const MAX_STEP_PX: f64 = 1.0;
 /// A pixel whose residual has this many standard deviations gets half the weight.
 const CAUCHY: f64 = 6.0;
 /// Least standard deviation of what fits, grey levels.
-const LEAST_SD: f64 = 0.3;
+const MIN_SD: f64 = 0.3;
 /// Pixels that are compared for each whole-pixel shift.
 const COARSE_PIXELS: f64 = 1_000.0;
 /// The correlation of neighbouring residuals: blur and compression reach this far.
@@ -153,7 +153,7 @@ pub(super) fn fit(
         if !moved.is_finite() {
             return Err(NoShift::Lost);
         }
-        let moved = moved.clamp_length_max(LONGEST_STEP_PX);
+        let moved = moved.clamp_length_max(MAX_STEP_PX);
         at += moved;
         gain -= step[2];
         offset -= step[3];
@@ -307,7 +307,7 @@ fn level(pairs: &[Pair]) -> Option<(f64, f64)> {
 
 fn weigh(pairs: &[Pair], gain: f64, offset: f64, weights: &mut Vec<f64>) {
     let residuals = || pairs.iter().map(|pair| pair.residual(gain, offset));
-    let sd = deviation_from_zero(residuals()).max(LEAST_SD);
+    let sd = deviation_from_zero(residuals()).max(MIN_SD);
     weights.clear();
     weights.extend(residuals().map(|residual| 1.0 / (1.0 + (residual / (CAUCHY * sd)).powi(2))));
 }

@@ -9,7 +9,7 @@ use dataset::video::PicturePart;
 use glam::DVec2;
 
 use super::linear::Normal;
-use super::{LEAST_CONTRAST, SEARCH_PART};
+use super::{MIN_CONTRAST, SEARCH_PART};
 use crate::detector::PictureView;
 
 /// Pixels around the box, besides [`MARGIN_PART`] of its longer side: the aircraft's edge, the ring that shows the background, and
@@ -19,7 +19,7 @@ const MARGIN_PART: f64 = 0.2;
 /// A box whose edge is closer to the image's edge than this may be cut off.
 const EDGE_PX: f64 = 1.5;
 /// Larger aircraft are looked at with coarser pixels: there, perspective limits the accuracy.
-const MOST_BOX_PX: f64 = 192.0;
+const MAX_BOX_PX: f64 = 192.0;
 /// Grey levels are stored in steps of 1/256.
 const STEPS_PER_GREY: f64 = 256.0;
 
@@ -140,7 +140,7 @@ impl Patch {
 /// same size.
 fn bin_of(pixel_box: PixelBox) -> usize {
     let longer = pixel_box.width_px.max(pixel_box.height_px);
-    ((longer / MOST_BOX_PX).ceil() as usize).next_power_of_two()
+    ((longer / MAX_BOX_PX).ceil() as usize).next_power_of_two()
 }
 
 /// ITU-R BT.709.
@@ -176,7 +176,7 @@ pub(super) const BLUR_PX: f64 = 0.8;
 /// Standard deviations over which a blur reaches.
 const BLUR_REACH: f64 = 4.0;
 /// Noise is never less: 8-bit images, in which neighbours are rounded alike.
-const LEAST_NOISE: f64 = 0.15;
+const MIN_NOISE: f64 = 0.15;
 /// Rounds of reweighting of the background.
 const ROUNDS: usize = 4;
 
@@ -266,21 +266,21 @@ impl Cleaned {
             fitted = normal.solve().ok_or(NoShift::Edge)?;
             let misfits = shown.iter();
             sd = deviation_from_zero(misfits.map(|(row, shown)| shown - value(*row, &fitted)))
-                .max(LEAST_NOISE);
+                .max(MIN_NOISE);
         }
         let clean: Vec<f64> = (0..self.values.len())
             .map(|index| self.values[index] - value(terms(index), &fitted))
             .collect();
         self.values = blurred(&clean, width, blur_px);
         let of_ring = || ring.iter().map(|index| self.values[*index]);
-        self.noise = deviation_from_zero(of_ring()).max(LEAST_NOISE);
+        self.noise = deviation_from_zero(of_ring()).max(MIN_NOISE);
         let reach = self.size / 2.0 + 1.0;
         let peak = (0..self.values.len())
             .filter(|index| from_centre[*index].abs().cmple(reach).all())
             .fold(0.0_f64, |most, index| most.max(self.values[index].abs()));
         // The robust deviation leaves out clouds and the horizon; the aircraft must also stand out from them.
         let rms = (of_ring().map(|v| v * v).sum::<f64>() / ring.len() as f64).sqrt();
-        if peak < LEAST_CONTRAST * self.noise || peak < 2.0 * rms {
+        if peak < MIN_CONTRAST * self.noise || peak < 2.0 * rms {
             return Err(NoShift::Faint);
         }
         Ok(())

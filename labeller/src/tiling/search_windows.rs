@@ -15,7 +15,7 @@ use crate::tiling::row_band::RowBand;
 /// largest that is still cheap, pixels.
 const CROP_PX: Range<f64> = 160.0..256.0;
 /// Part of a window's side that an aircraft may fill; a larger one is shrunk.
-const LARGEST_SHARE: f64 = 0.65;
+const MAX_SHARE: f64 = 0.65;
 
 /// The windows of the first pass over these rows of an image of this width and height, row by row: tiles, or a single one if the model
 /// takes any size and no tile size is requested. They may extend past the image at the right and at the bottom.
@@ -104,11 +104,11 @@ pub(crate) fn window_around(around: &PixelBox, picture_px: [u32; 2], size: Windo
             height_px,
         } => [width_px, height_px],
         WindowSize::Any { multiple_px } => {
-            let side_px = (longer_px / LARGEST_SHARE).clamp(CROP_PX.start, CROP_PX.end);
+            let side_px = (longer_px / MAX_SHARE).clamp(CROP_PX.start, CROP_PX.end);
             [(side_px.ceil() as u32).next_multiple_of(multiple_px); 2]
         }
     };
-    let largest_px = |side_px: u32| LARGEST_SHARE * f64::from(side_px);
+    let largest_px = |side_px: u32| MAX_SHARE * f64::from(side_px);
     let shrink = (around.width_px / largest_px(width_px))
         .max(around.height_px / largest_px(height_px))
         .ceil()

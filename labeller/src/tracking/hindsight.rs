@@ -7,10 +7,10 @@ use dataset::tables::pixel_box::PixelBox;
 
 use super::lamps::Places;
 use super::standing::{TimedBox, is_mostly_at, is_same_thing, place_if_still, stands_still, stays};
-use super::{HITS, SHORTEST_S};
+use super::{HITS, MIN_S};
 
-/// In a video that is shorter than twice [`SHORTEST_S`], a track that lasts for this part of it counts.
-const SHORTEST_PART: f64 = 0.5;
+/// In a video that is shorter than twice [`MIN_S`], a track that lasts for this part of it counts.
+const MIN_PART: f64 = 0.5;
 
 /// All boxes of a view's tracks.
 #[derive(Debug)]
@@ -71,7 +71,7 @@ impl Hindsight {
     /// For each track, by number, true if it counts when all images are done.
     pub(crate) fn counting(&self) -> Vec<bool> {
         let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
-        let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);
+        let shortest_s = MIN_S.min(MIN_PART * video_s);
         let tracks = &self.tracks;
         let still: Vec<_> = tracks
             .iter()

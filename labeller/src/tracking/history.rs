@@ -4,7 +4,7 @@
 //! does not change.
 
 use super::Seen;
-use super::standing::{LONGEST_STILL_S, TimedBox, has_stood_still, lasted_s, place_if_still};
+use super::standing::{MAX_STILL_S, TimedBox, has_stood_still, lasted_s, place_if_still};
 
 /// Boxes of so many seconds are kept: when there are more, the older half is forgotten.
 const KEPT_S: f64 = 600.0;
@@ -47,7 +47,7 @@ impl History {
 
     fn judge(&mut self) {
         self.is_still =
-            lasted_s(&self.clear) >= LONGEST_STILL_S && place_if_still(&self.clear).is_some();
+            lasted_s(&self.clear) >= MAX_STILL_S && place_if_still(&self.clear).is_some();
         let stays = has_stood_still(&self.boxes, KEPT_STILL_S);
         for boxes in [&mut self.boxes, &mut self.clear] {
             let kept_s = if stays { KEPT_STILL_S } else { KEPT_S };

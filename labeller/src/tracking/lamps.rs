@@ -1,13 +1,13 @@
 //! Places where several tracks were seen again and again: lamps that are found now and then, so that none of their tracks lasts.
 
-use super::standing::{LONGEST_STILL_S, TimedBox};
+use super::standing::{MAX_STILL_S, TimedBox};
 
 /// Boxes of one thing that stands are within this distance, pixels: a head-on arrival at 13 NM leaves such a circle in a minute
 /// ([`super::standing`]).
 const SAME_PLACE_PX: f64 = 1.5;
 /// Fewest boxes of other tracks at the place of a lamp, and the least time from the first to the last, seconds.
-const FEWEST: usize = 5;
-const LEAST_S: f64 = 2.0 * LONGEST_STILL_S;
+const MIN_COUNT: usize = 5;
+const MIN_S: f64 = 2.0 * MAX_STILL_S;
 
 /// All boxes of a view by their place.
 pub(super) struct Places {
@@ -52,7 +52,7 @@ impl Places {
                 (count + 1, placed.at_s.min(first_s), placed.at_s.max(last_s))
             });
             let (count, first_s, last_s) = times;
-            count >= FEWEST && last_s - first_s >= LEAST_S
+            count >= MIN_COUNT && last_s - first_s >= MIN_S
         });
         2 * at_lamps.count() > boxes.len()
     }

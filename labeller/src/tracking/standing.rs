@@ -22,9 +22,9 @@ use dataset::tables::pixel_box::PixelBox;
 pub(super) type TimedBox = (f64, PixelBox);
 
 /// From here on what stands still is not an arriving aircraft, seconds.
-pub(super) const LONGEST_STILL_S: f64 = 60.0;
+pub(super) const MAX_STILL_S: f64 = 60.0;
 /// Growth from the middle of a track's first third to the middle of its last third. An aircraft at 13 NM grows by a tenth in 40 s...
-const LEAST_GROWTH: f64 = 0.05;
+const MIN_GROWTH: f64 = 0.05;
 /// ... and does so beyond chance, in standard errors: the widths of a lamp that is found now and then differ by half...
 const SURE_GROWTH: f64 = 2.0;
 /// ... and in a shorter time too little to be measured, seconds...
@@ -32,23 +32,23 @@ pub(super) const GROWTH_SHOWS_S: f64 = 20.0;
 /// ... and things beside each other whose lengths have another ratio are not one thing...
 const ALIKE: Range<f64> = 0.8..1.25;
 /// ... and one that moves across the image does so by more than this part of its length.
-const LEAST_MOVED_LENGTHS: f64 = 0.25;
+const MIN_MOVED_LENGTHS: f64 = 0.25;
 /// Distance between the medians of a track's first and last third that is none, pixels: half of the least motion of an aircraft...
-const LEAST_MOVED_PX: f64 = 1.0;
+const MIN_MOVED_PX: f64 = 1.0;
 /// ... or as large as this, if chance explains it, which leaves a fifth of that motion.
-const MOST_MOVED_BY_CHANCE_PX: f64 = 1.5;
+const MAX_MOVED_BY_CHANCE_PX: f64 = 1.5;
 /// Beyond this number of standard errors chance does not explain it.
 const SURE_MOVE: f64 = 3.0;
 /// A track that may hop has had so many boxes at its place...
-const LEAST_BOXES_OF_A_PLACE: usize = 5;
+const MIN_BOXES_OF_A_PLACE: usize = 5;
 /// ... over this part of [`GROWTH_SHOWS_S`].
-const LEAST_PART: f64 = 0.75;
+const MIN_PART: f64 = 0.75;
 /// A box farther away from its place than this is at another one, pixels...
-const LEAST_HOP_PX: f64 = 3.0;
+const MIN_HOP_PX: f64 = 3.0;
 /// ... if that is also so many standard deviations of the last boxes.
 const SURE_HOP: f64 = 6.0;
 /// Standard deviation of the centre of a lamp's box: the least that is assumed, because a few boxes may agree by chance, pixels.
-const LEAST_CENTRE_DEVIATION_PX: f64 = 0.3;
+const MIN_CENTRE_DEVIATION_PX: f64 = 0.3;
 /// Ratio of the standard errors of median and mean, for normal errors: the square root of pi / 2.
 const MEDIAN_ERROR: f64 = 1.2533;
 
@@ -70,7 +70,7 @@ pub(super) fn has_stood_still(boxes: &[TimedBox], seconds: f64) -> bool {
 /// young track may go from one lamp of a row to the next. An object that is found only now and then has several tracks at its place. Boxes
 /// by time.
 pub(super) fn stands_still(boxes: &[TimedBox]) -> bool {
-    let is_long = |boxes: &[TimedBox]| lasted_s(boxes) >= LONGEST_STILL_S;
+    let is_long = |boxes: &[TimedBox]| lasted_s(boxes) >= MAX_STILL_S;
     let still = || {
         let stays = between_hops(boxes).into_iter();
         let long = stays.filter(|stay| is_long(stay) && keeps_its_place(stay));
@@ -92,7 +92,7 @@ pub(super) struct Stay {
 pub(super) fn stays(boxes: &[TimedBox]) -> impl Iterator<Item = Stay> {
     between_hops(boxes)
         .into_iter()
-        .filter(|stay| stay.len() >= LEAST_BOXES_OF_A_PLACE && keeps_its_place(stay))
+        .filter(|stay| stay.len() >= MIN_BOXES_OF_A_PLACE && keeps_its_place(stay))
         .map(|stay| {
             let Middle { cx_px, cy_px, .. } = Middle::of(stay);
             Stay {
@@ -107,9 +107,9 @@ pub(super) fn stays(boxes: &[TimedBox]) -> impl Iterator<Item = Stay> {
 pub(super) fn is_mostly_at(stays: &[Stay], boxes: &[TimedBox]) -> bool {
     let is_at_one = |(_, seen): &&TimedBox| {
         let here = stays.iter().filter(|stay| {
-            (seen.cx_px - stay.cx_px).hypot(seen.cy_px - stay.cy_px) < MOST_MOVED_BY_CHANCE_PX
+            (seen.cx_px - stay.cx_px).hypot(seen.cy_px - stay.cy_px) < MAX_MOVED_BY_CHANCE_PX
         });
-        here.map(|stay| stay.lasted_s).sum::<f64>() >= LONGEST_STILL_S
+        here.map(|stay| stay.lasted_s).sum::<f64>() >= MAX_STILL_S
     };
     2 * boxes.iter().filter(is_at_one).count() > boxes.len()
 }
@@ -119,9 +119,9 @@ fn between_hops(boxes: &[TimedBox]) -> Vec<&[TimedBox]> {
     let mut stays = Vec::new();
     let mut begin = 0;
     for at in 1..boxes.len() {
-        let recent = at.saturating_sub(LEAST_BOXES_OF_A_PLACE).max(begin);
+        let recent = at.saturating_sub(MIN_BOXES_OF_A_PLACE).max(begin);
         let place = Middle::of(&boxes[recent..at]);
-        let is_off = |(_, seen): &TimedBox| place.distance_px(seen) > LEAST_HOP_PX;
+        let is_off = |(_, seen): &TimedBox| place.distance_px(seen) > MIN_HOP_PX;
         if is_off(&boxes[at]) && boxes.get(at + 1).is_none_or(is_off) {
             stays.push(&boxes[begin..at]);
             begin = at;
@@ -139,7 +139,7 @@ pub(super) fn place_if_still(boxes: &[TimedBox]) -> Option<PixelBox> {
     let [before, after] = ends(boxes);
     let growth_px = (after.width_px - before.width_px).abs();
     let has_grown = lasted_s(boxes) >= GROWTH_SHOWS_S
-        && growth_px >= LEAST_GROWTH * before.width_px
+        && growth_px >= MIN_GROWTH * before.width_px
         && growth_px >= SURE_GROWTH * growth_error_px(boxes);
     let is_still = !has_grown && !has_moved(&[before, after]);
     (is_still || keeps_its_place(boxes)).then(|| mean(boxes))
@@ -149,7 +149,7 @@ pub(super) fn place_if_still(boxes: &[TimedBox]) -> Option<PixelBox> {
 pub(super) fn is_same_thing(one: &PixelBox, other: &PixelBox) -> bool {
     let ratio = other.width_px / one.width_px.max(1.0);
     let apart_px = distance_px(one, other);
-    apart_px < MOST_MOVED_BY_CHANCE_PX || apart_px < moved_px(one) && ALIKE.contains(&ratio)
+    apart_px < MAX_MOVED_BY_CHANCE_PX || apart_px < moved_px(one) && ALIKE.contains(&ratio)
 }
 
 /// True if a box is at another place than a track that has just stood still for a while. What stands has no speed, so the filter, which
@@ -157,12 +157,11 @@ pub(super) fn is_same_thing(one: &PixelBox, other: &PixelBox) -> bool {
 pub(super) fn hops(boxes: &[TimedBox], to: &PixelBox) -> bool {
     let last_s = boxes.last().map_or(0.0, |(at_s, _)| *at_s);
     let recent = &boxes[boxes.partition_point(|(at_s, _)| *at_s < last_s - GROWTH_SHOWS_S)..];
-    if recent.len() < LEAST_BOXES_OF_A_PLACE || lasted_s(recent) < LEAST_PART * GROWTH_SHOWS_S {
+    if recent.len() < MIN_BOXES_OF_A_PLACE || lasted_s(recent) < MIN_PART * GROWTH_SHOWS_S {
         return false;
     }
     let [_, place] = Middle::of_thirds(recent);
-    place.distance_px(to) > LEAST_HOP_PX.max(SURE_HOP * place.deviation_px)
-        && keeps_its_place(recent)
+    place.distance_px(to) > MIN_HOP_PX.max(SURE_HOP * place.deviation_px) && keeps_its_place(recent)
 }
 
 /// True if the place of a track is the same in the first and the last third of its time, within about a pixel.
@@ -170,9 +169,9 @@ fn keeps_its_place(boxes: &[TimedBox]) -> bool {
     let [before, after] = Middle::of_thirds(boxes);
     let deviation_px = before.deviation_px.max(after.deviation_px);
     let error = MEDIAN_ERROR * (1.0 / before.boxes + 1.0 / after.boxes).sqrt();
-    let chance_px = SURE_MOVE * error * deviation_px.max(LEAST_CENTRE_DEVIATION_PX);
+    let chance_px = SURE_MOVE * error * deviation_px.max(MIN_CENTRE_DEVIATION_PX);
     (after.cx_px - before.cx_px).hypot(after.cy_px - before.cy_px)
-        < chance_px.clamp(LEAST_MOVED_PX, MOST_MOVED_BY_CHANCE_PX)
+        < chance_px.clamp(MIN_MOVED_PX, MAX_MOVED_BY_CHANCE_PX)
 }
 
 /// The place of some boxes, pixels.
@@ -248,7 +247,7 @@ fn distance_px(a: &PixelBox, b: &PixelBox) -> f64 {
 
 /// Least movement of the middle of a box of this length that counts as moved.
 fn moved_px(of: &PixelBox) -> f64 {
-    LEAST_MOVED_LENGTHS * of.width_px
+    MIN_MOVED_LENGTHS * of.width_px
 }
 
 fn mean(boxes: &[TimedBox]) -> PixelBox {

@@ -23,7 +23,7 @@ use tile::{Tile, tiles_of};
 /// Greatest elevation of stationary objects above the horizon, radians.
 const ABOVE_HORIZON_RAD: f64 = 0.006;
 /// Tiles that must agree.
-const FEWEST_TILES: usize = 8;
+const MIN_TILES: usize = 8;
 /// A tile further from the common turn, in its standard deviations, counts less than half.
 const TOLERATED: f64 = 3.0;
 /// With agreeing tiles that tell less than this part of the usual about one of the axes, the reference is replaced, and with less than
@@ -31,19 +31,19 @@ const TOLERATED: f64 = 3.0;
 const FADED: f64 = 0.6;
 const GONE: f64 = 0.3;
 /// No standard deviation is below this, pixels: interpolation and compression.
-const LEAST_SD_PX: f64 = 0.02;
+const MIN_SD_PX: f64 = 0.02;
 /// A turn with a larger standard deviation counts as not measured, pixels.
-const MOST_SD_PX: f64 = 1.0;
+const MAX_SD_PX: f64 = 1.0;
 /// Usual range of rolls, as the shift at half of the width, pixels: decides only where tiles do not.
 const ROLL_SD_PX: f64 = 20.0;
 /// Steps of the iteration: one without an end does not fit.
-const MOST_STEPS: u32 = 12;
+const MAX_STEPS: u32 = 12;
 /// A shift found in shrunk images is right to this, pixels.
 const COARSE_PX: f64 = 4.0;
 /// A step below this ends the iteration, pixels.
 const SMALL_STEP_PX: f64 = 0.02;
 /// After failures, at most this many images pass without a search.
-const LONGEST_PAUSE: u32 = 64;
+const MAX_PAUSE: u32 = 64;
 
 /// Rotation of a camera, as what its image shows moves.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -138,7 +138,7 @@ impl CameraMotion {
             self.searched(begun);
             return begun.then_some(Measured {
                 turn: Turn::default(),
-                sd_px: LEAST_SD_PX,
+                sd_px: MIN_SD_PX,
             });
         }
         let fit = self.fit(image)?;
@@ -152,13 +152,13 @@ impl CameraMotion {
             // A worse one is not taken.
             self.refer(image, turn, sd_px);
         }
-        (sd_px <= MOST_SD_PX).then_some(Measured { turn, sd_px })
+        (sd_px <= MAX_SD_PX).then_some(Measured { turn, sd_px })
     }
 
     /// Makes an image the reference if it has enough tiles.
     fn refer(&mut self, image: &Luma<'_>, turn: Turn, sd_px: f64) -> bool {
         let tiles = tiles_of(image, self.top, &self.camera);
-        let enough = tiles.len() >= FEWEST_TILES;
+        let enough = tiles.len() >= MIN_TILES;
         if enough {
             self.reference = Some(Reference {
                 turn,
@@ -213,7 +213,7 @@ impl CameraMotion {
             (self.pause, self.next_pause) = (0, 1);
         } else {
             self.pause = self.next_pause;
-            self.next_pause = (2 * self.next_pause).min(LONGEST_PAUSE);
+            self.next_pause = (2 * self.next_pause).min(MAX_PAUSE);
         }
     }
 }
@@ -247,7 +247,7 @@ impl Reference {
     /// Refines a turn; `None` if the tiles do not agree there.
     fn fit(&self, image: &Luma<'_>, camera: &Camera, begin: Turn) -> Option<Fit> {
         let mut numbers = begin.to_array(camera);
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let turn = Turn::from_array(numbers, camera);
             let matrix = camera.turn(turn.shift_px, turn.roll_rad);
             let told: Vec<_> = (self.tiles.iter())
@@ -256,7 +256,7 @@ impl Reference {
                     Some((tile, tile.told(image, there - tile.middle_px)?))
                 })
                 .collect();
-            if told.len() < FEWEST_TILES {
+            if told.len() < MIN_TILES {
                 return None;
             }
             let mut misfits = vec![0.0; told.len()];
@@ -293,10 +293,10 @@ impl Reference {
             if longest < SMALL_STEP_PX {
                 let fit = Fit {
                     turn: Turn::from_array(numbers, camera),
-                    sd_px: sd_px.max(LEAST_SD_PX),
+                    sd_px: sd_px.max(MIN_SD_PX),
                     tells,
                 };
-                let enough = agreeing.count() >= FEWEST_TILES.max(told.len() / 2);
+                let enough = agreeing.count() >= MIN_TILES.max(told.len() / 2);
                 return (enough && self.share(&fit) >= GONE).then_some(fit);
             }
         }

@@ -16,31 +16,31 @@ const AROUND_PX: f64 = 4.0;
 /// Rows that are compared in the whole image: one of so many.
 const ROW_STEP: usize = 16;
 /// Images that differ by more around a box, or in the whole image, are not equal: grey levels, root mean square.
-const MOST_EQUAL_LEVELS: f64 = 1.5;
+const MAX_EQUAL_LEVELS: f64 = 1.5;
 /// The same image in other windows gives the same box, to within this: pixels, and a part of its width. Another one is of something else.
-const MOST_EQUAL_PX: f64 = 2.0;
-const MOST_EQUAL_PART: f64 = 0.03;
+const MAX_EQUAL_PX: f64 = 2.0;
+const MAX_EQUAL_PART: f64 = 0.03;
 /// Motion must have changed this much more, and at least so many levels.
-const LEAST_RATIO: f64 = 3.0;
-const LEAST_EXPECTED_LEVELS: f64 = 2.0;
+const MIN_RATIO: f64 = 3.0;
+const MIN_EXPECTED_LEVELS: f64 = 2.0;
 /// Slopes hold for so many pixels.
-const MOST_MOVED_PX: f64 = 1.5;
+const MAX_MOVED_PX: f64 = 1.5;
 /// Ticks on either side that tell by how much images around a box usually change.
 const NEAR: usize = 10;
 /// They must change by so many levels, the image in question by at most this part, and at most so many others by less than this part.
-const LEAST_USUAL_LEVELS: f64 = 0.5;
-const LEAST_PART: f64 = 0.06;
+const MIN_USUAL_LEVELS: f64 = 0.5;
+const MIN_PART: f64 = 0.06;
 const SMALL_PART: f64 = 0.2;
-const MOST_SMALL: usize = 3;
+const MAX_SMALL: usize = 3;
 /// An image that changed by this part of what others around change as a whole is a new one, if that is by so many levels: rain, noise,
 /// clouds. An aircraft may pause at a turn of its path.
 const NEW_PART: f64 = 0.7;
-const LEAST_WHOLE_LEVELS: f64 = 0.1;
+const MIN_WHOLE_LEVELS: f64 = 0.1;
 /// Encoders leave out small changes from one image to the next one soon after.
-const LEAST_GAP_S: f64 = 0.2;
+const MIN_GAP_S: f64 = 0.2;
 /// Boxes before and after a run that tell how the aircraft moves, at most and at least.
 const BOXES: usize = 6;
-const FEWEST_BOXES: usize = 4;
+const MIN_BOXES: usize = 4;
 
 /// Difference of two consecutive images.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,15 +91,15 @@ impl Change {
     }
 
     fn is_equal(&self) -> bool {
-        self.levels <= MOST_EQUAL_LEVELS && self.whole_levels <= MOST_EQUAL_LEVELS
+        self.levels <= MAX_EQUAL_LEVELS && self.whole_levels <= MAX_EQUAL_LEVELS
     }
 
     /// Change by a motion and a growth of a box, grey levels, root mean square.
     fn expected_levels(&self, moved_px: DVec2, grown: f64, seen: &PixelBox) -> f64 {
-        let moved = moved_px.clamp_length_max(MOST_MOVED_PX);
+        let moved = moved_px.clamp_length_max(MAX_MOVED_PX);
         // A growth moves the edges: the root mean square over a side is its end / sqrt(3).
         let grown = DVec2::new(seen.width_px, seen.height_px) * grown / 2.0 / 3.0_f64.sqrt();
-        let grown = grown.clamp_length_max(MOST_MOVED_PX);
+        let grown = grown.clamp_length_max(MAX_MOVED_PX);
         let [xx, xy, yy] = self.slopes;
         let by_motion =
             xx * moved.x * moved.x + 2.0 * xy * moved.x * moved.y + yy * moved.y * moved.y;
@@ -127,7 +127,7 @@ pub(super) fn frozen(looks: &[Look], confirmed: &[Option<PixelBox>]) -> Vec<bool
         let boxes = before.zip(box_at(tick));
         boxes.is_some_and(|(before, now)| {
             let centre = |seen: PixelBox| DVec2::new(seen.cx_px, seen.cy_px);
-            centre(before).distance(centre(now)) <= MOST_EQUAL_PX + MOST_EQUAL_PART * now.width_px
+            centre(before).distance(centre(now)) <= MAX_EQUAL_PX + MAX_EQUAL_PART * now.width_px
         })
     };
     let equal: Vec<bool> = (0..looks.len())
@@ -163,7 +163,7 @@ fn changes_elsewhere(tick: usize, looks: &[Look]) -> bool {
     let (Some(own), Some(&usual)) = (whole(tick), others.get(others.len() / 2)) else {
         return false;
     };
-    usual >= LEAST_WHOLE_LEVELS && own >= NEW_PART * usual
+    usual >= MIN_WHOLE_LEVELS && own >= NEW_PART * usual
 }
 
 /// True if an image changed far less than nearly all others around it.
@@ -181,10 +181,10 @@ fn changes_least(tick: usize, looks: &[Look]) -> bool {
         .iter()
         .filter(|levels| **levels <= SMALL_PART * usual);
     others.len() >= NEAR
-        && looks[tick].time_s - looks[tick - 1].time_s >= LEAST_GAP_S
-        && usual >= LEAST_USUAL_LEVELS
-        && own <= LEAST_PART * usual
-        && equal.count() <= MOST_SMALL
+        && looks[tick].time_s - looks[tick - 1].time_s >= MIN_GAP_S
+        && usual >= MIN_USUAL_LEVELS
+        && own <= MIN_PART * usual
+        && equal.count() <= MAX_SMALL
 }
 
 /// True if the aircraft moves too much for a run of equal images.
@@ -198,7 +198,7 @@ fn moves(
     let before = (0..run.start).rev().filter(live).take(BOXES);
     let after = (run.end..looks.len()).filter(live).take(BOXES);
     let ticks: Vec<usize> = before.chain(after).collect();
-    if ticks.len() < FEWEST_BOXES {
+    if ticks.len() < MIN_BOXES {
         return false;
     }
     let boxes: Vec<(f64, PixelBox)> = (ticks.into_iter())
@@ -219,7 +219,7 @@ fn moves(
         let whole = change.expected_levels(moved_px_s * seconds, grown_s * seconds, seen);
         expected = expected.max(whole);
     }
-    expected >= LEAST_EXPECTED_LEVELS && expected >= LEAST_RATIO * levels
+    expected >= MIN_EXPECTED_LEVELS && expected >= MIN_RATIO * levels
 }
 
 /// Slope of values over time: the median over pairs (Theil and Sen).

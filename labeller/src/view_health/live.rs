@@ -19,24 +19,24 @@ use crate::view_health::camera_motion::Turn;
 const FIRST_LOOKS: usize = 11;
 const FIRST_S: f64 = 2.5;
 /// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
-const MOST_EQUAL_LEVELS: f64 = 0.3;
+const MAX_EQUAL_LEVELS: f64 = 0.3;
 /// Times in which an aircraft should have moved, seconds.
 const MOVED_IN_S: [f64; 3] = [1.0, 3.0, 10.0];
 /// Boxes are remembered so often and for so long, seconds.
 const BOX_EACH_S: f64 = 0.2;
 const BOXES_S: f64 = 21.0;
 /// Boxes that give its motion, over at least this part of the time.
-const FEWEST_BOXES: usize = 4;
-const LEAST_PART: f64 = 0.7;
+const MIN_BOXES: usize = 4;
+const MIN_PART: f64 = 0.7;
 /// Motion that is expected at least, pixels, and the part of it that an image that repeats another one has at most.
-const LEAST_MOVED_PX: f64 = 3.0;
-const MOST_MOVED_PART: f64 = 1.0 / 3.0;
+const MIN_MOVED_PX: f64 = 3.0;
+const MAX_MOVED_PART: f64 = 1.0 / 3.0;
 /// Rows that are compared: one of so many.
 const ROW_STEP: usize = 16;
 /// An image has noise if this part of its rows differ from the one before, and a view does if this part of so many images had.
 const NOISY_ROWS: f64 = 0.5;
 const NOISY_IMAGES: f64 = 0.9;
-const FEWEST_NOISY: u32 = 50;
+const MIN_NOISY: u32 = 50;
 /// Weight of a new image among those before it.
 const NEW_WEIGHT: f64 = 0.02;
 /// Without any change for so long, seconds, and in so many images, a view that had noise is frozen.
@@ -149,7 +149,7 @@ impl ExpectedMotion {
     fn repeats(&mut self, look: &Look, counted: Option<PixelBox>) -> bool {
         let now_s = look.time_s;
         let is_equal = look.change.is_some_and(|change| {
-            change.levels <= MOST_EQUAL_LEVELS && change.whole_levels <= MOST_EQUAL_LEVELS
+            change.levels <= MAX_EQUAL_LEVELS && change.whole_levels <= MAX_EQUAL_LEVELS
         });
         self.equal = match (self.last, self.equal) {
             (Some((last_s, Some(_))), None) if is_equal && counted.is_some() => Some((last_s, 1)),
@@ -181,7 +181,7 @@ impl ExpectedMotion {
                 && self
                     .moved_px(now_s, seconds, seen)
                     .is_some_and(|[expected_px, moved_px]| {
-                        expected_px >= LEAST_MOVED_PX && moved_px < MOST_MOVED_PART * expected_px
+                        expected_px >= MIN_MOVED_PX && moved_px < MAX_MOVED_PART * expected_px
                     })
         })
     }
@@ -193,7 +193,7 @@ impl ExpectedMotion {
             .filter(|(at_s, _)| (start_s - seconds..=start_s).contains(at_s))
             .collect();
         let (first, last) = (before.first()?, before.last()?);
-        if before.len() < FEWEST_BOXES || last.0 - first.0 < LEAST_PART * seconds {
+        if before.len() < MIN_BOXES || last.0 - first.0 < MIN_PART * seconds {
             return None;
         }
         let rate = |value: fn(&PixelBox) -> f64| {
@@ -245,7 +245,7 @@ impl Noise {
             return false;
         }
         self.equal = self.equal.saturating_add(1);
-        let is_noisy = self.images >= FEWEST_NOISY && self.share >= NOISY_IMAGES;
+        let is_noisy = self.images >= MIN_NOISY && self.share >= NOISY_IMAGES;
         self.is_frozen |=
             is_noisy && self.equal >= EQUAL_IMAGES && now_s - self.changed_s >= EQUAL_S;
         self.is_frozen

@@ -27,9 +27,9 @@ const UNIT_PX: f64 = 1_000.0;
 /// of a lag into an error of the cameras.
 const PRIOR_WEIGHT: f64 = 7e-3;
 /// Fewer sightings say nothing.
-const FEWEST: f64 = 40.0;
+const MIN_COUNT: f64 = 40.0;
 /// The flight's distances from the line have no smaller standard deviation, pixels.
-const LEAST_SD_PX: f64 = 0.1;
+const MIN_SD_PX: f64 = 0.1;
 /// Residuals of so many standard deviations have half the weight, in so many rounds.
 const CAUCHY: f64 = 2.5;
 const ROUNDS: usize = 20;
@@ -126,7 +126,7 @@ pub(crate) struct ViewRelation {
 impl ViewRelation {
     /// `None` of too few sightings.
     pub(crate) fn robust(sightings: &[CommonSighting]) -> Option<Self> {
-        if (sightings.len() as f64) < FEWEST {
+        if (sightings.len() as f64) < MIN_COUNT {
             return None;
         }
         let mut weights = vec![1.0; sightings.len()];
@@ -146,7 +146,7 @@ impl ViewRelation {
             }
             relation = Some(Self {
                 offset: fit.with_sd(&unknowns, excess)?,
-                sd_px: deviation_from_zero(sightings.iter().map(off_px)).max(LEAST_SD_PX),
+                sd_px: deviation_from_zero(sightings.iter().map(off_px)).max(MIN_SD_PX),
                 unknowns,
             });
         }

@@ -13,14 +13,14 @@ use super::{Compared, Report};
 use crate::verbs::output::{count, print_after, print_table};
 
 /// Maximum number of rows: with more scenarios, conditions are shown instead.
-const MOST_ROWS: usize = 200;
+const MAX_ROWS: usize = 200;
 /// Maximum number of changed or removed scenarios listed.
-const MOST_DIFFERENCES: usize = 10;
+const MAX_DIFFERENCES: usize = 10;
 
 impl Report<'_> {
     /// Prints the plan: rows, then totals, then the difference.
     pub(super) fn show(&self, all: bool) {
-        if all || self.plan.scenarios.len() <= MOST_ROWS {
+        if all || self.plan.scenarios.len() <= MAX_ROWS {
             self.show_scenarios();
         } else {
             self.show_conditions();
@@ -82,10 +82,10 @@ impl Report<'_> {
             *count += 1;
             *ticks += u64::from(scenario.ticks);
         }
-        let hidden = conditions.len().saturating_sub(MOST_ROWS);
+        let hidden = conditions.len().saturating_sub(MAX_ROWS);
         let rows: Vec<Vec<String>> = conditions
             .into_iter()
-            .take(MOST_ROWS)
+            .take(MAX_ROWS)
             .map(|([time, weather, flight], (count, ticks, sun))| {
                 vec![
                     time.to_owned(),
@@ -249,16 +249,16 @@ impl Report<'_> {
             );
         }
         let marked = || against.weather.values().flat_map(|weather| &weather.marked);
-        for (id, differences) in marked().take(MOST_DIFFERENCES) {
+        for (id, differences) in marked().take(MAX_DIFFERENCES) {
             print_after("marked      ", &format!("{id}: {}", differences.join("; ")));
         }
-        for (id, what) in against.damaged.iter().take(MOST_DIFFERENCES) {
+        for (id, what) in against.damaged.iter().take(MAX_DIFFERENCES) {
             print_after("damaged     ", &format!("{id}: {what}"));
         }
-        for change in changed.iter().take(MOST_DIFFERENCES) {
+        for change in changed.iter().take(MAX_DIFFERENCES) {
             print_after("changed     ", &format!("{}: {}", change.id, change.what));
         }
-        for id in removed.iter().take(MOST_DIFFERENCES) {
+        for id in removed.iter().take(MAX_DIFFERENCES) {
             println!("removed     {id}");
         }
         let listed = [
@@ -268,7 +268,7 @@ impl Report<'_> {
             marked().count(),
         ];
         let hidden: usize = listed
-            .map(|number| number.saturating_sub(MOST_DIFFERENCES))
+            .map(|number| number.saturating_sub(MAX_DIFFERENCES))
             .iter()
             .sum();
         if hidden > 0 {

@@ -29,7 +29,7 @@ const STEP: (usize, usize) = (4, 2);
 const BLURS_PX: [f64; 3] = [3.0, 1.5, 0.7];
 const STEPS: usize = 12;
 /// A smaller squared correlation is none.
-const LEAST_CORRELATION: f64 = 0.3;
+const MIN_CORRELATION: f64 = 0.3;
 /// Noise of a mean image is at least this, grey levels.
 const NOISE_LEVELS: f64 = 0.1;
 /// Neighbouring pixels share their errors, so that this many count as one.
@@ -353,7 +353,7 @@ impl Told {
             |i: usize, k: usize| about_means(i, k) - about_means(0, i) * about_means(0, k) / power;
         let rest = left(1, 1);
         let correlation = 1.0 - rest / (about_means(1, 1) + 1e-6);
-        if correlation <= LEAST_CORRELATION {
+        if correlation <= MIN_CORRELATION {
             return None;
         }
         let variance = (rest / (count - 4.0)).max(NOISE_LEVELS.powi(2)) * SHARED;

@@ -109,7 +109,7 @@ fn a_background_without_anything_in_common_is_not_aligned() {
         .motion(0, &noise)
         .map(|measured| views.located(0, &measured));
     assert!(
-        located.is_none_or(|located| located.sd_px > MOST_SD_PX),
+        located.is_none_or(|located| located.sd_px > MAX_SD_PX),
         "{located:?}"
     );
 }

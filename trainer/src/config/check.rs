@@ -11,21 +11,21 @@ use crate::samples::sides::leave_out::LeftOut;
 /// Units of a layer, and layers of a stack: four times as wide and deep as in the paper. With layers at these limits, a training on two
 /// views takes 2 GiB, and 3.5 MB per sample of a batch.
 const WIDTHS: RangeInclusive<usize> = 1..=1_024;
-const MOST_LAYERS: usize = 8;
+const MAX_LAYERS: usize = 8;
 const STEPS: RangeInclusive<usize> = 1..=100_000_000;
 const BATCH_SIZES: RangeInclusive<usize> = 1..=8_192;
 /// Maximum number of entries of a convergence log.
-const MOST_ENTRIES: usize = 100_000;
-const MOST_LEARNING_RATE: f64 = 10.0;
+const MAX_ENTRIES: usize = 100_000;
+const MAX_LEARNING_RATE: f64 = 10.0;
 /// Beyond this, shares, weights and percentages are meaningless.
-const MOST_RATIO: f64 = 1e6;
+const MAX_RATIO: f64 = 1e6;
 /// Of the scenarios, for test or validation: half of them remain at least.
-const MOST_SHARE: f64 = 0.45;
+const MAX_SHARE: f64 = 0.45;
 /// Units in which single-precision networks still learn.
 const UNITS_NM: RangeInclusive<f64> = 0.01..=10_000.0;
-const MOST_DEVIATION_M: f64 = 100_000.0;
+const MAX_DEVIATION_M: f64 = 100_000.0;
 /// Smallest accepted standard deviation of a camera's prior: a smaller one is numerically indistinguishable from certainty.
-const LEAST_SD: f64 = 1e-6;
+const MIN_SD: f64 = 1e-6;
 
 impl TrainConfig {
     /// Checks that every setting is in its range.
@@ -56,7 +56,7 @@ impl TrainConfig {
                 ("scenario_split.test_share", split.test_share),
                 ("scenario_split.validation_share", split.validation_share),
             ] {
-                number(setting, share, 0.0..=MOST_SHARE)?;
+                number(setting, share, 0.0..=MAX_SHARE)?;
             }
             if let Some(left_out) = &self.leave_out {
                 return Err(Error::Setting {
@@ -73,12 +73,12 @@ impl TrainConfig {
         number(
             "calibration.plateau_threshold_pct",
             c.plateau_threshold_pct,
-            0.0..=MOST_RATIO,
+            0.0..=MAX_RATIO,
         )?;
         number(
             "calibration.gap_threshold_pct",
             c.gap_threshold_pct,
-            0.0..=MOST_RATIO,
+            0.0..=MAX_RATIO,
         )?;
         optimisation("calibration", &c.optimisation)?;
         whole("calibration.first_cycle", c.first_cycle, STEPS)?;
@@ -87,14 +87,14 @@ impl TrainConfig {
         let e = &self.estimator;
         layers("estimator.lstm", &e.lstm, 1)?;
         layers("estimator.head_hidden", &e.head_hidden, 0)?;
-        number("estimator.alone_weight", e.alone_weight, 0.0..=MOST_RATIO)?;
+        number("estimator.alone_weight", e.alone_weight, 0.0..=MAX_RATIO)?;
         number("estimator.together_first", e.together_first, 0.0..=1.0)?;
         optimisation("estimator", &e.optimisation)?;
         whole("estimator.first_cycle", e.first_cycle, STEPS)?;
         number(
             "estimator.plateau_threshold_pct",
             e.plateau_threshold_pct,
-            0.0..=MOST_RATIO,
+            0.0..=MAX_RATIO,
         )?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
         patience("estimator.patience", e.patience)?;
@@ -103,12 +103,12 @@ impl TrainConfig {
             (
                 "self_calibration.position_sd_m",
                 s.position_sd_m,
-                MOST_DEVIATION_M,
+                MAX_DEVIATION_M,
             ),
             ("self_calibration.turn_sd_deg", s.turn_sd_deg, 90.0),
             ("self_calibration.focal_sd_pct", s.focal_sd_pct, 1_000.0),
         ] {
-            number(setting, sd, LEAST_SD..=most)?;
+            number(setting, sd, MIN_SD..=most)?;
         }
         let m = &self.mono;
         layers("mono.hidden", &m.hidden, 0)?;
@@ -116,7 +116,7 @@ impl TrainConfig {
         number(
             "mono.plateau_threshold_pct",
             m.plateau_threshold_pct,
-            0.0..=MOST_RATIO,
+            0.0..=MAX_RATIO,
         )?;
         optimisation("mono", &m.optimisation)
     }
@@ -150,11 +150,11 @@ fn whole(setting: &str, found: usize, allowed: RangeInclusive<usize>) -> Result<
 }
 
 fn layers(setting: &str, widths: &[usize], least: usize) -> Result<()> {
-    if !(least..=MOST_LAYERS).contains(&widths.len()) {
+    if !(least..=MAX_LAYERS).contains(&widths.len()) {
         return Err(Error::Setting {
             setting: setting.to_owned(),
             found: format!("{} layers", widths.len()),
-            expected: format!("{least} to {MOST_LAYERS}"),
+            expected: format!("{least} to {MAX_LAYERS}"),
         });
     }
     widths
@@ -166,22 +166,22 @@ fn optimisation(stage: &str, found: &Optimisation) -> Result<()> {
     let setting = |key: &str| format!("{stage}.optimisation.{key}");
     whole(&setting("steps"), found.steps, STEPS)?;
     whole(&setting("batch_size"), found.batch_size, BATCH_SIZES)?;
-    if found.learning_rate > 0.0 && found.learning_rate <= MOST_LEARNING_RATE {
+    if found.learning_rate > 0.0 && found.learning_rate <= MAX_LEARNING_RATE {
         return Ok(());
     }
     Err(Error::Setting {
         setting: setting("learning_rate"),
         found: found.learning_rate.to_string(),
-        expected: format!("a number above 0, at most {MOST_LEARNING_RATE}"),
+        expected: format!("a number above 0, at most {MAX_LEARNING_RATE}"),
     })
 }
 
 fn patience(setting: &str, found: Option<usize>) -> Result<()> {
-    found.map_or(Ok(()), |entries| whole(setting, entries, 1..=MOST_ENTRIES))
+    found.map_or(Ok(()), |entries| whole(setting, entries, 1..=MAX_ENTRIES))
 }
 
 fn log_every(setting: &str, found: usize, training: &Optimisation) -> Result<()> {
-    let least = training.steps.div_ceil(MOST_ENTRIES);
+    let least = training.steps.div_ceil(MAX_ENTRIES);
     if found >= least {
         return Ok(());
     }
@@ -189,7 +189,7 @@ fn log_every(setting: &str, found: usize, training: &Optimisation) -> Result<()>
         setting: setting.to_owned(),
         found: format!("{found:?}"),
         expected: format!(
-            "at least {least}: {} steps make {MOST_ENTRIES} entries of the log at most",
+            "at least {least}: {} steps make {MAX_ENTRIES} entries of the log at most",
             training.steps
         ),
     })

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use burn::store::{RecordError, SafetensorsStoreError};
 use dataset::corpus::seal::{DONE, MANIFEST};
-use dataset::numbers::limits::{FieldOutOfLimits, MOST_VIEWS};
+use dataset::numbers::limits::{FieldOutOfLimits, MAX_VIEWS};
 
 /// Fault of a run's folder or of one of its files, with its remedy.
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +63,7 @@ pub enum RunFault {
     },
     /// Its files contradict each other.
     #[error(
-        "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each, 1 to {MOST_VIEWS}"
+        "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each, 1 to {MAX_VIEWS}"
     )]
     Lengths { views: usize, lengths: [usize; 5] },
     /// The fits of `inverse_range` are not of its views.

@@ -38,7 +38,7 @@ use row_misfit::{RowRelation, row_misfit_px};
 const TICKS_PER_COEFFICIENT: usize = 3;
 /// Largest set of views with a separate fit, because the number of coefficients grows with the square; larger sets are covered by their
 /// pairs.
-const MOST_VIEWS: usize = 4;
+const MAX_VIEWS: usize = 4;
 /// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
 const FARTHEST_SETBACK_M: f64 = 20_000.0;
 /// Moves of residuals that end an iteration, in deviations: while `s` is searched, and for the coefficients.
@@ -214,7 +214,7 @@ fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
     };
     let together: BTreeSet<Vec<usize>> = training.iter().map(seen).collect();
     for set in together {
-        if set.len() <= MOST_VIEWS {
+        if set.len() <= MAX_VIEWS {
             sets.insert(set);
             continue;
         }

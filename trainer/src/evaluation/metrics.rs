@@ -370,7 +370,7 @@ fn by_key<'a, 'b>(
 }
 
 /// Maximum number of bins. If `bin_nm` would give more, bins are an integer number of times as wide.
-const MOST_BINS: f64 = 200.0;
+const MAX_BINS: f64 = 200.0;
 
 /// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest outcome to the bin of the farthest.
 pub(crate) fn distance_bins<'a>(
@@ -386,7 +386,7 @@ pub(crate) fn distance_bins<'a>(
         return Vec::new();
     };
     let wanted = (farthest / bin_nm).floor() - (nearest / bin_nm).floor() + 1.0;
-    let width_nm = bin_nm * (wanted / MOST_BINS).ceil().max(1.0);
+    let width_nm = bin_nm * (wanted / MAX_BINS).ceil().max(1.0);
     let bin_of = |outcome: &Outcome| (distance_nm(outcome) / width_nm) as usize;
     let first = (nearest / width_nm) as usize;
     let count = (farthest / width_nm) as usize - first + 1;
@@ -515,7 +515,7 @@ mod tests {
         ];
         for bin_nm in [0.01, 1.0] {
             let bins = distance_bins(&outcomes, bin_nm);
-            assert!(bins.len() <= MOST_BINS as usize + 1, "{}", bins.len());
+            assert!(bins.len() <= MAX_BINS as usize + 1, "{}", bins.len());
             let held: usize = bins.iter().map(|(_, inside)| inside.len()).sum();
             assert_eq!(held, 2);
             let ([from_nm, to_nm], inside) = bins.last().unwrap();

@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn fog_hides_an_aircraft_here_where_it_does_so_for_the_detector() {
         let hidden_below = EvaluationRules::current().hidden_below_transmission;
-        assert_eq!(hidden_below, dataset::conditions::sight::LEAST_TRANSMISSION);
+        assert_eq!(hidden_below, dataset::conditions::sight::MIN_TRANSMISSION);
     }
 
     #[test]

@@ -18,10 +18,10 @@ use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
 
 /// Slower towards the target is no arrival, m/s: a light aircraft against the wind.
-const LEAST_CLOSING_MPS: f64 = 25.0;
+const MIN_CLOSING_MPS: f64 = 25.0;
 /// A climb of an arrival is slower, and a descent after one is at least as fast, m/s.
-const MOST_CLIMB_MPS: f64 = 3.0;
-const LEAST_DESCENT_MPS: f64 = 1.0;
+const MAX_CLIMB_MPS: f64 = 3.0;
+const MIN_DESCENT_MPS: f64 = 1.0;
 /// A shorter climb is a gust, seconds.
 const CLIMB_S: f64 = 3.0;
 /// Within this distance a climb is a missed approach, which ends with a descent and not with level flight, metres.
@@ -30,17 +30,17 @@ const MISSED_WITHIN_M: f64 = 8_000.0;
 const SURE: f64 = 2.5;
 /// Ticks of this time count, and the last ones if they are slower, seconds.
 const WINDOW_S: f64 = 10.0;
-const FEWEST: usize = 6;
+const MIN_COUNT: usize = 6;
 /// Shorter tracks say nothing, seconds.
-const SHORTEST_S: f64 = 1.5;
+const MIN_S: f64 = 1.5;
 /// Ticks that follow each other faster are left out, seconds.
 const STEP_S: f64 = 0.2;
 /// Errors of so many consecutive ticks are alike.
 const ALIKE: f64 = 3.0;
 /// Least standard deviation of an elevation: a third of a pixel at a focal length of 11,000 px, radians.
-const LEAST_ELEVATION_SD: f64 = 3e-5;
+const MIN_ELEVATION_SD: f64 = 3e-5;
 /// The part of the new errors of a measurement that is assumed at least.
-const LEAST_NEW_PART: f64 = 0.5;
+const MIN_NEW_PART: f64 = 0.5;
 
 /// Phase of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -118,7 +118,7 @@ impl PhaseJudge {
         let now_s = seen.time_s;
         self.seen.push_back(seen);
         let is_old = |seen: &Seen| now_s - seen.time_s > WINDOW_S;
-        while self.seen.len() > FEWEST && self.seen.front().is_some_and(is_old) {
+        while self.seen.len() > MIN_COUNT && self.seen.front().is_some_and(is_old) {
             self.seen.pop_front();
         }
         self.judge();
@@ -132,24 +132,24 @@ impl PhaseJudge {
             .collect();
         let lasted_s = last.time_s - alike[0].time_s;
         let distances = alike.iter().map(|seen| (seen.time_s, seen.distance_m));
-        let Some(closing) = Slope::of(distances.collect(), LEAST_NEW_PART * last.new_m) else {
+        let Some(closing) = Slope::of(distances.collect(), MIN_NEW_PART * last.new_m) else {
             return;
         };
         let forgotten = 1.0 - 0.5_f64.powf(lasted_s / last.half_time_s);
         let slow_mps = last.slow_m * (2.0 * forgotten).sqrt() / lasted_s;
         let (speed_mps, sd_mps) = (-closing.per_s, SURE * closing.sd.hypot(slow_mps));
-        if speed_mps + sd_mps < LEAST_CLOSING_MPS {
+        if speed_mps + sd_mps < MIN_CLOSING_MPS {
             self.is_slow = true;
-        } else if speed_mps - sd_mps > LEAST_CLOSING_MPS {
+        } else if speed_mps - sd_mps > MIN_CLOSING_MPS {
             self.is_slow = false;
         }
         if let Some((climb_mps, sd_mps)) = climb_mps(&alike, closing) {
             let ends_mps = if last.distance_m <= MISSED_WITHIN_M {
-                -LEAST_DESCENT_MPS
+                -MIN_DESCENT_MPS
             } else {
-                MOST_CLIMB_MPS
+                MAX_CLIMB_MPS
             };
-            if climb_mps - SURE * sd_mps > MOST_CLIMB_MPS && lasted_s >= CLIMB_S {
+            if climb_mps - SURE * sd_mps > MAX_CLIMB_MPS && lasted_s >= CLIMB_S {
                 self.climbs = true;
             } else if climb_mps + SURE * sd_mps < ends_mps {
                 self.climbs = false;
@@ -169,7 +169,7 @@ fn climb_mps(seen: &[&Seen], closing: Slope) -> Option<(f64, f64)> {
     };
     let elevations = (0..views).map(of_view).max_by_key(Vec::len)?;
     let mut angles: Vec<f64> = elevations.iter().map(|(_, angle)| *angle).collect();
-    let slope = Slope::of(elevations, LEAST_ELEVATION_SD)?;
+    let slope = Slope::of(elevations, MIN_ELEVATION_SD)?;
     let mut ranges_m: Vec<f64> = seen.iter().map(|seen| seen.range_m).collect();
     let (elevation, range_m) = (median(&mut angles), median(&mut ranges_m));
     let climb_mps = closing.per_s * elevation.sin() + range_m * slope.per_s * elevation.cos();
@@ -211,7 +211,7 @@ impl Slope {
     /// Of numbers over time whose errors are at least as large as this; `None` of too few, or too short a time.
     fn of(numbers: Vec<(f64, f64)>, least_sd: f64) -> Option<Self> {
         let lasted_s = numbers.last()?.0 - numbers.first()?.0;
-        if numbers.len() < FEWEST || lasted_s < SHORTEST_S {
+        if numbers.len() < MIN_COUNT || lasted_s < MIN_S {
             return None;
         }
         let pairs =

@@ -5,13 +5,13 @@
 use std::ops::Range;
 
 /// Rows that are worked on together: what they need stays in a core's cache.
-const MOST_ROWS: usize = 256;
+const MAX_ROWS: usize = 256;
 /// Parts at least, for two cores.
-const LEAST_PARTS: usize = 2;
+const MIN_PARTS: usize = 2;
 
 /// The parts of a batch, in their order: two, and more if it has more than 512 rows.
 pub(crate) fn row_parts(rows: usize) -> Vec<Range<usize>> {
-    let parts = rows.div_ceil(MOST_ROWS).max(LEAST_PARTS).min(rows);
+    let parts = rows.div_ceil(MAX_ROWS).max(MIN_PARTS).min(rows);
     let starts = (0..parts).map(|part| rows * part / parts);
     starts
         .enumerate()

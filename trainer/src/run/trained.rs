@@ -250,9 +250,9 @@ impl Networks {
 }
 
 /// No training produces such a number in a network.
-const MOST_WEIGHT: f32 = 1e6;
+const MAX_WEIGHT: f32 = 1e6;
 /// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
-const MOST_OF_A_FORMULA: f64 = 1e12;
+const MAX_OF_A_FORMULA: f64 = 1e12;
 
 /// Rejects numbers that make every answer meaningless: NaN, infinities, and those that no training produces.
 fn check_numbers(
@@ -304,13 +304,13 @@ fn check_numbers(
         .chain(baselines.paired_views.constants())
         .chain(baselines.mean_by_time.constants());
     // NaN is not below.
-    if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
+    if let Some(number) = formulas.find(|number| !(0.0..=MAX_OF_A_FORMULA).contains(&number.abs()))
     {
         return Err(sealed.refused(
             RunFolder::BASELINES,
             RunFault::Formula {
                 number,
-                most: MOST_OF_A_FORMULA,
+                most: MAX_OF_A_FORMULA,
             },
         ));
     }
@@ -322,7 +322,7 @@ fn check_numbers(
             RunFolder::WEIGHTS,
             RunFault::Weight {
                 weight,
-                most: MOST_WEIGHT,
+                most: MAX_WEIGHT,
             },
         )),
     }
@@ -336,7 +336,7 @@ impl ModuleVisitor for WorstWeight {
         let data = param.val().into_data();
         let bad = data
             .iter::<f32>()
-            .find(|weight| !(0.0..=MOST_WEIGHT).contains(&weight.abs()));
+            .find(|weight| !(0.0..=MAX_WEIGHT).contains(&weight.abs()));
         self.0 = self.0.or(bad);
     }
 }
@@ -420,7 +420,7 @@ impl TrainedRun {
             baselines.pinholes.len(),
             baselines.centre_offsets.len(),
         ];
-        let is_possible = (1..=limits::MOST_VIEWS).contains(&views);
+        let is_possible = (1..=limits::MAX_VIEWS).contains(&views);
         if !is_possible || lengths.iter().any(|&length| length != views) {
             let fault = RunFault::Lengths { views, lengths };
             return Err(sealed.refused(RunFolder::NORMALISATION, fault));

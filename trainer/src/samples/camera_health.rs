@@ -23,7 +23,7 @@ use crate::samples::{CommonError, Observation};
 
 /// A direction that is off with a larger standard deviation is not corrected, pixels: at ten nautical miles such an error is 0.1 % of the
 /// distance with masts 600 m apart.
-const MOST_SD_PX: f64 = 0.3;
+const MAX_SD_PX: f64 = 0.3;
 
 /// Condition of the cameras of a scenario where they were not well.
 pub(crate) struct CameraHealth<'a> {
@@ -189,7 +189,7 @@ impl<'a> CameraHealth<'a> {
             Some(row) if row.state == HealthState::Frozen => None,
             Some(row) if is_hidden_shake(row) && self.hidden_sd_px[view].is_some() => Some(place),
             Some(row) => {
-                let turn = row.motion.filter(|turn| turn.shift_sd_px <= MOST_SD_PX)?;
+                let turn = row.motion.filter(|turn| turn.shift_sd_px <= MAX_SD_PX)?;
                 Some(turn.usual_place(&self.cameras[view], place))
             }
         };

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::{Map, Value};
 
 /// Differences beyond this number are counted, not named.
-const MOST_NAMED: usize = 8;
+const MAX_NAMED: usize = 8;
 
 /// The differences, each as the path of the value, its value here and that there.
 pub(crate) fn json_differences(here: &Value, there: &Value) -> Vec<String> {
@@ -41,8 +41,8 @@ pub(crate) fn collect(path: &str, here: &Value, there: &Value, found: &mut Vec<S
 
 /// As many as are named.
 pub(crate) fn named(mut differences: Vec<String>) -> Vec<String> {
-    let more = differences.len().saturating_sub(MOST_NAMED);
-    differences.truncate(MOST_NAMED);
+    let more = differences.len().saturating_sub(MAX_NAMED);
+    differences.truncate(MAX_NAMED);
     if more > 0 {
         differences.push(format!("and {more} more"));
     }

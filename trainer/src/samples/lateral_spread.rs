@@ -10,7 +10,7 @@ const NEAREST_M: f64 = METERS_PER_NAUTICAL_MILE;
 /// Width of a bin of distance, metres.
 const BIN_M: f64 = METERS_PER_NAUTICAL_MILE;
 /// A bin with fewer ticks has no spread.
-const LEAST_TICKS: usize = 3;
+const MIN_TICKS: usize = 3;
 
 /// Standard deviation of the cross-track position at equal distances, metres: the median over bins of a nautical mile, so that one
 /// intercept far out does not count for the whole approach. 0 without enough ticks.
@@ -23,7 +23,7 @@ pub(crate) fn lateral_spread_m(samples: &[&Sample]) -> f64 {
         }
         bins[bin].push(sample.cross_track_m);
     }
-    let filled = bins.iter().filter(|bin| bin.len() >= LEAST_TICKS);
+    let filled = bins.iter().filter(|bin| bin.len() >= MIN_TICKS);
     let deviations = filled.map(|bin| mean_and_deviation(bin.iter().copied())[1]);
     let mut spreads: Vec<f64> = deviations.collect();
     if spreads.is_empty() {

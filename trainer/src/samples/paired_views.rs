@@ -24,7 +24,7 @@ pub(crate) use aside::{Aside, AsideWatch};
 pub(crate) use follower::Follower;
 use follower::{InSight, Learned};
 use path::{Path, Sighting};
-use relation::{LEAST_PAIRS, Relation};
+use relation::{MIN_PAIRS, Relation};
 
 /// The relations of a rig's views, and the paths in each.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -67,7 +67,7 @@ impl PairedViews {
             format!(
                 "views {one} and {other}: fewer than {} training flights were seen by both for a minute, so a camera that is turned in fog \
                  will not be noticed",
-                aside::FEWEST_FLIGHTS
+                aside::MIN_FLIGHTS
             )
         });
         let pairs =
@@ -78,7 +78,7 @@ impl PairedViews {
                 let [one, other] = pair.map(|view| &views[view]);
                 format!(
                     "views {one} and {other} are not compared: both see the aircraft in {} ticks of the training side, expected at least \
-                     {LEAST_PAIRS}; the best box of each view counts, also if they are of different objects",
+                     {MIN_PAIRS}; the best box of each view counts, also if they are of different objects",
                     pairs_of(pair, true_boxes).iter().flatten().count()
                 )
             })

@@ -28,9 +28,9 @@ use dropped_boxes::Droppings;
 pub(crate) use dropped_boxes::{DroppedBoxes, DroppedByView};
 
 /// Boxes per view that a camera is fitted to; more hardly change it, ...
-const MOST_BOXES: usize = 2_000;
+const MAX_BOXES: usize = 2_000;
 /// ... unless this leaves fewer of a scenario, whose own offset needs some.
-const LEAST_BOXES_OF_SCENARIO: usize = 32;
+const MIN_BOXES_OF_SCENARIO: usize = 32;
 
 /// The fitted camera of each view.
 #[derive(Debug, Clone)]
@@ -56,9 +56,9 @@ impl TrainingCameras {
                 Some(Seen::new(sample.scenario, camera, at_m, centre_px))
             });
             let boxes: Vec<Seen> = boxes.collect();
-            let step = boxes.len().div_ceil(MOST_BOXES).max(1);
+            let step = boxes.len().div_ceil(MAX_BOXES).max(1);
             let thinned = |flight: &[Seen]| {
-                let step = step.min(flight.len() / LEAST_BOXES_OF_SCENARIO).max(1);
+                let step = step.min(flight.len() / MIN_BOXES_OF_SCENARIO).max(1);
                 flight.iter().step_by(step).copied().collect::<Vec<_>>()
             };
             let flights = boxes.chunk_by(|a, b| a.scenario == b.scenario);

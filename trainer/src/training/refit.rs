@@ -25,7 +25,7 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::config::TrainConfig;
 use crate::error::{CorpusFault, Error, Result, RunFault};
-use crate::estimators::geometry::self_calibration::{LEAST_TICKS, SelfCalibrated};
+use crate::estimators::geometry::self_calibration::{MIN_TICKS, SelfCalibrated};
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::mono::pinhole::Pinhole;
 use crate::evaluation::split_again;
@@ -45,7 +45,7 @@ use crate::samples::{DistanceRange, Sample, Samples};
 use network_refit::{RefitSamples, refit_network};
 
 /// Approaches that a refit may use.
-pub const MOST_APPROACHES: usize = 10;
+pub const MAX_APPROACHES: usize = 10;
 /// Number of different flights below which errors are poorly known: with three, 90 % intervals contain less than two thirds of the true
 /// values.
 const FEW_FLIGHTS: usize = 5;
@@ -57,7 +57,7 @@ const JUDGED_ONE_OF: usize = 5;
 pub struct RefitConfig {
     /// The view of the camera.
     pub view: String,
-    /// Number of approaches, the first of the training side; at most [`MOST_APPROACHES`].
+    /// Number of approaches, the first of the training side; at most [`MAX_APPROACHES`].
     pub approaches: usize,
 }
 
@@ -70,11 +70,11 @@ pub fn refit(
     watch: &dyn Watch,
 ) -> Result<Refit> {
     let started = Instant::now();
-    if !(1..=MOST_APPROACHES).contains(&config.approaches) {
+    if !(1..=MAX_APPROACHES).contains(&config.approaches) {
         return Err(Error::Setting {
             setting: "scenarios".into(),
             found: config.approaches.to_string(),
-            expected: format!("a number from 1 to {MOST_APPROACHES}"),
+            expected: format!("a number from 1 to {MAX_APPROACHES}"),
         });
     }
     let same = |a: &Path, b: &Path| {
@@ -172,14 +172,14 @@ fn approaches(
     let ticks = of_scenarios(samples, &chosen)
         .filter(|sample| sample.boxes[view].is_some())
         .count();
-    if ticks >= LEAST_TICKS {
+    if ticks >= MIN_TICKS {
         return Ok(chosen);
     }
     let fault = CorpusFault::TooFewTicks {
         view: config.view.clone(),
         approaches: chosen.len(),
         ticks,
-        least: LEAST_TICKS,
+        least: MIN_TICKS,
     };
     Err(Error::corpus(corpus.root(), fault))
 }

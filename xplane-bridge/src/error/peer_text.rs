@@ -2,12 +2,12 @@
 //! characters.
 
 /// Characters of a text that are quoted.
-const MOST_CHARACTERS: usize = 500;
+const MAX_CHARACTERS: usize = 500;
 
 /// The beginning of a text, safe to print.
 pub(crate) fn quoted(text: &str) -> String {
-    let mut quoted = String::with_capacity(text.len().min(MOST_CHARACTERS));
-    for c in text.chars().take(MOST_CHARACTERS) {
+    let mut quoted = String::with_capacity(text.len().min(MAX_CHARACTERS));
+    for c in text.chars().take(MAX_CHARACTERS) {
         if c.is_control() {
             quoted.extend(c.escape_default());
         } else {

@@ -219,11 +219,11 @@ fn holds_a_plugin(folder: &Path) -> bool {
 /// The version is in the first lines of a log.
 const LOG_LINES: usize = 10;
 /// Plugins may write a lot into the log of a long session.
-const MOST_LOG_BYTES: u64 = 1 << 30;
+const MAX_LOG_BYTES: u64 = 1 << 30;
 
 /// The version after some words in the first lines of a log.
 fn version_in(log: &Path, words: &str) -> Option<Version> {
-    let bytes = outside_file::read(log, FileKind::new("log", MOST_LOG_BYTES)).ok()?;
+    let bytes = outside_file::read(log, FileKind::new("log", MAX_LOG_BYTES)).ok()?;
     let text = String::from_utf8_lossy(&bytes);
     let found = text
         .lines()

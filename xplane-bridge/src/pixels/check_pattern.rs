@@ -9,7 +9,7 @@
 use super::picture::{Rectangle, RgbPicture};
 
 /// Smallest window that can show the pattern, pixels.
-pub(crate) const SMALLEST_PX: (u32, u32) = (64, 48);
+pub(crate) const MIN_PX: (u32, u32) = (64, 48);
 
 const COLUMNS: u32 = 8;
 const ROWS: u32 = 6;
@@ -32,7 +32,7 @@ const DARK: u8 = 96;
 /// Share of the border's area that must be magenta; with less, something covers the window.
 const BORDER_SEEN: f64 = 0.9;
 /// Minimum difference between white and black, grey levels.
-const LEAST_CONTRAST: f64 = 64.0;
+const MIN_CONTRAST: f64 = 64.0;
 /// A cell is black below the first and white above the second, as a share of the way from black to white.
 const UNDECIDED: (f64, f64) = (0.35, 0.65);
 
@@ -59,7 +59,7 @@ pub enum Unreadable {
     Damaged(Rectangle),
 }
 
-/// The pattern of `code` as an image. A window smaller than [`SMALLEST_PX`] is too small for it.
+/// The pattern of `code` as an image. A window smaller than [`MIN_PX`] is too small for it.
 pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
     let mut picture = RgbPicture::black(width_px, height_px);
     for (rectangle, colour) in rectangles(code, width_px, height_px) {
@@ -79,7 +79,7 @@ pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
 /// There is none, or an incomplete one.
 pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
     let rectangle = border_box(picture).ok_or(Unreadable::Absent)?;
-    let smallest = SMALLEST_PX;
+    let smallest = MIN_PX;
     if rectangle.width_px < smallest.0 / 2 || rectangle.height_px < smallest.1 / 2 {
         return Err(Unreadable::Absent);
     }
@@ -236,7 +236,7 @@ fn border_levels(picture: &RgbPicture, window: Rectangle) -> Option<(f64, f64)> 
     let whole = magenta > 0 && magenta as f64 >= BORDER_SEEN * pixels as f64;
     let white = bright as f64 / (2 * magenta) as f64;
     let black = dark as f64 / magenta as f64;
-    (whole && white - black >= LEAST_CONTRAST).then_some((white, black))
+    (whole && white - black >= MIN_CONTRAST).then_some((white, black))
 }
 
 /// The middle half of a cell in both directions: away from its neighbours.

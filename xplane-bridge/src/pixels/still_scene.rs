@@ -155,9 +155,9 @@ const FADING: f64 = 0.9;
 /// A cell beside a covered one is partly covered if this share of what would cover it has changed.
 const PARTLY: f64 = 0.3;
 /// Images for which a cover counts that only the aircraft hides: two seconds of 60 frames.
-const MOST_HIDDEN_LOOKS: u32 = 120;
+const MAX_HIDDEN_LOOKS: u32 = 120;
 /// With a smaller share of changed values, the shift of the mean is not worth its computation.
-const LEAST_SHARE: f64 = 0.1;
+const MIN_SHARE: f64 = 0.1;
 
 /// The limits of one kind of world.
 #[derive(Debug, Clone, Copy)]
@@ -404,7 +404,7 @@ impl StillScene {
         let (limits, values) = (self.limits, self.grid.values(at));
         let is_learning = self.cells[at].is_learning();
         let (mut before, mut now) = (0.0, 0.0);
-        if is_learning || f64::from(at_least_half) > LEAST_SHARE * f64::from(values) {
+        if is_learning || f64::from(at_least_half) > MIN_SHARE * f64::from(values) {
             before = self.grid.mean(at, &self.latest);
             now = self.grid.mean(at, rgb);
         }
@@ -474,7 +474,7 @@ impl StillScene {
             return;
         }
         self.hidden_looks += 1;
-        if released || self.hidden_looks > MOST_HIDDEN_LOOKS {
+        if released || self.hidden_looks > MAX_HIDDEN_LOOKS {
             self.hidden_looks = 0;
             let known = self.time == WorldTime::Paused;
             for at in hidden {

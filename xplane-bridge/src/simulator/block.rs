@@ -43,9 +43,9 @@ const MORE_BUFFERS: usize = 16;
 /// A screen without any readable code for this long is covered, or its window is gone.
 const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
 /// A grab may show the aircraft as it was so many frames before.
-const MOST_BEHIND: u64 = 8;
+const MAX_BEHIND: u64 = 8;
 /// Maximum number of turns in a row in which no request is sent and no image is expected or delivered: more would never end.
-const MOST_IDLE: u32 = 8;
+const MAX_IDLE: u32 = 8;
 /// If the first images have been covered for so long, the one that they are compared with may show what has gone since.
 const LONG_COVERED: Duration = Duration::from_secs(3);
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
@@ -235,7 +235,7 @@ impl BlockRecording<'_> {
                 if !expects_grabs && !self.sequence.waits_for_answer() {
                     // A skipped probe has proven the images before it.
                     idle += 1;
-                    if idle > MOST_IDLE {
+                    if idle > MAX_IDLE {
                         return Err(PixelError::NoCode {
                             tick: self.block.first_tick + self.sequence.waits_for_tick(),
                             waited: Duration::ZERO,
@@ -457,7 +457,7 @@ impl BlockRecording<'_> {
         let BlockOfTicks {
             camera, size_px, ..
         } = self.block;
-        let oldest = number.saturating_sub(MOST_BEHIND);
+        let oldest = number.saturating_sub(MAX_BEHIND);
         let before = self.drawn.range(..oldest).next_back();
         let drawn = before.into_iter().chain(self.drawn.range(oldest..));
         // Their answers may be due.

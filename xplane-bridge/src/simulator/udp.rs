@@ -25,7 +25,7 @@ const REPEAT_AFTER: Duration = Duration::from_millis(250);
 /// A subscription lives for one value; a high rate brings it soon.
 const FREQUENCY_HZ: i32 = 50;
 /// Refusals after which no program listens at the address: a single one may belong to a simulator that is just starting.
-const MOST_REFUSALS: u32 = 2;
+const MAX_REFUSALS: u32 = 2;
 /// Writes sent at once: they must fit the receiver's buffer together.
 const WRITES_AT_ONCE: usize = 32;
 
@@ -108,7 +108,7 @@ impl UdpClient {
             reading.listen(until, &enough).await;
             if self.socket.is_refused().await {
                 refusals += 1;
-                if refusals == MOST_REFUSALS {
+                if refusals == MAX_REFUSALS {
                     return Err(BridgeError::NobodyAnswers {
                         address: self.socket.simulator(),
                         waited: began.elapsed(),

@@ -31,7 +31,7 @@ const ROLE_MASTER: u32 = 1;
 /// Timeout for each address of a simulator that is heard under several.
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 /// Addresses that are taken from beacons. Anyone on the network can send them, and each address may be asked.
-const MOST_ADDRESSES: usize = 64;
+const MAX_ADDRESSES: usize = 64;
 /// The start of one simulator, as computed from answers at two of its addresses, differs by less than this: X-Plane hangs while it loads.
 const SAME_START: Duration = Duration::from_secs(2);
 
@@ -71,7 +71,7 @@ pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
 
 /// Takes a beacon, unless as many addresses are known already.
 fn note(found: &mut BTreeMap<SocketAddr, Beacon>, address: SocketAddr, beacon: Beacon) {
-    if found.len() < MOST_ADDRESSES || found.contains_key(&address) {
+    if found.len() < MAX_ADDRESSES || found.contains_key(&address) {
         found.insert(address, beacon);
     }
 }

@@ -34,9 +34,9 @@ use readers::Readers;
 
 /// Time to wait for a refusal, which a computer of the same network sends at once.
 const REFUSAL_WAIT: Duration = Duration::from_millis(50);
-/// Time to listen on exit, repeated while unwanted values arrive, up to [`LONGEST_LEAVE`].
+/// Time to listen on exit, repeated while unwanted values arrive, up to [`MAX_LEAVE`].
 const LEAVE_PAUSE: Duration = Duration::from_millis(60);
-const LONGEST_LEAVE: Duration = Duration::from_millis(600);
+const MAX_LEAVE: Duration = Duration::from_millis(600);
 /// Time during which values of a killed client may arrive before its port is used.
 const TAKE_OVER_PAUSE: Duration = Duration::from_millis(300);
 /// Maximum time for which a port of our own that is being closed stays taken.
@@ -44,7 +44,7 @@ const PORT_PATIENCE: Duration = Duration::from_secs(1);
 /// Positions that arrive this soon after their end were on the way.
 const POSITIONS_ON_THE_WAY: Duration = Duration::from_millis(250);
 /// More ports of killed clients than this are left to the next client.
-const MOST_TAKEN_OVER: usize = 16;
+const MAX_TAKEN_OVER: usize = 16;
 
 /// A client's socket. Dropping it closes it.
 #[derive(Debug)]
@@ -78,7 +78,7 @@ impl SimulatorSocket {
         let simulator = reachable(address);
         let mut notes = Vec::new();
         let mut taken_over = Vec::new();
-        for note in local.notes(simulator).into_iter().take(MOST_TAKEN_OVER) {
+        for note in local.notes(simulator).into_iter().take(MAX_TAKEN_OVER) {
             // A port that cannot be bound belongs to a running client.
             if Some(note.port()) != local.port
                 && let Ok(socket) = UdpSocket::bind(local_address(simulator, note.port())).await
@@ -191,7 +191,7 @@ impl SimulatorSocket {
 
     /// Listens until no unwanted values arrive, and then forgets the ports.
     pub(crate) async fn close(&self) {
-        let until = Instant::now() + LONGEST_LEAVE;
+        let until = Instant::now() + MAX_LEAVE;
         loop {
             let before = self.shared.unwanted.load(Ordering::Relaxed);
             sleep(LEAVE_PAUSE).await;

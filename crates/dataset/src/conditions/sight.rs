@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::conditions::Weather;
 
 /// Contrast that remains over the visibility.
-pub const LEAST_TRANSMISSION: f64 = 0.02;
+pub const MIN_TRANSMISSION: f64 = 0.02;
 
 /// Medium between the camera and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ impl CloudBase {
 
     /// The medium between a camera and an aircraft at this altitude, given the part of its contrast that arrives.
     pub fn sight(&self, altitude_msl_m: f64, transmission: f64) -> Sight {
-        if transmission < LEAST_TRANSMISSION {
+        if transmission < MIN_TRANSMISSION {
             Sight::Haze
         } else if self.msl_m.is_none_or(|base_m| altitude_msl_m < base_m) {
             Sight::Open

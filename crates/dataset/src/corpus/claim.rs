@@ -33,7 +33,7 @@ const ATTEMPTS: u32 = 100;
 /// Interval for checking a claim that another process holds.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// A claim's file contains a name and a number. Anything larger is not a claim.
-const MOST_BYTES: u64 = 512;
+const MAX_BYTES: u64 = 512;
 /// Waiting is worth a message only if it takes longer than a typical change.
 const SAID_AFTER: Duration = Duration::from_secs(2);
 
@@ -251,11 +251,11 @@ impl Process {
 fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
     let found = file.metadata().map_err(Error::io("read", path))?;
     let mut text = Vec::new();
-    let is_small_file = found.is_file() && found.nlink() == 1 && found.len() <= MOST_BYTES;
+    let is_small_file = found.is_file() && found.nlink() == 1 && found.len() <= MAX_BYTES;
     // A kill leaves it empty or complete: it is written at once.
     let is_claim = is_small_file
         && (found.len() == 0 || {
-            file.take(MOST_BYTES)
+            file.take(MAX_BYTES)
                 .read_to_end(&mut text)
                 .map_err(Error::io("read", path))?;
             serde_json::from_slice::<Process>(&text).is_ok()

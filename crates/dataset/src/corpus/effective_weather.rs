@@ -24,7 +24,7 @@ const VISIBILITY_RATIO: f64 = 0.1;
 /// Gusts and the boundary layer, share of the planned wind speed ...
 const WIND_RATIO: f64 = 0.25;
 /// ... and at least this much. A lighter wind has no direction worth comparing.
-const LEAST_WIND_MPS: f64 = 2.5;
+const MIN_WIND_MPS: f64 = 2.5;
 const WIND_FROM_DEG: f64 = 20.0;
 const RAIN_RATIO: f64 = 0.15;
 /// A cloud's edge.
@@ -61,7 +61,7 @@ impl EffectiveQuantity {
         let off = (found - planned).abs();
         match self {
             Self::Visibility => off <= planned.abs() * VISIBILITY_RATIO,
-            Self::WindSpeed => off <= (planned * WIND_RATIO).max(LEAST_WIND_MPS),
+            Self::WindSpeed => off <= (planned * WIND_RATIO).max(MIN_WIND_MPS),
             Self::WindDirection => {
                 let around = off.rem_euclid(360.0);
                 around.min(360.0 - around) <= WIND_FROM_DEG
@@ -120,7 +120,7 @@ pub struct EffectiveWeather {
     /// Rain intensity, 0 to 1.
     pub rain_ratio: Option<f64>,
     /// Part of the sky that each layer covers, 0 to 1, the lowest layer first.
-    pub cloud_cover_ratios: [Option<f64>; limits::MOST_CLOUD_LAYERS],
+    pub cloud_cover_ratios: [Option<f64>; limits::MAX_CLOUD_LAYERS],
     /// The quantities that differ from the planned weather beyond their tolerances. A scenario with any is *marked*.
     pub differing: BTreeSet<EffectiveQuantity>,
 }
@@ -313,7 +313,7 @@ impl EffectiveWeather {
 
 /// True if the wind is strong enough for its direction to be compared.
 pub fn has_direction(planned: &Weather) -> bool {
-    planned.wind_speed_mps > LEAST_WIND_MPS
+    planned.wind_speed_mps > MIN_WIND_MPS
 }
 
 #[cfg(test)]

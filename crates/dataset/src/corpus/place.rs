@@ -18,7 +18,7 @@ use crate::files::outside_file::{self, FileKind};
 /// The mark of a stage, and the folder that a new disk comes with.
 const HARMLESS: [&str; 2] = ["stage.json", "lost+found"];
 /// Maximum number of foreign entries that a message names.
-const MOST_SHOWN: usize = 3;
+const MAX_SHOWN: usize = 3;
 /// The folders of a corpus that are reserved for its scenarios, its claims and its failure reports.
 const OWN_FOLDERS: [&str; 3] = [SCENARIOS, "claims", "failed"];
 
@@ -77,8 +77,8 @@ pub fn foreign_entries(names: impl Iterator<Item = String>) -> Option<String> {
         return None;
     }
     foreign.sort();
-    let shown = foreign[..MOST_SHOWN.min(foreign.len())].join(", ");
-    Some(match foreign.len().saturating_sub(MOST_SHOWN) {
+    let shown = foreign[..MAX_SHOWN.min(foreign.len())].join(", ");
+    Some(match foreign.len().saturating_sub(MAX_SHOWN) {
         0 => shown,
         more => format!("{shown} and {more} more"),
     })

@@ -244,10 +244,10 @@ impl ScenarioRecord {
             return Some(format!("ticks {found}"));
         }
         let views = self.views.len();
-        if !(1..=limits::MOST_VIEWS).contains(&views) {
+        if !(1..=limits::MAX_VIEWS).contains(&views) {
             return Some(format!(
                 "has {views} views, expected 1 to {}",
-                limits::MOST_VIEWS
+                limits::MAX_VIEWS
             ));
         }
         let bad = self

@@ -37,7 +37,7 @@ const TAKEN: [ErrorKind; 3] = [
     ErrorKind::NotADirectory,
 ];
 /// Maximum number of foreign files that an error names.
-const MOST_NAMED: usize = 20;
+const MAX_NAMED: usize = 20;
 
 /// The workshop of a place, locked until this is dropped, and then removed if it is empty.
 #[derive(Debug)]
@@ -224,8 +224,8 @@ pub(crate) fn refuse_named(
         return Ok(());
     }
     names.sort();
-    if let Some(more) = names.len().checked_sub(MOST_NAMED).filter(|more| *more > 0) {
-        names.truncate(MOST_NAMED);
+    if let Some(more) = names.len().checked_sub(MAX_NAMED).filter(|more| *more > 0) {
+        names.truncate(MAX_NAMED);
         names.push(format!("and {more} more"));
     }
     Err(Error::folder(

@@ -3,10 +3,10 @@
 //! Portable POSIX file names, slightly restricted, because a corpus is copied to other systems and into object stores.
 
 /// Longest name. Scenario names contain several of them, and file systems allow 255 bytes.
-pub(crate) const MOST_NAME_BYTES: usize = 64;
+pub(crate) const MAX_NAME_BYTES: usize = 64;
 
 /// Longest identifier of a scenario, which contains several names; suffixes such as `.partial` are added to it.
-pub(crate) const MOST_ID_BYTES: usize = 200;
+pub(crate) const MAX_ID_BYTES: usize = 200;
 
 /// Names that Windows reserves for devices, whatever their extension.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
@@ -21,12 +21,12 @@ pub struct BadFileName {
 
 /// Rejects names that some file system does not accept.
 pub fn check(name: &str) -> Result<(), BadFileName> {
-    check_up_to(MOST_NAME_BYTES, name)
+    check_up_to(MAX_NAME_BYTES, name)
 }
 
 /// Rejects strings that cannot be the identifier of a scenario.
 pub fn check_id(id: &str) -> Result<(), BadFileName> {
-    check_up_to(MOST_ID_BYTES, id)
+    check_up_to(MAX_ID_BYTES, id)
 }
 
 fn check_up_to(most_bytes: usize, name: &str) -> Result<(), BadFileName> {
@@ -65,7 +65,7 @@ mod tests {
         for name in ["foggy", "1700-foggy-r3", "left_2", "A", "console", "com10"] {
             assert_eq!(check(name), Ok(()), "{name}");
         }
-        let long = "x".repeat(MOST_NAME_BYTES + 1);
+        let long = "x".repeat(MAX_NAME_BYTES + 1);
         for (name, words) in [
             ("", "letters, digits"),
             ("..", "letters, digits"),

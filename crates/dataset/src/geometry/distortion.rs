@@ -56,11 +56,11 @@ pub enum BadLens {
 /// The lens must map without folding up to this multiple of the image's half diagonal from the principal point.
 pub(crate) const FIELD_OVER_HALF_DIAGONAL: f64 = 1.5;
 /// A lens that shrinks areas below this share is close to folding.
-const LEAST_AREA: f64 = 0.05;
+const MIN_AREA: f64 = 0.05;
 /// Directions and radii at which a lens is checked.
 const CHECKED: (u32, u32) = (72, 60);
 /// Steps of Newton's method; four suffice for any lens that passes the check well inside its field.
-const MOST_STEPS: u32 = 40;
+const MAX_STEPS: u32 = 40;
 /// Image coordinates closer than this are equal: a billionth of a pixel.
 const SAME: f64 = 1e-14;
 
@@ -136,7 +136,7 @@ impl Distortion {
     /// The ideal point that [`Self::distort_within`] maps to `seen` (Newton's method).
     pub(crate) fn undistort_within(&self, seen: DVec2, field: f64) -> DVec2 {
         let mut ideal = seen;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let off = self.distort_within(ideal, field) - seen;
             ideal -= self.derivative_within(ideal, field).inverse() * off;
             if off.abs().max_element() < SAME {
@@ -164,7 +164,7 @@ impl Distortion {
                 let radius = FIELD_OVER_HALF_DIAGONAL * f64::from(step) / f64::from(radii);
                 let slope = self.derivative(towards * (radius * corner));
                 let grows = towards.dot(slope * towards);
-                if !(slope.determinant() > LEAST_AREA && grows > 0.0) {
+                if !(slope.determinant() > MIN_AREA && grows > 0.0) {
                     return Err(BadLens::Folds { radius });
                 }
             }

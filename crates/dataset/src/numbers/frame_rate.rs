@@ -6,7 +6,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::numbers::limits::{FRAME_RATE_HZ, MOST_FRAME_RATE_TERM};
+use crate::numbers::limits::{FRAME_RATE_HZ, MAX_FRAME_RATE_TERM};
 use crate::numbers::units::{NANOS_PER_SECOND, SimTime};
 
 /// Frames per second as a fraction: 30/1, 30000/1001, 1/2. Never a float, so that rounding errors do not accumulate.
@@ -23,7 +23,7 @@ pub struct FrameRate {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{numerator}/{denominator} is not a frame rate; expected {} to {} per second, as a whole number or as a fraction of numbers up to \
-     {MOST_FRAME_RATE_TERM}", "1/60", FRAME_RATE_HZ.most
+     {MAX_FRAME_RATE_TERM}", "1/60", FRAME_RATE_HZ.most
 )]
 pub struct BadFrameRate {
     numerator: u32,
@@ -48,7 +48,7 @@ impl TryFrom<Fraction> for FrameRate {
 impl FrameRate {
     /// The rate `numerator / denominator`, if cameras and videos support it.
     pub fn new(numerator: u32, denominator: u32) -> Result<Self, BadFrameRate> {
-        let terms = 1..=MOST_FRAME_RATE_TERM;
+        let terms = 1..=MAX_FRAME_RATE_TERM;
         let hz = f64::from(numerator) / f64::from(denominator);
         if terms.contains(&numerator) && terms.contains(&denominator) && FRAME_RATE_HZ.hold(hz) {
             Ok(Self {

@@ -301,7 +301,7 @@ pub(crate) const REPORTED_WIND_FROM_DEG: Limits =
 /// As a simulator reports it: of rain, or of a layer of cloud.
 pub(crate) const REPORTED_RATIO: Limits = Limits::new(-1_000.0, 1_000.0, "a reported ratio");
 /// X-Plane supports this many cloud layers.
-pub const MOST_CLOUD_LAYERS: usize = 3;
+pub const MAX_CLOUD_LAYERS: usize = 3;
 /// X-Plane has no leap years.
 pub const DAY_OF_YEAR: Limits = Limits::new(1.0, 365.0, "a day of the year");
 /// Of local time.
@@ -312,19 +312,19 @@ pub const ZULU_TIME_S: Limits = Limits::new(0.0, 86_400.0, "a time of day in sec
 // Scenarios.
 
 /// From 40 NM at the slowest speed, three times over.
-pub const MOST_APPROACH_S: f64 = 4_000.0;
+pub const MAX_APPROACH_S: f64 = 4_000.0;
 /// Ticks of one scenario: an approach at 240 per second.
-pub(crate) const MOST_TICKS: u32 = 1_000_000;
-/// See [`MOST_TICKS`].
-pub const TICKS: Limits = Limits::new(1.0, MOST_TICKS as f64, "a number of ticks");
+pub(crate) const MAX_TICKS: u32 = 1_000_000;
+/// See [`MAX_TICKS`].
+pub const TICKS: Limits = Limits::new(1.0, MAX_TICKS as f64, "a number of ticks");
 /// Views of one scenario.
-pub const MOST_VIEWS: usize = 64;
+pub const MAX_VIEWS: usize = 64;
 /// Images of one scenario.
-pub(crate) const MOST_PICTURES: u64 = MOST_TICKS as u64 * MOST_VIEWS as u64;
+pub(crate) const MAX_PICTURES: u64 = MAX_TICKS as u64 * MAX_VIEWS as u64;
 /// Images per second, and the largest terms of their fraction.
 pub(crate) const FRAME_RATE_HZ: Limits = Limits::new(1.0 / 60.0, 240.0, "a frame rate per second");
 /// See [`FRAME_RATE_HZ`].
-pub(crate) const MOST_FRAME_RATE_TERM: u32 = 1_000_000;
+pub(crate) const MAX_FRAME_RATE_TERM: u32 = 1_000_000;
 
 // Labels and boxes.
 
@@ -343,7 +343,7 @@ pub const BOX_PLACE_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pix
 /// Width or height of a box.
 pub(crate) const BOX_SIZE_PX: Limits = Limits::new(0.0, 16_384.0, "a size in pixels");
 /// More than one aircraft in an image means false detections anyway.
-pub(crate) const MOST_DETECTIONS_PER_PICTURE: u64 = 1_000;
+pub(crate) const MAX_DETECTIONS_PER_PICTURE: u64 = 1_000;
 /// Of a detector.
 pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");
 /// Standard deviation of the positions and sizes of boxes that a network was trained with.

@@ -18,10 +18,10 @@ pub(super) fn fault(plan: &Plan) -> Option<String> {
         return Some(format!("camera {bad}"));
     }
     let count = plan.common.cameras.len();
-    if count > limits::MOST_VIEWS || views.collect::<BTreeSet<_>>().len() != count {
+    if count > limits::MAX_VIEWS || views.collect::<BTreeSet<_>>().len() != count {
         return Some(format!(
             "has {count} cameras, expected at most {} with different names",
-            limits::MOST_VIEWS
+            limits::MAX_VIEWS
         ));
     }
     let mut ids = BTreeSet::new();

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 /// Maximum number of differences to report.
-const MOST_SHOWN: usize = 3;
+const MAX_SHOWN: usize = 3;
 
 /// Scenarios that a plan adds to, changes in and removes from an earlier one.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
@@ -72,8 +72,8 @@ impl Difference {
         if all.is_empty() {
             return None;
         }
-        let shown = all[..MOST_SHOWN.min(all.len())].join("; ");
-        match all.len().saturating_sub(MOST_SHOWN) {
+        let shown = all[..MAX_SHOWN.min(all.len())].join("; ");
+        match all.len().saturating_sub(MAX_SHOWN) {
             0 => Some(shown),
             more => Some(format!("{shown}; and {more} more")),
         }

@@ -37,12 +37,12 @@ use crate::numbers::limits::{FieldOutOfLimits, Limits, OutOfLimits};
 use crate::work::memory;
 
 /// Columns of a table: sixteen for each of some dozens of views.
-const MOST_COLUMNS: usize = 2_048;
+const MAX_COLUMNS: usize = 2_048;
 /// Identifiers of views and the like are file names.
-const MOST_TEXT_BYTES: usize = 255;
+const MAX_TEXT_BYTES: usize = 255;
 /// Tables that need more memory than [`UNSUSPICIOUS_BYTES`] are larger on disk than this part of it: measured numbers hardly compress. One
 /// value that is repeated millions of times takes thousands of times its size.
-const MOST_EXPANSION: u64 = 200;
+const MAX_EXPANSION: u64 = 200;
 /// Memory that any table may need.
 const UNSUSPICIOUS_BYTES: u64 = 64 << 20;
 /// Rows decoded at once.
@@ -259,7 +259,7 @@ impl TableWriter {
 }
 
 /// Memory of a table's rows that are not yet in the file, bytes.
-const MOST_KEPT: usize = 16 << 20;
+const MAX_KEPT: usize = 16 << 20;
 
 /// A table that is written part by part, because all of it does not fit into memory.
 pub struct TableParts {
@@ -306,7 +306,7 @@ impl TableParts {
             }
         };
         writer.write(&batch).map_err(failed)?;
-        if writer.memory_size() > MOST_KEPT {
+        if writer.memory_size() > MAX_KEPT {
             writer.flush().map_err(failed)?;
         }
         Ok(())
@@ -471,11 +471,11 @@ impl Table {
             of_pages.ok_or_else(|| Error::table(path, "its pages do not fill its columns"))?;
         let needed = of_rows.max(of_pages);
         let size = bytes.len() as u64;
-        if needed > UNSUSPICIOUS_BYTES.max(size.saturating_mul(MOST_EXPANSION)) {
+        if needed > UNSUSPICIOUS_BYTES.max(size.saturating_mul(MAX_EXPANSION)) {
             return Err(Error::table(
                 path,
                 format!(
-                    "has {} on disk and would take about {} of memory, expected at most {MOST_EXPANSION} times its size: it was made to fill \
+                    "has {} on disk and would take about {} of memory, expected at most {MAX_EXPANSION} times its size: it was made to fill \
                      the memory, and is not read",
                     memory::Bytes(size),
                     memory::Bytes(needed)
@@ -579,10 +579,10 @@ impl Table {
             let words = words.ok_or_else(|| self.wrong_type(column, "text", array))?;
             for word in words {
                 if let Some(word) = word
-                    && word.len() > MOST_TEXT_BYTES
+                    && word.len() > MAX_TEXT_BYTES
                 {
                     return Err(self.fault(format!(
-                        "column {column} has a text of {} bytes in row {}, expected at most {MOST_TEXT_BYTES}",
+                        "column {column} has a text of {} bytes in row {}, expected at most {MAX_TEXT_BYTES}",
                         word.len(),
                         values.len()
                     )));
@@ -688,9 +688,9 @@ impl Table {
 /// that a long repeated one takes its memory once; nested columns are rejected.
 fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
     let columns = schema.fields().len();
-    if columns > MOST_COLUMNS {
+    if columns > MAX_COLUMNS {
         return Err(format!(
-            "has {columns} columns, expected at most {MOST_COLUMNS}"
+            "has {columns} columns, expected at most {MAX_COLUMNS}"
         ));
     }
     let field = |field: &Arc<Field>| {

@@ -196,19 +196,19 @@ impl Frames {
 
     /// Reads the table. A number outside its limits is an error.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::of_table(&mut Table::read(path, limits::MOST_TICKS.into())?)
+        Self::of_table(&mut Table::read(path, limits::MAX_TICKS.into())?)
     }
 
     /// Like [`Self::read`], but collects numbers outside their limits.
     pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<ColumnOutOfLimits>)> {
-        let mut table = Table::read(path, limits::MOST_TICKS.into())?.collecting();
+        let mut table = Table::read(path, limits::MAX_TICKS.into())?.collecting();
         let frames = Self::of_table(&mut table)?;
         Ok((frames, table.into_collected()))
     }
 
     /// Reads the content of the table's file; messages name it as `path`.
     pub fn parse(content: Vec<u8>, path: &Path) -> Result<Self> {
-        Self::of_table(&mut Table::parse(content, path, limits::MOST_TICKS.into())?)
+        Self::of_table(&mut Table::parse(content, path, limits::MAX_TICKS.into())?)
     }
 
     fn of_table(table: &mut Table) -> Result<Self> {
@@ -217,8 +217,8 @@ impl Frames {
             .filter_map(|name| name.strip_prefix("sim_frame_"))
             .map(str::to_owned)
             .collect();
-        if views.len() > limits::MOST_VIEWS {
-            let (found, most) = (views.len(), limits::MOST_VIEWS);
+        if views.len() > limits::MAX_VIEWS {
+            let (found, most) = (views.len(), limits::MAX_VIEWS);
             return Err(table.fault(format!("has {found} views, expected at most {most}")));
         }
         let row_bytes = size_of::<TickRow>() + 2 * views.len() * size_of::<ViewStamp>();

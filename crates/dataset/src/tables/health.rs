@@ -67,16 +67,16 @@ impl ViewLag {
     }
 
     fn is_beyond(&self, deviations: f64) -> bool {
-        self.lag_ms.abs() >= LEAST_LAG_MS.max(deviations * self.lag_sd_ms)
+        self.lag_ms.abs() >= MIN_LAG_MS.max(deviations * self.lag_sd_ms)
     }
 }
 
 /// Lower limit of a lag's standard deviation, milliseconds. More sightings do not reduce it: views from two sides see other parts of a near
 /// aircraft, and wrong directions of cameras resemble a lag. Of 275 clean flights whose sightings left less, lags were 8 ms (root mean
 /// square).
-pub const LEAST_LAG_SD_MS: f64 = 10.0;
+pub const MIN_LAG_SD_MS: f64 = 10.0;
 /// A lag below this does not matter, milliseconds: 0.04 % of the distance at ten kilometres, with masts 600 m apart.
-const LEAST_LAG_MS: f64 = 100.0;
+const MIN_LAG_MS: f64 = 100.0;
 /// Standard deviations of a lag that is no chance.
 const SURE: f64 = 5.0;
 /// Standard deviations from which a lag is more likely than none, if one view in ten is late. None of 385 flights without a lag reached it.

@@ -17,7 +17,7 @@ use crate::corpus::open_scenario::{
 use crate::corpus::scenario::ScenarioRecord;
 use crate::files::json_file::read_json;
 use crate::files::own_path::own_path;
-use crate::numbers::limits::{self, MOST_PICTURES};
+use crate::numbers::limits::{self, MAX_PICTURES};
 use crate::tables::health::{ViewHealth, read_health_with_faults};
 use crate::tables::registrations::{Registration, read_registrations_with_faults};
 
@@ -47,7 +47,7 @@ struct RegistrationCounts {
 pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, faults: &mut Faults) {
     // Faults of the scenario itself are reported elsewhere.
     let scenario = folder.open().ok();
-    let pictures = record.map_or(MOST_PICTURES, ScenarioRecord::pictures);
+    let pictures = record.map_or(MAX_PICTURES, ScenarioRecord::pictures);
     let models = faults.keep(detections::FOLDER, detections::models_of(folder));
     let models = models.unwrap_or_default();
     check_owners(folder, &models, faults);
@@ -143,7 +143,7 @@ fn check_health(
     if !path.exists() {
         return;
     }
-    let pictures = record.map_or(MOST_PICTURES, ScenarioRecord::pictures);
+    let pictures = record.map_or(MAX_PICTURES, ScenarioRecord::pictures);
     let Some(rows) = faults.keep_table(&file, read_health_with_faults(&path, pictures)) else {
         return;
     };
@@ -190,7 +190,7 @@ fn check_registrations(
     if !path.exists() {
         return None;
     }
-    let pictures = record.map_or(MOST_PICTURES, ScenarioRecord::pictures);
+    let pictures = record.map_or(MAX_PICTURES, ScenarioRecord::pictures);
     let read = read_registrations_with_faults(&path, pictures);
     let rows = faults.keep_table(&file, read)?;
     let mut seen = BTreeSet::new();

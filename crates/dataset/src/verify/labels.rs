@@ -56,7 +56,7 @@ pub(super) fn read_boxes(
         };
         faults.file(ScenarioFolder::TRUTH_BOXES, fault);
     }
-    let pictures = pictures.unwrap_or(limits::MOST_PICTURES);
+    let pictures = pictures.unwrap_or(limits::MAX_PICTURES);
     let boxes = boxes_exist.then(|| read_truth_boxes_with_faults(&path, pictures))?;
     faults.keep_table(ScenarioFolder::TRUTH_BOXES, boxes)
 }

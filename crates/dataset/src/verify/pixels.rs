@@ -14,7 +14,7 @@
 //! - **Before a sky**: behind an aircraft in the air the background is smooth. If it is rough in most places, the images show no sky.
 //!
 //! A box is clear enough if it is complete, above the ground, below all clouds, in front of a smooth background, and has at least a
-//! transmission of [`LEAST_TRANSMISSION`]: there an aircraft is visible in any weather. A view without clear boxes proves little; the
+//! transmission of [`MIN_TRANSMISSION`]: there an aircraft is visible in any weather. A view without clear boxes proves little; the
 //! report lists it.
 
 mod elsewhere;
@@ -44,22 +44,22 @@ use sight::{DecodedPicture, Sight, look};
 
 /// Minimum transmission. With 50 grey levels of scene contrast this leaves 10, twice that of the noisiest background that counts as
 /// smooth.
-const LEAST_TRANSMISSION: f64 = 0.2;
+const MIN_TRANSMISSION: f64 = 0.2;
 /// Part of the silhouette that must be visible.
-const LEAST_VISIBLE: f64 = 0.99;
+const MIN_VISIBLE: f64 = 0.99;
 /// Below this height over the target the aircraft is in front of ground, buildings and lights, metres.
-const LEAST_HEIGHT_M: f64 = 30.0;
+const MIN_HEIGHT_M: f64 = 30.0;
 /// With fewer clear boxes than this the share of filled ones says nothing about a view; single images are judged all the same.
-const LEAST_BOXES: usize = 5;
+const MIN_BOXES: usize = 5;
 /// At least this part of the clear boxes is filled in the images of the right view; sometimes paint and sky have the same grey,
 /// in the worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
-const LEAST_FILLED: f64 = 0.3;
+const MIN_FILLED: f64 = 0.3;
 /// An empty box is a fault only if its contrast, by the other boxes and the air, is this many times the visible minimum.
 const SURE: f64 = 3.0;
 /// The images show no sky if less than this part of the boxes that would be clear is in front of a smooth background ...
-const LEAST_SMOOTH: f64 = 0.3;
+const MIN_SMOOTH: f64 = 0.3;
 /// ... and the noise of the background is this many grey levels. In the measured scenarios it is below 4.
-const LEAST_ROUGH: f64 = 20.0;
+const MIN_ROUGH: f64 = 20.0;
 
 /// What is known about a scenario before its videos are read.
 pub(super) struct Scenario<'a> {
@@ -272,8 +272,8 @@ impl<'a> Watcher<'a> {
         self.check_moving(file, faults);
         scene::judge(&self.coarse, file, self.view, faults);
         self.check_sky(&clear, &rough, file, faults);
-        let enough = clear.len() >= LEAST_BOXES;
-        if enough && (filled.len() as f64) < LEAST_FILLED * clear.len() as f64 {
+        let enough = clear.len() >= MIN_BOXES;
+        if enough && (filled.len() as f64) < MIN_FILLED * clear.len() as f64 {
             let message = format!(
                 "the aircraft is visible in {} of {} ground-truth boxes that are clear enough to show it{}",
                 filled.len(),
@@ -324,8 +324,8 @@ impl<'a> Watcher<'a> {
         };
         let weather = &self.scenario.record.conditions.weather;
         truth.truncation == 0.0
-            && truth.visible_fraction >= LEAST_VISIBLE
-            && truth.transmission >= LEAST_TRANSMISSION
+            && truth.visible_fraction >= MIN_VISIBLE
+            && truth.transmission >= MIN_TRANSMISSION
             && (weather.clouds.iter()).all(|layer| altitude_m < layer.base_msl_m)
     }
 
@@ -333,7 +333,7 @@ impl<'a> Watcher<'a> {
     fn is_above_ground(&self, tick: usize) -> bool {
         let target_m = self.scenario.record.touchdown.altitude_msl_m;
         let altitude_m = self.altitude_msl_m(tick);
-        altitude_m.is_some_and(|altitude_m| altitude_m - target_m >= LEAST_HEIGHT_M)
+        altitude_m.is_some_and(|altitude_m| altitude_m - target_m >= MIN_HEIGHT_M)
     }
 
     fn altitude_msl_m(&self, tick: usize) -> Option<f64> {
@@ -362,10 +362,10 @@ impl<'a> Watcher<'a> {
     fn check_sky(&self, clear: &[ClearBox], rough: &[ClearBox], file: &str, faults: &mut Faults) {
         let all = clear.len() + rough.len();
         let noise = timing::median(rough.iter().map(|found| found.sight.noise)).unwrap_or(0.0);
-        let are_few = (clear.len() as f64) < LEAST_SMOOTH * all as f64;
-        if all >= LEAST_BOXES && are_few && noise >= LEAST_ROUGH {
+        let are_few = (clear.len() as f64) < MIN_SMOOTH * all as f64;
+        if all >= MIN_BOXES && are_few && noise >= MIN_ROUGH {
             let message = format!(
-                "the images show no sky: around {} of {all} ground-truth boxes of an aircraft in the air the noise is {noise:.0} grey levels, expected less than {LEAST_ROUGH:.0}",
+                "the images show no sky: around {} of {all} ground-truth boxes of an aircraft in the air the noise is {noise:.0} grey levels, expected less than {MIN_ROUGH:.0}",
                 rough.len()
             );
             faults.view(file, self.view, message);
@@ -377,7 +377,7 @@ impl<'a> Watcher<'a> {
         for (index, (other, _)) in self.others.iter().enumerate() {
             let looked = || self.seen.iter().filter_map(|seen| seen.others[index]);
             let (filled, all) = (looked().filter(|filled| *filled).count(), looked().count());
-            if all >= LEAST_BOXES && filled as f64 >= LEAST_FILLED * all as f64 {
+            if all >= MIN_BOXES && filled as f64 >= MIN_FILLED * all as f64 {
                 return format!(
                     "; but in {filled} of {all} boxes of view {other}: are the views swapped?"
                 );

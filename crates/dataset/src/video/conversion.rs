@@ -33,7 +33,7 @@ const SIDE_STEP_PX: u32 = 64;
 /// Two neighbouring pixels may share their colour.
 const SHARED_PX: u32 = 2;
 /// Converters that are kept: more sizes than the parts of one flight have.
-const MOST_CONVERTERS: usize = 16;
+const MAX_CONVERTERS: usize = 16;
 
 /// Converts images of one video.
 #[derive(Default)]
@@ -102,7 +102,7 @@ impl Conversion {
         if let Some(index) = self.parts.iter().position(known) {
             return Ok(index);
         }
-        if self.parts.len() == MOST_CONVERTERS {
+        if self.parts.len() == MAX_CONVERTERS {
             self.parts.clear();
         }
         let converter = Converter::new(coded, (width, height))?;

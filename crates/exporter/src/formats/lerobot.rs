@@ -42,7 +42,7 @@ use crate::scenarios::{Source, ViewPictures};
 /// Files in a folder, as the library itself has it.
 const CHUNK: usize = 1000;
 /// Rows of a data file, about a hundred megabytes uncompressed; a scenario is never divided.
-const MOST_ROWS: usize = 500_000;
+const MAX_ROWS: usize = 500_000;
 
 type ValueOf = fn(&TickRow, &TickLabels) -> f64;
 
@@ -362,7 +362,7 @@ impl<'a> Dataset<'a> {
 
     fn add(&mut self, source: &Source<'_>, videos: Vec<VideoPart>) -> Result<()> {
         let length = source.rows().count();
-        if self.rows > 0 && self.rows + length > MOST_ROWS {
+        if self.rows > 0 && self.rows + length > MAX_ROWS {
             let next = data_file(self.files.len());
             std::mem::replace(&mut self.data, table(self.folder, &next)?).finish()?;
             self.files.push(next);

@@ -33,7 +33,7 @@ use crate::error::Result;
 use crate::scenarios::Source;
 
 /// A shard is closed before the sample that would make it larger than this; readers want some hundred megabytes at a time.
-const MOST_BYTES: u64 = 1_000_000_000;
+const MAX_BYTES: u64 = 1_000_000_000;
 /// Shards of scenarios, before they are numbered.
 const UNNUMBERED: &str = "unnumbered";
 
@@ -83,7 +83,7 @@ impl FileFormat for WebDataset {
         let parent = scenario.folder.join(UNNUMBERED);
         fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
         let source = &scenario.source;
-        let mut shards = Shards::new(parent, &source.record.id, MOST_BYTES);
+        let mut shards = Shards::new(parent, &source.record.id, MAX_BYTES);
         let path = shards.path();
         let append = |_, entries: Vec<u8>| shards.append(&entries);
         each_sample(scenario, &path, Whole { source }, append)?;

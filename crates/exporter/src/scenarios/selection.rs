@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::request::ExportRequest;
 
 /// Most names in a message.
-const MOST_NAMED: usize = 8;
+const MAX_NAMED: usize = 8;
 
 /// A requested scenario.
 pub(crate) struct Selected {
@@ -123,9 +123,9 @@ fn refuse_unknown(what: &'static str, found: &str, known: &[String]) -> Result<(
 
 /// The first of these names, as text.
 pub(crate) fn some_of<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    let names: Vec<&str> = names.take(MOST_NAMED + 1).collect();
-    match names.get(..MOST_NAMED) {
-        Some(first) if names.len() > MOST_NAMED => format!("{}, ...", first.join(", ")),
+    let names: Vec<&str> = names.take(MAX_NAMED + 1).collect();
+    match names.get(..MAX_NAMED) {
+        Some(first) if names.len() > MAX_NAMED => format!("{}, ...", first.join(", ")),
         _ => names.join(", "),
     }
 }

@@ -25,7 +25,7 @@ use crate::render::lamps::Spot;
 use crate::render::view::View;
 use clouds::Clouds;
 use drift::{DriftingLayer, Moved};
-use ground::{Ground, HIGHEST_SILHOUETTE_RAD};
+use ground::{Ground, MAX_SILHOUETTE_RAD};
 
 /// Drift between two computed instants, pixels. An image shows the clouds of the nearest instant: blending two would double the
 /// cost at low frame rates, where every image needs new ones.
@@ -342,7 +342,7 @@ fn sky_luminance(world: &Surroundings, ray: DVec3, time_s: f64) -> Vec3 {
 fn ground_pixel(world: &Surroundings, ground: &Ground, x: f64, y: f64) -> Vec3 {
     let middle = world.view.ray(DVec2::new(x, y));
     // Rows of a rolled camera may mix ground and high sky; the clouds there keep their shape of time 0.
-    if middle.z > 2.0 * HIGHEST_SILHOUETTE_RAD {
+    if middle.z > 2.0 * MAX_SILHOUETTE_RAD {
         return world.tone.expose(sky_luminance(world, middle, 0.0));
     }
     let (across, down) = GROUND_SAMPLES;
@@ -388,7 +388,7 @@ fn sky_rows(view: &View) -> usize {
                 (width - 1) as f64 * f64::from(i) / 16.0,
                 y as f64,
             ))
-            .z > 1.2 * HIGHEST_SILHOUETTE_RAD
+            .z > 1.2 * MAX_SILHOUETTE_RAD
         })
     };
     let rows = (0..height).take_while(|&y| open_sky(y)).count();

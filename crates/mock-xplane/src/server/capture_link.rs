@@ -38,7 +38,7 @@ use crate::render::overlay::Canvas;
 use crate::window::DisplayWindow;
 
 /// Maximum connections, most of which wait to say hello or for the seat.
-const MOST_CONNECTIONS: usize = 32;
+const MAX_CONNECTIONS: usize = 32;
 /// Maximum pending answers, drawn or being drawn.
 const ANSWERS_AHEAD: usize = 4;
 
@@ -82,7 +82,7 @@ pub(super) async fn run(
     });
     // Like the server's own tasks, the tasks of clients end with it.
     let mut clients = JoinSet::new();
-    let doorway = Doorway::new("the capture link", MOST_CONNECTIONS);
+    let doorway = Doorway::new("the capture link", MAX_CONNECTIONS);
     loop {
         tokio::select! {
             (stream, from, room) = doorway.next(&listener) => {

@@ -37,7 +37,7 @@ use super::faults::outages::Outages;
 use super::{MockError, Shared};
 
 /// Maximum connections.
-const MOST_CONNECTIONS: usize = 64;
+const MAX_CONNECTIONS: usize = 64;
 /// Time limits for the head of a request, from the end of the previous one, and for the rest of it with its answer.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
@@ -70,7 +70,7 @@ pub(super) async fn run(
     let service = TowerToHyperService::new(router(service));
     // Like the server's own tasks, connections end with it.
     let mut clients = JoinSet::new();
-    let doorway = Doorway::new("the Web API", MOST_CONNECTIONS);
+    let doorway = Doorway::new("the Web API", MAX_CONNECTIONS);
     loop {
         tokio::select! {
             (stream, from, room) = doorway.next(&listener) => {

@@ -37,7 +37,7 @@ const RUNNING_TIME_S: &str = "sim/time/total_running_time_sec";
 const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
 
 /// Names that are remembered because a client looked them up: clients choose them.
-const MOST_FOREIGN_NAMES: usize = 10_000;
+const MAX_FOREIGN_NAMES: usize = 10_000;
 const COMMAND_PAUSE_TOGGLE: &str = "sim/operation/pause_toggle";
 
 /// All parts with a state.
@@ -127,7 +127,7 @@ impl World {
         let name = path.split('[').next().unwrap_or(path);
         let found = self.state.datarefs.find(name);
         let complaint = found.map(|(dataref, _)| dataref.complaint);
-        let is_foreign = complaint != Some(None) && self.foreign_names.len() < MOST_FOREIGN_NAMES;
+        let is_foreign = complaint != Some(None) && self.foreign_names.len() < MAX_FOREIGN_NAMES;
         if !is_foreign || !self.foreign_names.insert(name.to_owned()) {
             return None;
         }

@@ -17,7 +17,7 @@ use crate::error::{Result, StoreError};
 const CLAIMS: &str = "claims";
 /// A claim is held while one small file is written.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
-const MOST_POLLS: u32 = 3_000;
+const MAX_POLLS: u32 = 3_000;
 
 impl CorpusStore {
     /// Writes an object of a scenario if it is still the version that was read, or still missing. Returns whether it was written.
@@ -81,7 +81,7 @@ impl CorpusStore {
         let Some(folder) = self.folder() else {
             return Ok(None);
         };
-        for _ in 0..MOST_POLLS {
+        for _ in 0..MAX_POLLS {
             match Claim::take_in(&folder.join(CLAIMS), id) {
                 Ok(Claimed::Mine(claim)) => return Ok(Some(claim)),
                 Ok(Claimed::Theirs(_)) => sleep(POLL_INTERVAL).await,

@@ -28,7 +28,7 @@ const VALID_FOR: Duration = Duration::from_secs(60);
 /// A file of a folder that was not written for this long belongs to a process that is gone.
 const ABANDONED_AFTER: Duration = Duration::from_secs(3600);
 /// Pages of a thousand uploads to read.
-const MOST_PAGES: usize = 100;
+const MAX_PAGES: usize = 100;
 
 /// Place where incomplete uploads are listed.
 #[derive(Debug, Clone)]
@@ -73,7 +73,7 @@ impl CorpusStore {
             .map_err(|error| self.error("list unfinished uploads", &error))?;
         let mut cleared = 0;
         let mut after: Option<Upload> = None;
-        for _ in 0..MOST_PAGES {
+        for _ in 0..MAX_PAGES {
             let page = self.page_of_uploads(s3, &client, &folder, after).await?;
             for upload in uploads(&page) {
                 let key = ObjectPath::from(upload.key.as_str());

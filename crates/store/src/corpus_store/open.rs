@@ -28,9 +28,9 @@ const RETRIES: RetryConfig = RetryConfig {
     retry_timeout: Duration::from_secs(8),
 };
 /// Silence for this long counts as no answer. Four parts of 8 MiB at once get through at 1.5 Mbit/s in this time.
-const LONGEST_SILENCE: &str = "180 seconds";
+const MAX_SILENCE: &str = "180 seconds";
 /// The clients' own limit is half a minute for a whole request: a video takes longer.
-const LONGEST_REQUEST: &str = "1 day";
+const MAX_REQUEST: &str = "1 day";
 
 /// The store of a URL and the corpus' path in it.
 pub(crate) struct Opened {
@@ -62,16 +62,16 @@ pub(crate) fn open(url: &StoreUrl, create: bool) -> Result<Opened> {
         Kind::Google => {
             let builder = GoogleCloudStorageBuilder::from_env()
                 .with_url(text)
-                .with_config(GoogleConfigKey::Client(SILENCE), LONGEST_SILENCE)
-                .with_config(GoogleConfigKey::Client(REQUEST), LONGEST_REQUEST)
+                .with_config(GoogleConfigKey::Client(SILENCE), MAX_SILENCE)
+                .with_config(GoogleConfigKey::Client(REQUEST), MAX_REQUEST)
                 .with_retry(RETRIES);
             Arc::new(builder.build().map_err(not_configured)?)
         }
         _ => {
             let builder = MicrosoftAzureBuilder::from_env()
                 .with_url(text)
-                .with_config(AzureConfigKey::Client(SILENCE), LONGEST_SILENCE)
-                .with_config(AzureConfigKey::Client(REQUEST), LONGEST_REQUEST)
+                .with_config(AzureConfigKey::Client(SILENCE), MAX_SILENCE)
+                .with_config(AzureConfigKey::Client(REQUEST), MAX_REQUEST)
                 .with_retry(RETRIES);
             Arc::new(builder.build().map_err(not_configured)?)
         }
@@ -94,8 +94,8 @@ const REQUEST: ClientConfigKey = ClientConfigKey::Timeout;
 fn s3(url: &str) -> AmazonS3Builder {
     let mut builder = AmazonS3Builder::from_env()
         .with_url(url)
-        .with_config(AmazonS3ConfigKey::Client(SILENCE), LONGEST_SILENCE)
-        .with_config(AmazonS3ConfigKey::Client(REQUEST), LONGEST_REQUEST)
+        .with_config(AmazonS3ConfigKey::Client(SILENCE), MAX_SILENCE)
+        .with_config(AmazonS3ConfigKey::Client(REQUEST), MAX_REQUEST)
         .with_retry(RETRIES);
     // An http:// endpoint is an explicit choice: Amazon's own tools do not ask twice.
     let endpoint = [AmazonS3ConfigKey::S3Endpoint, AmazonS3ConfigKey::Endpoint]

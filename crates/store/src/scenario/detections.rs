@@ -26,7 +26,7 @@ use crate::error::{Result, StoreError};
 use crate::patience::Transfer;
 
 /// Maximum number of times that another process may replace the same detections before an upload gives up.
-const MOST_COMMITS: u32 = 8;
+const MAX_COMMITS: u32 = 8;
 
 /// The result for the detections of a scenario.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -130,7 +130,7 @@ impl CorpusStore {
             }
             let mut there = self.objects(&folder.id()).await?;
             for model in models {
-                let mut rounds_left = MOST_COMMITS;
+                let mut rounds_left = MAX_COMMITS;
                 while !self
                     .push_model(folder, &model, &there, &mut result, transfer)
                     .await?

@@ -21,7 +21,7 @@ const PART_BYTES: u64 = 8 << 20;
 /// Parts of one file in parallel: limits memory, and is enough to fill a link with some latency.
 const PARTS_AT_ONCE: usize = 4;
 /// No store accepts more than 10 000 parts: parts of larger files are larger.
-const MOST_PARTS: u64 = 9_000;
+const MAX_PARTS: u64 = 9_000;
 
 impl CorpusStore {
     /// Uploads a file of a scenario unless the store has it; returns its object, and whether it had to be sent. `e_tag` is the tag
@@ -132,7 +132,7 @@ impl CorpusStore {
             .put_multipart_opts(&self.own_key(name)?, options)
             .await
             .map_err(|error| self.error(&format!("write {name}"), &error))?;
-        let part_bytes = PART_BYTES.max(bytes.div_ceil(MOST_PARTS));
+        let part_bytes = PART_BYTES.max(bytes.div_ceil(MAX_PARTS));
         let mut parts = WriteMultipart::new_with_chunk_size(upload, part_bytes as usize);
         let mut hasher = blake3::Hasher::new();
         let whole = async {

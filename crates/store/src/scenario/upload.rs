@@ -27,7 +27,7 @@ use crate::patience::Transfer;
 const ROUNDS: u32 = 3;
 /// Maximum number of times that another process may commit the same scenario, or the store may lose a part of it, before an upload gives
 /// up.
-const MOST_COMMITS: u32 = 8;
+const MAX_COMMITS: u32 = 8;
 
 /// State of a scenario in the store before it was uploaded.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -150,7 +150,7 @@ impl CorpusStore {
         // Objects that this call has sent and committed; later rounds confirm them.
         let mut noted = BTreeMap::new();
         let mut committed: Option<Pushed> = None;
-        for _ in 0..MOST_COMMITS {
+        for _ in 0..MAX_COMMITS {
             let found = self.found_seal(&id).await?;
             let there = self.objects_for(&ours, found.as_ref(), seen.take()).await?;
             let standing = self

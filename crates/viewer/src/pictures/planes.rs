@@ -4,7 +4,7 @@
 //! An image is three planes, one after the other without gaps: brightness, then two of colour with half the columns and rows.
 
 /// Largest number of columns that become one.
-pub(crate) const MOST_EVERY: u32 = 16;
+pub(crate) const MAX_EVERY: u32 = 16;
 
 /// A part of an image; all four are even: two by two pixels share their colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -30,7 +30,7 @@ const AT_ONCE: usize = 2;
 /// Thumbnails kept, bytes: about 1,000.
 const KEPT_BYTES: usize = 16 << 20;
 /// Columns of a thumbnail, at most: about twice as many as its place on a page.
-const MOST_COLUMNS: u32 = 480;
+const MAX_COLUMNS: u32 = 480;
 /// Width of the part that is shown over the width of the aircraft.
 const SURROUNDINGS: f64 = 2.5;
 /// Part of the silhouette from which on an aircraft counts as whole.
@@ -134,9 +134,9 @@ fn make(opened: &Opened, models: &[String]) -> Result<Bytes, Refusal> {
         None => Part::whole(picture.size_px),
     };
     let mut shown = part.cut(&picture.rgb, picture.size_px[0]);
-    if shown.width() > MOST_COLUMNS {
-        let rows = shown.height() * MOST_COLUMNS / shown.width();
-        shown = thumbnail(&shown, MOST_COLUMNS, rows.max(1));
+    if shown.width() > MAX_COLUMNS {
+        let rows = shown.height() * MAX_COLUMNS / shown.width();
+        shown = thumbnail(&shown, MAX_COLUMNS, rows.max(1));
     }
     let mut jpeg = Cursor::new(Vec::new());
     shown

@@ -21,14 +21,14 @@ use xplane_bridge::link::{Answer, LinkError, write_message};
 const GREETING: usize = 8;
 
 /// Connections at a time.
-const MOST_CONNECTIONS: usize = 32;
+const MAX_CONNECTIONS: usize = 32;
 /// Timeout of greetings and hello, on both sides together.
 const HELLO_WITHIN: Duration = Duration::from_secs(5);
 
 /// Serves until dropped.
 pub(super) async fn run(listener: TcpListener, route: Arc<Route>) -> Infallible {
     let mut connections = JoinSet::new();
-    let doorway = Doorway::new("the recorder's capture link", MOST_CONNECTIONS);
+    let doorway = Doorway::new("the recorder's capture link", MAX_CONNECTIONS);
     let mut count = 0;
     loop {
         tokio::select! {

@@ -24,7 +24,7 @@ use xplane_bridge::udp::simulator_address::{is_answer, local_address};
 const FORGET_AFTER: Duration = Duration::from_secs(600);
 /// Maximum clients, each of which takes a socket: a few programs of one user. If few descriptors are allowed, at most a quarter of them:
 /// the capture link needs two for each of its clients, and would find none while clients that sent one datagram are remembered.
-const MOST_CLIENTS: usize = 256;
+const MAX_CLIENTS: usize = 256;
 /// Maximum queued datagrams of a client; more are lost, as is usual with UDP.
 const WAITING: usize = 1_000;
 /// Largest datagram.
@@ -36,7 +36,7 @@ const VALUE: usize = 8;
 /// Serves until dropped.
 pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), TapeError> {
     let descriptors = getrlimit(Resource::Nofile).current;
-    let most_clients = descriptors.map_or(MOST_CLIENTS, |most| MOST_CLIENTS.min(most as usize / 4));
+    let most_clients = descriptors.map_or(MAX_CLIENTS, |most| MAX_CLIENTS.min(most as usize / 4));
     let mut clients: HashMap<SocketAddr, mpsc::Sender<Vec<u8>>> = HashMap::new();
     let mut tasks = JoinSet::new();
     let mut count = 0;
@@ -262,7 +262,7 @@ async fn bind(route: &Route) -> std::io::Result<UdpSocket> {
     let Some(first) = route.local_udp.port else {
         return UdpSocket::bind(local_address(route.simulator, 0)).await;
     };
-    let last = first.saturating_add(MOST_CLIENTS as u16 - 1);
+    let last = first.saturating_add(MAX_CLIENTS as u16 - 1);
     let mut failed = None;
     for port in first..=last {
         match UdpSocket::bind(local_address(route.simulator, port)).await {

@@ -20,7 +20,7 @@ use crate::generate::run::attempt::Attempt;
 /// The most ticks of a block where time runs: some seconds on the screen, whatever the rate of the ticks. In longer blocks the views of a
 /// tick are further apart in time, and in much shorter ones something that covers the scene may come before the first image and go after
 /// the last.
-const MOST_RUNNING_TICKS: usize = 150;
+const MAX_RUNNING_TICKS: usize = 150;
 
 /// Captures all images into `encoders`, block by block; returns what was drawn for each tick and view, and how.
 pub(crate) async fn capture_blocks(
@@ -144,7 +144,7 @@ pub(crate) async fn may_use_blocks(
 /// Blocks of nearly the same length, so that none is short.
 fn ticks_of_a_block(time_runs: bool, ticks: usize) -> usize {
     let blocks = if time_runs {
-        ticks.div_ceil(MOST_RUNNING_TICKS)
+        ticks.div_ceil(MAX_RUNNING_TICKS)
     } else {
         1
     };
@@ -164,10 +164,7 @@ mod tests {
         for ticks in 151..2_000 {
             let block = ticks_of_a_block(true, ticks);
             let last = (ticks - 1) % block + 1;
-            assert!(
-                block > MOST_RUNNING_TICKS / 2 && last > block / 2,
-                "{ticks}"
-            );
+            assert!(block > MAX_RUNNING_TICKS / 2 && last > block / 2, "{ticks}");
         }
     }
 }

@@ -11,7 +11,7 @@ use super::super::session::restart::{Restart, RestartError};
 use super::{Run, Then};
 
 /// A simulator that was restarted this often without recording a scenario is given up.
-const MOST_RESTARTS_IN_VAIN: u32 = 3;
+const MAX_RESTARTS_IN_VAIN: u32 = 3;
 
 impl Run<'_> {
     /// Decides about a simulator that had trouble when the run began.
@@ -82,7 +82,7 @@ impl Run<'_> {
         trouble: &ScenarioError,
     ) -> Then {
         match self.restart.filter(|_| session.runs_already()) {
-            Some(restart) if session.restarts_in_vain() < MOST_RESTARTS_IN_VAIN => {
+            Some(restart) if session.restarts_in_vain() < MAX_RESTARTS_IN_VAIN => {
                 self.restart(session, restart, Some(trouble)).await
             }
             _ => {

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use xplane_bridge::LocalUdp;
 
-use crate::generate::session::{AWKWARD, BadSimulator, MOST_STAND_INS, SimulatorTarget};
+use crate::generate::session::{AWKWARD, BadSimulator, MAX_STAND_INS, SimulatorTarget};
 
 /// At least one simulator; each records its own scenarios.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,7 +64,7 @@ impl FromStr for Simulators {
                 let number: usize = number
                     .parse()
                     .ok()
-                    .filter(|number| (1..=MOST_STAND_INS).contains(number))
+                    .filter(|number| (1..=MAX_STAND_INS).contains(number))
                     .ok_or_else(|| BadSimulator::StandIns { text: part.into() })?;
                 targets.extend(std::iter::repeat_n(SimulatorTarget::StandIn, number));
                 continue;

@@ -7,7 +7,7 @@ use dataset::geometry::pose::FlightState;
 use dataset::plan::{Common, PlannedScenario};
 
 /// Scenarios of a weather that a camera is asked about, at most: each has cameras of its own, and there may be a million.
-const MOST_APPROACHES: u32 = 200;
+const MAX_APPROACHES: u32 = 200;
 
 /// What all views see, by view and weather.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -42,7 +42,7 @@ impl InSight {
             let key = (view, scenario.weather.clone());
             let seen = self.views.entry(key).or_default();
             seen.visibility_m = seen.visibility_m.max(visibility_m);
-            if !seen.in_sight && seen.approaches < MOST_APPROACHES {
+            if !seen.in_sight && seen.approaches < MAX_APPROACHES {
                 seen.approaches += 1;
                 let nearest_m = nearest_m(&entry.camera(), states);
                 seen.in_picture |= nearest_m.is_some();

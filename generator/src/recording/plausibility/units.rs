@@ -26,7 +26,7 @@ const BESIDE_DEG: f64 = 15.0;
 /// Slower states have no heading that has to agree with the track.
 const MOVING_MPS: f64 = 30.0;
 /// Largest median angle between heading and track: more than any crosswind causes.
-const LARGEST_CRAB_DEG: f64 = 40.0;
+const MAX_CRAB_DEG: f64 = 40.0;
 /// Largest pitch and roll, as numbers, that look like radians. No airliner flies a whole approach within 0.2 degrees.
 const RADIANS: f64 = 0.2;
 /// Banks follow from turns over this time, seconds: gusts and steps of the track have no part in them.
@@ -34,12 +34,12 @@ const TURN_S: f64 = 4.0;
 /// Turns tell the unit and the sign of the roll if their banks are larger on average (root mean square), degrees.
 const TURNING_DEG: f64 = 0.4;
 /// Fewer of them, a minute, may all be one gust.
-const FEWEST_TURNS: u32 = 15;
+const MIN_TURNS: u32 = 15;
 /// Roll in degrees over the bank of a turn: about 1. In radians it is 0.017.
 const ROLL_IN_RADIANS: std::ops::RangeInclusive<f64> = 0.005..=0.04;
 const ROLL_TO_THE_LEFT: f64 = -0.4;
 /// Pitch and roll vary by more than this as numbers, unless they are made up.
-const LEAST_RANGE: f64 = 0.005;
+const MIN_RANGE: f64 = 0.005;
 const GRAVITY_MPS2: f64 = 9.81;
 
 /// The name of the unit in which a quantity has this many times its number; of two, the nearer one.
@@ -270,7 +270,7 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
     if moving.iter().all(is_small) && as_radians_deg + 5.0 < as_it_is_deg {
         return unit("heading_true_deg", "radians", why, "degrees, 0 to 360");
     }
-    if as_it_is_deg > 180.0 - LARGEST_CRAB_DEG {
+    if as_it_is_deg > 180.0 - MAX_CRAB_DEG {
         return unit(
             "heading_true_deg",
             "headings of an aircraft that flies backwards",
@@ -278,7 +278,7 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
             "where the nose points",
         );
     }
-    if as_it_is_deg > LARGEST_CRAB_DEG {
+    if as_it_is_deg > MAX_CRAB_DEG {
         return Err(Implausible::Contradiction {
             why,
             expected: "at most 40 degrees",
@@ -298,7 +298,7 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
         let (lowest, highest) = angles.fold((f64::MAX, f64::MIN), |(low, high), angle| {
             (low.min(angle), high.max(angle))
         });
-        highest - lowest > LEAST_RANGE
+        highest - lowest > MIN_RANGE
     };
     if varies(&|state| state.pose.pitch_deg) && pitch.max(roll) < RADIANS && lasts_s > 60.0 {
         let why =
@@ -345,5 +345,5 @@ fn roll_over_bank(approach: &[FlightState]) -> Option<f64> {
         from += length;
     }
     let is_turning = squares > f64::from(turns) * TURNING_DEG * TURNING_DEG;
-    (turns >= FEWEST_TURNS && is_turning).then(|| products / squares)
+    (turns >= MIN_TURNS && is_turning).then(|| products / squares)
 }

@@ -19,13 +19,13 @@ const RT_DETR: &str = "RTDETRDecoder";
 /// Numbers of a box in parts of the window, whose parts may lie outside.
 const NORMALIZED: std::ops::RangeInclusive<f32> = -0.5..=1.5;
 /// Part of the boxes by corners whose edges are in order. Single ones of low score are turned inside out.
-const LEAST_ORDERED: f64 = 0.75;
+const MIN_ORDERED: f64 = 0.75;
 /// Part of the numbers of boxes in parts of the window that are in that range. A few may be overflows.
-const LEAST_NORMALIZED: f64 = 0.99;
+const MIN_NORMALIZED: f64 = 0.99;
 /// Rounding error of a probability.
 const PROBABILITY_TOLERANCE: f32 = 1e-3;
 /// Part of the scores of logits that are no probabilities. The answer to a blank window has low ones.
-const LEAST_LOGITS: f64 = 0.25;
+const MIN_LOGITS: f64 = 0.25;
 
 /// Knowledge of a model besides its answer.
 pub(crate) struct Known<'a> {
@@ -212,7 +212,7 @@ fn has_logits(answer: Answer<'_>) -> bool {
     };
     let probabilities = -PROBABILITY_TOLERANCE..=1.0 + PROBABILITY_TOLERANCE;
     let outside = scores().filter(|score| !probabilities.contains(score));
-    outside.count() as f64 > LEAST_LOGITS * scores().count() as f64
+    outside.count() as f64 > MIN_LOGITS * scores().count() as f64
 }
 
 /// The boxes of the first window, without those of zeros, which fill places that no box takes.
@@ -255,13 +255,13 @@ impl Boxes {
     /// Whether they are corners, by the order of their edges.
     fn are_ordered(&self) -> bool {
         let ordered = self.all.iter().filter(|[a, b, c, d]| c > a && d > b);
-        !self.all.is_empty() && ordered.count() as f64 >= LEAST_ORDERED * self.all.len() as f64
+        !self.all.is_empty() && ordered.count() as f64 >= MIN_ORDERED * self.all.len() as f64
     }
 
     fn are_normalized(&self) -> bool {
         let numbers = self.all.iter().flatten();
         let inside = numbers.filter(|number| NORMALIZED.contains(number)).count();
-        !self.all.is_empty() && inside as f64 >= LEAST_NORMALIZED * (4 * self.all.len()) as f64
+        !self.all.is_empty() && inside as f64 >= MIN_NORMALIZED * (4 * self.all.len()) as f64
     }
 }
 

@@ -63,19 +63,19 @@ mod tests {
     #[test]
     fn a_hundred_thousand_boxes_are_compared_with_the_few_that_are_kept_and_not_with_each_other() {
         const BOXES: usize = 100_000;
-        const MOST: usize = 6;
+        const MAX_COUNT: usize = 6;
         let apart = (0..BOXES).map(|k| scored(20.0 * k as f64, 0.5)).collect();
         let on_each_other = (0..BOXES).map(|k| scored(1e-6 * k as f64, 0.5)).collect();
-        for (items, kept) in [(apart, MOST), (on_each_other, 1)] {
+        for (items, kept) in [(apart, MAX_COUNT), (on_each_other, 1)] {
             let looks = Cell::new(0_usize);
-            let found = keep_best(items, 0.3, MOST, |item: &ScoredBox| {
+            let found = keep_best(items, 0.3, MAX_COUNT, |item: &ScoredBox| {
                 looks.set(looks.get() + 1);
                 *item
             });
             assert_eq!(found.len(), kept);
             // Sorting makes about two comparisons for each of n log n pairs.
             let sorting = 2 * BOXES * BOXES.ilog2() as usize;
-            let bound = sorting + BOXES * (MOST + 1);
+            let bound = sorting + BOXES * (MAX_COUNT + 1);
             assert!(
                 looks.get() <= bound,
                 "{} looks, {bound} expected",

@@ -11,7 +11,7 @@ const COCO_AIRPLANE: usize = 4;
 /// Number of COCO's classes.
 const COCO_CLASSES: usize = 80;
 /// More names would fill a screen.
-const MOST_LISTED: usize = 12;
+const MAX_LISTED: usize = 12;
 
 /// Classes according to a model and its settings.
 #[derive(Debug, Clone, Copy)]
@@ -103,11 +103,11 @@ fn aircraft_in(names: &BTreeMap<usize, String>) -> Option<usize> {
 }
 
 fn listed(names: &BTreeMap<usize, String>) -> String {
-    let shown = names.iter().take(MOST_LISTED);
+    let shown = names.iter().take(MAX_LISTED);
     let shown: Vec<_> = shown
         .map(|(number, name)| format!("{number} {name}"))
         .collect();
-    let more = if names.len() > MOST_LISTED {
+    let more = if names.len() > MAX_LISTED {
         ", ..."
     } else {
         ""

@@ -13,7 +13,7 @@ use crate::detector::profile::METADATA_KEY;
 /// The task of a model that boxes objects.
 const DETECTION: &str = "detect";
 /// Far above the strides of any detector, pixels.
-const MOST_STRIDE_PX: u32 = 1_024;
+const MAX_STRIDE_PX: u32 = 1_024;
 
 /// The metadata of a model, as far as it is used.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -47,7 +47,7 @@ impl ModelMetadata {
             head: property("head"),
             stride_px: property("stride")
                 .and_then(|text| text.trim().parse().ok())
-                .filter(|stride_px| (1..=MOST_STRIDE_PX).contains(stride_px)),
+                .filter(|stride_px| (1..=MAX_STRIDE_PX).contains(stride_px)),
         }
     }
 

@@ -10,7 +10,7 @@ const REACH: i32 = 20;
 /// Search around the best shift of the smaller image.
 const NEAR: i32 = 2;
 /// With a lower correlation, the images do not show the same.
-const LEAST_CORRELATION: f64 = 0.15;
+const MIN_CORRELATION: f64 = 0.15;
 
 /// Edges of the ground in shrunk images, from the smallest on.
 #[derive(Debug, Clone)]
@@ -51,7 +51,7 @@ impl Coarse {
                 .max_by(|a, b| a.1.total_cmp(&b.1))?;
             (best, correlation) = found;
         }
-        (correlation >= LEAST_CORRELATION)
+        (correlation >= MIN_CORRELATION)
             .then(|| best.as_dvec2() * SHRINKS[SHRINKS.len() - 1] as f64)
     }
 }

@@ -158,7 +158,7 @@ fn an_edge_tells_its_place_across_itself_and_not_along_its_steps() {
         let levels = image(Turn::default(), ground);
         let image = Luma::of(&levels, WIDTH);
         let tiles = tiles_of(&image, HEIGHT / 2, &camera);
-        assert!(tiles.len() >= FEWEST_TILES);
+        assert!(tiles.len() >= MIN_TILES);
         let told = |tile: &Tile| tile.told(&image, DVec2::ZERO).unwrap();
         tiles
             .iter()

@@ -17,20 +17,20 @@ const BANDS: usize = 8;
 const BEST_ACROSS: usize = 8;
 const BEST_DOWN: usize = 5;
 /// Least sum of the squares of a tile's slopes: with a noise of two grey levels it shows a shift to a quarter of a pixel.
-const LEAST_STRUCTURE: f64 = 200.0;
+const MIN_STRUCTURE: f64 = 200.0;
 /// With less along one of its axes, a tile says nothing about that axis: noise and compression have such slopes too.
-const LEAST_ALONG: f64 = 100.0;
+const MIN_ALONG: f64 = 100.0;
 /// And with less than this part of the structure across it: along an edge, a tile shows little but the steps of the edge on the grid of
 /// pixels, and those do not move with it.
-const LEAST_PART: f64 = 0.1;
+const MIN_PART: f64 = 0.1;
 /// A tile whose image resembles the reference less is covered or changed.
-const LEAST_CORRELATION: f64 = 0.6;
+const MIN_CORRELATION: f64 = 0.6;
 /// Least noise of a pixel, grey levels.
 const NOISE_LEVELS: f64 = 1.5;
 /// Neighbouring pixels share their blur and their errors: so many count as one.
 const SHARED: f64 = 4.0;
 /// No tile shows its place better than this, pixels.
-const LEAST_SD_PX: f64 = 0.06;
+const MIN_SD_PX: f64 = 0.06;
 
 /// A tile of the reference.
 #[derive(Debug, Clone)]
@@ -97,7 +97,7 @@ pub(super) fn tiles_of(image: &Luma<'_>, top: usize, camera: &Camera) -> Vec<Til
         for (axis, count) in [(0, BEST_ACROSS), (1, BEST_DOWN)] {
             band.sort_by(|a, b| b.2[axis].total_cmp(&a.2[axis]));
             let kept = band.iter().take(count);
-            let enough = kept.filter(|(.., structure)| structure[axis] > LEAST_STRUCTURE);
+            let enough = kept.filter(|(.., structure)| structure[axis] > MIN_STRUCTURE);
             let places: Vec<_> = enough.map(|&(column, row, _)| (column, row)).collect();
             band.retain(|&(column, row, _)| !places.contains(&(column, row)));
             chosen.extend(places);
@@ -207,7 +207,7 @@ impl Tile {
         let [_, square, with_light, across, down] = sums.map(f64::from);
         let gain = with_light / self.power;
         let correlation = with_light / (self.power * square + 1e-6).sqrt();
-        if correlation < LEAST_CORRELATION {
+        if correlation < MIN_CORRELATION {
             return None;
         }
         // found = gain (light - step . slope): after a motion by `step`, a pixel has the light from `step` before it.
@@ -238,10 +238,10 @@ impl Tile {
 fn certainties(structures: [f64; 2], variance: f64) -> [f64; 2] {
     let most = structures[0].max(structures[1]);
     structures.map(|structure| {
-        if structure < LEAST_ALONG.max(LEAST_PART * most) {
+        if structure < MIN_ALONG.max(MIN_PART * most) {
             0.0
         } else {
-            (variance / structure + LEAST_SD_PX * LEAST_SD_PX).recip()
+            (variance / structure + MIN_SD_PX * MIN_SD_PX).recip()
         }
     })
 }

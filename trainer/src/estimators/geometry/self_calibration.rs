@@ -36,13 +36,13 @@ use bundle::{AIRCRAFT_UNKNOWNS, Bundle, Solution, Tick};
 use measured::{Deviations, Measured};
 
 /// A view that saw the aircraft at fewer ticks is not fitted.
-pub(crate) const LEAST_TICKS: usize = 30;
+pub(crate) const MIN_TICKS: usize = 30;
 /// Ticks that a fit uses; more hardly change it.
-const MOST_TICKS: usize = 20_000;
+const MAX_TICKS: usize = 20_000;
 /// Prior standard deviations of the measured point: half the length of an airliner, its symmetry, its height, metres.
 const POINT_SD_M: [f64; AIRCRAFT_UNKNOWNS] = [10.0, 3.0, 5.0];
 /// Steps to the position, and the length of the last one, metres.
-const MOST_STEPS: usize = 10;
+const MAX_STEPS: usize = 10;
 const LAST_STEP_M: f64 = 1e-3;
 /// Step of a numerical derivative of a place, metres.
 const PROBE_M: f64 = 1.0;
@@ -95,7 +95,7 @@ impl SelfCalibrated {
             seen.count()
         };
         let ticks: Vec<usize> = (0..rig.len()).map(ticks_of).collect();
-        let is_fitted = |view: usize| ticks[view] >= LEAST_TICKS;
+        let is_fitted = |view: usize| ticks[view] >= MIN_TICKS;
         if (0..rig.len()).filter(|&view| is_fitted(view)).count() < 2 {
             return None;
         }
@@ -144,7 +144,7 @@ impl SelfCalibrated {
         let old = self.cameras[view].as_ref();
         let entry = planned.or(old.map(|old| &old.rig))?.clone();
         let ticks = flights.iter().filter(|s| s.boxes[view].is_some()).count();
-        if ticks < LEAST_TICKS {
+        if ticks < MIN_TICKS {
             return None;
         }
         // A view without a camera has no measurements either: any camera will do.
@@ -258,7 +258,7 @@ fn bundle(
         ecef_from_course: ecef_from_course(sample.position, &scenarios[sample.scenario]),
         measured: Measured::in_tick(sample, &is_fitted),
     };
-    let step = training.len().div_ceil(MOST_TICKS).max(1);
+    let step = training.len().div_ceil(MAX_TICKS).max(1);
     Bundle {
         rig: rig.iter().map(CameraEntry::camera).collect(),
         free: 0..prior_sd.len(),
@@ -331,7 +331,7 @@ impl Locator<'_> {
         measured: &[Measured],
         mut point_m: DVec3,
     ) -> Option<(DVec3, NormalEquations)> {
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let places_px = self.places_px(point_m);
             let moved: Vec<_> = DMat3::IDENTITY
                 .to_cols_array_2d()

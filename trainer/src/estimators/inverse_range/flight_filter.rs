@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::estimators::inverse_range::{CrossFitted, InverseRange, Measurement};
 use crate::networks::normalisation::Normalisation;
-use crate::samples::sides::flight_parts::MOST_PARTS;
+use crate::samples::sides::flight_parts::MAX_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
@@ -146,9 +146,9 @@ impl FlightFilter {
             smoothed: HalfWidths::NORMAL,
         };
         // Each part of the flights is evaluated with error sizes from the other flights, like a new flight.
-        let parts: Vec<Self> = (0..MOST_PARTS)
+        let parts: Vec<Self> = (0..MAX_PARTS)
             .map(|part| {
-                let is_outside = |flight: &LabelledFlight| flight.flown % MOST_PARTS != part;
+                let is_outside = |flight: &LabelledFlight| flight.flown % MAX_PARTS != part;
                 let errors = fitted.errors.iter().enumerate();
                 let of_others = errors
                     .map(|(fit, error)| error.with_deviations_of(&errors_of(fit, &is_outside)));
@@ -160,7 +160,7 @@ impl FlightFilter {
             .collect();
         let widths = |knowing| {
             HalfWidths::fit(flights, |flight| {
-                parts[flight.flown % MOST_PARTS].of_ticks(&flight.ticks, knowing)
+                parts[flight.flown % MAX_PARTS].of_ticks(&flight.ticks, knowing)
             })
         };
         let (filtered, smoothed) = (widths(Knowing::Past), widths(Knowing::All));

@@ -20,7 +20,7 @@ const ITERATIONS: usize = 200;
 /// Change of the deviation below which it is kept.
 const SETTLED: f64 = 1e-3;
 /// Lower limit of the deviation, which keeps the weights of exact positions finite.
-const LEAST_DEVIATION: f64 = 1e-9;
+const MIN_DEVIATION: f64 = 1e-9;
 /// Errors at smaller distances count as at this one, 0.5 NM: percentages explode at touchdown.
 pub(super) const NEAREST_M: f64 = 926.0;
 
@@ -243,7 +243,7 @@ impl Rows {
             let error_per_m = dot(&terms, &coefficients_per_m) - inverse_range_per_m(index);
             residuals.push(sensitivities_m[index] * error_per_m);
         }
-        let deviation = deviation_from_zero(residuals.iter().copied()).max(LEAST_DEVIATION);
+        let deviation = deviation_from_zero(residuals.iter().copied()).max(MIN_DEVIATION);
         Some(Solution {
             coefficients_per_m,
             residuals,

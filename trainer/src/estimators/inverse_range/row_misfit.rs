@@ -17,9 +17,9 @@ const UNKNOWNS: usize = 4;
 /// Unit of places, pixels.
 const UNIT_PX: f64 = 1_000.0;
 /// Shifts below which nothing is learned, ...
-const LEAST_SHIFTS: usize = 30;
+const MIN_SHIFTS: usize = 30;
 /// ... and at most; more do not change it.
-const MOST_SHIFTS: usize = 20_000;
+const MAX_SHIFTS: usize = 20_000;
 /// Keeps slopes small that flights on one line do not determine, beside a mean of squares of about one.
 const RIDGE: f64 = 1e-6;
 /// Residuals of so many standard deviations have half the weight, in so many rounds.
@@ -68,10 +68,10 @@ impl RowRelation {
         let rows: Vec<Row> = (training.iter())
             .filter_map(|sample| row_in(views, sample))
             .collect();
-        if rows.len() < LEAST_SHIFTS {
+        if rows.len() < MIN_SHIFTS {
             return None;
         }
-        let step = rows.len().div_ceil(MOST_SHIFTS);
+        let step = rows.len().div_ceil(MAX_SHIFTS);
         let rows: Vec<&Row> = rows.iter().step_by(step).collect();
         let mut weights = vec![1.0; rows.len()];
         let mut relation = None;

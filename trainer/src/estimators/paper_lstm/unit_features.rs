@@ -12,7 +12,7 @@ use crate::networks::encoded::{Encoded, numbers};
 /// Samples at once.
 const CHUNK: usize = 2_048;
 /// Features are divided by at least this part of the largest deviation: what varies less is noise.
-const LEAST_PART: f64 = 1e-3;
+const MIN_PART: f64 = 1e-3;
 
 /// The same predictions, from features with mean 0 and deviation 1 over all boxes of some samples: in all views together, because the
 /// head is shared. Networks and device must be without autodiff.
@@ -40,7 +40,7 @@ pub(crate) fn with_unit_features(
     let deviations: Vec<f64> = (sums.iter())
         .map(|[sum, squares]| (squares / count - (sum / count).powi(2)).max(0.0).sqrt())
         .collect();
-    let least = LEAST_PART * deviations.iter().copied().fold(0.0, f64::max);
+    let least = MIN_PART * deviations.iter().copied().fold(0.0, f64::max);
     if least <= 0.0 {
         return networks;
     }

@@ -12,7 +12,7 @@ use crate::error::{self, Error, PredictionsFault};
 /// Bytes that every Parquet file begins with.
 const PARQUET: &[u8] = b"PAR1";
 /// Above the ticks of any corpus.
-const MOST_ROWS: u64 = 1 << 30;
+const MAX_ROWS: u64 = 1 << 30;
 
 /// The cells that count.
 pub(super) struct Cells {
@@ -54,7 +54,7 @@ impl Cells {
     }
 
     fn of_parquet(bytes: Vec<u8>, blake3: String, path: &Path) -> error::Result<Self> {
-        let table = Table::parse(bytes, path, MOST_ROWS)?;
+        let table = Table::parse(bytes, path, MAX_ROWS)?;
         let names: Vec<&str> = table.column_names().collect();
         let layout = Layout::of(&names).map_err(|fault| Error::predictions(path, fault))?;
         let scenario = table.optional_text(SCENARIO)?;

@@ -13,7 +13,7 @@ const DISTANCE: &str = "_dtd_m";
 /// Endings of the columns with the ends of an interval, as `dtd predict` writes them, and shorter ones.
 const INTERVALS: [[&str; 2]; 2] = [["_dtd_m_from", "_dtd_m_to"], ["_from_m", "_to_m"]];
 /// Maximum length of an estimator's name.
-const MOST_NAME_BYTES: usize = 64;
+const MAX_NAME_BYTES: usize = 64;
 /// Maximum number of columns named in a message.
 const NAMED: usize = 12;
 
@@ -96,12 +96,12 @@ impl Layout {
 
 fn check_name(name: &str, column: &str) -> Result<(), PredictionsFault> {
     let is_usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-    if (1..=MOST_NAME_BYTES).contains(&name.len()) && name.chars().all(is_usual) {
+    if (1..=MAX_NAME_BYTES).contains(&name.len()) && name.chars().all(is_usual) {
         return Ok(());
     }
     Err(PredictionsFault::EstimatorName {
-        column: column.chars().take(2 * MOST_NAME_BYTES).collect(),
-        most: MOST_NAME_BYTES,
+        column: column.chars().take(2 * MAX_NAME_BYTES).collect(),
+        most: MAX_NAME_BYTES,
     })
 }
 

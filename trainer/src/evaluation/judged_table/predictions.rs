@@ -10,7 +10,7 @@ use crate::samples::truth::Truth;
 use crate::samples::{Sample, ScenarioSummary};
 
 /// Maximum number of views of a rig, and more.
-const MOST_DETECTIONS: u32 = 255;
+const MAX_DETECTIONS: u32 = 255;
 
 /// What a table says about the ticks that are judged.
 pub(super) struct Predictions {
@@ -111,7 +111,7 @@ impl<'a> Rows<'a> {
         });
         let (detections, of_estimators) = match others {
             [detections, others @ ..] if layout.has_detections => {
-                let detections = whole_numbers(detections, DETECTIONS, MOST_DETECTIONS)?;
+                let detections = whole_numbers(detections, DETECTIONS, MAX_DETECTIONS)?;
                 let of_row = |seen: Option<u32>| seen.unwrap_or_default() as usize;
                 let any = detections.iter().any(Option::is_some);
                 let detections = any.then(|| detections.into_iter().map(of_row).collect());

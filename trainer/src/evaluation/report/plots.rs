@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 use report_page::Result;
 use report_page::chart::{
-    COLOURS, FONT, GRID, INK, LogarithmicAxis, MOST_POINTS, axes, axis, shown_points, svg,
+    COLOURS, FONT, GRID, INK, LogarithmicAxis, MAX_POINTS, axes, axis, shown_points, svg,
 };
 
 use crate::estimators::paper_lstm::calibration_training::CalibrationLogEntry;
@@ -13,7 +13,7 @@ use crate::run::trained::Convergence;
 use crate::samples::Sample;
 
 /// Maximum numbers along the axis of distances.
-const MOST_LABELS: usize = 60;
+const MAX_LABELS: usize = 60;
 /// Maximum end of an axis of percentage errors.
 const FARTHEST_PCT: f64 = 1_000.0;
 
@@ -53,7 +53,7 @@ pub(in crate::evaluation) fn best_by_distance(shown: &[(usize, &[DistanceBin])])
                 .y_label_area_size(66)
                 .build_cartesian_2d(distances, errors)?;
             axes(&mut chart)
-                .x_labels(labels.unwrap_or(1).clamp(2, MOST_LABELS))
+                .x_labels(labels.unwrap_or(1).clamp(2, MAX_LABELS))
                 .y_labels(24)
                 .y_label_formatter(&LogarithmicAxis::number)
                 .x_desc("distance to touchdown, NM")
@@ -93,7 +93,7 @@ pub(in crate::evaluation) fn errors_by_distance(
     let first = boxes.iter().map(|b| b.2).reduce(f64::min).unwrap_or(0.0);
     let last = boxes.iter().map(|b| b.2).reduce(f64::max).unwrap_or(0.0) + width_nm;
     let distances = axis(first, last);
-    let labels = (((last - first) / width_nm).round() as usize + 1).min(MOST_LABELS);
+    let labels = (((last - first) / width_nm).round() as usize + 1).min(MAX_LABELS);
     let ends = boxes.iter().flat_map(|b| b.3.whiskers_pct).map(f64::abs);
     // Whiskers of the worst estimators must not flatten all boxes: they are cut off at the image's edge.
     let reach = reach_pct(ends.collect(), 0.7, 0.02, 1.15);
@@ -211,7 +211,7 @@ pub(in crate::evaluation) fn convergence(log: &Convergence) -> Result<String> {
         let ends = phases.iter().skip(1).map(|next| next[0].step);
         let last_step = log.calibration.last().map_or(0, |entry| entry.step);
         let ended = phases.iter().zip(ends.chain([last_step]));
-        for (phase, end) in ended.take(MOST_POINTS) {
+        for (phase, end) in ended.take(MAX_POINTS) {
             let optimised = &phase[0].optimised;
             if optimised.iter().all(|&optimised| optimised) {
                 continue;

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use dataset::numbers::motion::{motion_at, scatter};
-use dataset::tables::health::{LEAST_LAG_SD_MS, LIKELY, Late, ViewHealth, ViewLag, late_views};
+use dataset::tables::health::{LIKELY, Late, MIN_LAG_SD_MS, ViewHealth, ViewLag, late_views};
 use glam::DVec2;
 
 use crate::samples::camera_health::Corrections;
@@ -30,7 +30,7 @@ pub(crate) fn lateness(views: &[String], health: &[ViewHealth]) -> Vec<Late> {
     let of_view = |view: &String| {
         let [late, certain] = [&likely, &sure].map(|late| late.get(view.as_str()));
         let late = late.copied().unwrap_or_default();
-        let of_sightings = (late.sd_s.powi(2) - (LEAST_LAG_SD_MS / 1e3).powi(2)).max(0.0);
+        let of_sightings = (late.sd_s.powi(2) - (MIN_LAG_SD_MS / 1e3).powi(2)).max(0.0);
         let missing_s = late.seconds * of_sightings / ATTENUATING_SD_S.powi(2);
         let uncertain_s = (late.seconds - certain.map_or(0.0, |late| late.seconds)).abs();
         Late {

@@ -17,7 +17,7 @@ const MOTION_S: f64 = 10.0;
 const REMEMBERED_S: f64 = 60.0;
 const STEP_S: f64 = 1.0;
 /// A shorter time gives no motion, seconds.
-const LEAST_MOTION_S: f64 = 2.0;
+const MIN_MOTION_S: f64 = 2.0;
 /// Objects that move less, pixels per second, and grow less, in parts of the width over the time that is remembered, stand still: at
 /// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows by twice as much in ten seconds.
 const STILL_PX_S: f64 = 0.1;
@@ -40,8 +40,8 @@ const SAME_TRACK_GROWTH: f64 = 1.5;
 /// What a view saw longer ago says nothing about a box that other views agree with, seconds.
 const LATE_S: f64 = 10.0;
 /// Least and largest width of a box in parts of the last one's, and the growth of the latter per second.
-const LEAST_GROWTH: f64 = 0.7;
-const MOST_GROWTH: f64 = 1.4;
+const MIN_GROWTH: f64 = 0.7;
+const MAX_GROWTH: f64 = 1.4;
 const GROWTH_PER_S: f64 = 0.03;
 
 /// A change per second, and its standard error.
@@ -94,7 +94,7 @@ impl Trace {
     fn first(&self) -> Option<&Sighting> {
         let since = |seen: &Sighting| self.last.time_s - seen.time_s;
         let first = (self.earlier.iter()).find(|seen| since(seen) <= MOTION_S);
-        first.filter(|first| since(first) >= LEAST_MOTION_S)
+        first.filter(|first| since(first) >= MIN_MOTION_S)
     }
 
     /// Motion in the image, pixels per second; `None` if it was seen for too short a time.
@@ -157,8 +157,8 @@ impl Trace {
         } else {
             1.0
         };
-        let most_grown = freedom * MOST_GROWTH * (GROWTH_PER_S * since_s).exp();
-        if !(LEAST_GROWTH / freedom..=most_grown).contains(&grown) {
+        let most_grown = freedom * MAX_GROWTH * (GROWTH_PER_S * since_s).exp();
+        if !(MIN_GROWTH / freedom..=most_grown).contains(&grown) {
             return None;
         }
         let motion_px_s = self.motion_px_s();

@@ -18,23 +18,23 @@ use crate::samples::camera_health::look::Look;
 /// Unit of the coordinates in the fit, pixels: so small that what keeps slopes small in [`robust_line`] moves no column by a pixel.
 const UNIT_PX: f64 = 100.0;
 /// Pairs that decide about the fit; more do not change it.
-const MOST_PAIRS: usize = 5_000;
+const MAX_PAIRS: usize = 5_000;
 /// Each part of the flights is judged by the others.
 const PARTS: usize = 4;
 /// Fewer flights that two views saw for a minute do not show how far flights are from their common path.
-pub(super) const FEWEST_FLIGHTS: usize = 4;
+pub(super) const MIN_FLIGHTS: usize = 4;
 /// An offset that lasts for this time counts, seconds.
 const KEPT_S: f64 = 60.0;
 /// A longer gap without a pair of boxes restarts the minute, seconds.
-const LONGEST_GAP_S: f64 = 30.0;
+const MAX_GAP_S: f64 = 30.0;
 /// Pairs are compared once in this time, seconds, and a minute has at least so many of them.
 const STEP_S: f64 = 1.0;
-const FEWEST_PAIRS: usize = 5;
+const MIN_PAIRS: usize = 5;
 /// Share of pairs on either side that do not count: single wrong boxes.
 const OUTLIERS: f64 = 0.1;
 /// A flight is beside the paths if its offset is so many times the largest one of the training's flights, and at least this, pixels.
 const TIMES_OF_TRAINING: f64 = 3.0;
-const LEAST_OFF_PX: f64 = 5.0;
+const MIN_OFF_PX: f64 = 5.0;
 
 /// A pair of boxes at a time.
 #[derive(Debug, Clone, Copy)]
@@ -71,7 +71,7 @@ fn terms(seen: &PixelBox) -> [f64; 4] {
 
 /// The line near which nearly all pairs are.
 fn line<'a>(pairs: impl Iterator<Item = &'a Pair<'a>> + Clone) -> Option<[f64; 4]> {
-    let step = pairs.clone().count().div_ceil(MOST_PAIRS).max(1);
+    let step = pairs.clone().count().div_ceil(MAX_PAIRS).max(1);
     let points = pairs.step_by(step).map(|pair| {
         let [first, second] = pair.boxes;
         // The nearer it is, the more pixels is an offset of as many metres.
@@ -111,7 +111,7 @@ impl Columns {
                 minutes.reduce(f64::max)
             }));
         }
-        if amounts_px.len() < FEWEST_FLIGHTS {
+        if amounts_px.len() < MIN_FLIGHTS {
             return None;
         }
         Some(Self {
@@ -122,7 +122,7 @@ impl Columns {
 
     /// A larger offset is beside the paths, pixels.
     pub(super) fn limit_px(&self) -> f64 {
-        (TIMES_OF_TRAINING * self.kept_px).max(LEAST_OFF_PX)
+        (TIMES_OF_TRAINING * self.kept_px).max(MIN_OFF_PX)
     }
 
     /// All of its numbers.
@@ -169,7 +169,7 @@ impl Kept {
     fn take(&mut self, next: Offset, limit_px: f64) {
         let time_s = next.time_s;
         let last_s = self.recent.back().map_or(time_s, |last| last.time_s);
-        if time_s - last_s > LONGEST_GAP_S {
+        if time_s - last_s > MAX_GAP_S {
             self.recent.clear();
         }
         if self.recent.is_empty() || time_s - last_s >= STEP_S {
@@ -181,7 +181,7 @@ impl Kept {
             self.recent.pop_front();
         }
         let since_s = self.recent.front().map_or(time_s, |oldest| oldest.time_s);
-        if time_s - since_s >= KEPT_S && self.recent.len() >= FEWEST_PAIRS {
+        if time_s - since_s >= KEPT_S && self.recent.len() >= MIN_PAIRS {
             let hidden = self.recent.iter().filter(|of| of.is_hidden).count();
             let off_px = self.off_px();
             self.minute = Some(Minute {

@@ -16,11 +16,11 @@ use crate::samples::camera_health::look::Look;
 use crate::samples::trusted_boxes::other_boxes::Candidate;
 
 /// Boxes of a view at a tick that are considered, those with the highest scores.
-const MOST_BOXES: usize = 16;
+const MAX_BOXES: usize = 16;
 /// Objects that are remembered at most.
-const MOST_AIRCRAFT: usize = 64;
+const MAX_AIRCRAFT: usize = 64;
 /// The time to the tick before counts up to this, seconds: in a longer gap anything may have happened.
-const LONGEST_STEP_S: f64 = 5.0;
+const MAX_STEP_S: f64 = 5.0;
 /// An aircraft that two views agreed on for this time stays the one that is followed, seconds ...
 const ESTABLISHED_S: f64 = 10.0;
 /// ... until no view has seen it for this time, seconds.
@@ -76,13 +76,13 @@ impl Follower {
         let time_s = observed.time_ns as f64 / 1e9;
         let step_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
         // Never zero: an object that was paired once differs from one that never was.
-        let step_s = step_s.clamp(1e-3, LONGEST_STEP_S);
+        let step_s = step_s.clamp(1e-3, MAX_STEP_S);
         self.last_s = Some(time_s);
         let views = 0..observed.boxes.len();
         let boxes: Vec<Vec<Candidate>> = views
             .map(|view| {
                 let is_followed = is_related(learned.relations, view);
-                let most = if is_followed { MOST_BOXES } else { 0 };
+                let most = if is_followed { MAX_BOXES } else { 0 };
                 observed.candidates(view).take(most).collect()
             })
             .collect();
@@ -151,7 +151,7 @@ impl Follower {
                 .then(b_seen.total_cmp(&a_seen))
                 .then(a.number.cmp(&b.number))
         });
-        self.aircraft.truncate(MOST_AIRCRAFT);
+        self.aircraft.truncate(MAX_AIRCRAFT);
         for aircraft in &mut self.aircraft {
             aircraft.boxes.fill(None);
         }
@@ -312,7 +312,7 @@ impl Follower {
         };
         chosen.paired_s > 0.0
             // Between ticks that are as far apart as this, waiting for another one would cost more than lamps do.
-            || ((chosen.has_approached || step_s >= LONGEST_STEP_S)
+            || ((chosen.has_approached || step_s >= MAX_STEP_S)
                 && tick.learned.is_on_path(chosen, step_s)
                 && !tick.is_missed(chosen)
                 && !self.aircraft.iter().any(|other| is_rival(&other)))
@@ -332,7 +332,7 @@ impl Learned<'_> {
             let boxes = ends.map(|seen| &seen.pixel_box);
             self.path(view).is_none_or(|path| path.leads(boxes))
         };
-        of.is_moving().unwrap_or(step_s >= LONGEST_STEP_S)
+        of.is_moving().unwrap_or(step_s >= MAX_STEP_S)
             && of.last_boxes().all(holds)
             && of.motions().all(leads)
     }

@@ -11,28 +11,28 @@ use serde::{Deserialize, Serialize};
 use super::robust_line::robust_line;
 
 /// Boxes below which nothing is learned.
-const LEAST_BOXES: usize = 30;
+const MIN_BOXES: usize = 30;
 /// Units of places and widths in the fit, pixels.
 const UNIT_PX: f64 = 1_000.0;
 const WIDTH_UNIT_PX: f64 = 100.0;
 /// Boxes that differ by more standard deviations are not on such a path. The smallest standard deviations are of the logarithm of the
 /// width, so that boxes of half and double the width are always on it, ...
-const MOST_DEVIATIONS: f64 = 6.0;
-const LEAST_SD: f64 = 0.12;
+const MAX_DEVIATIONS: f64 = 6.0;
+const MIN_SD: f64 = 0.12;
 /// ... and of the row, pixels: flights at another height, or level before the glide path.
-const LEAST_ROW_SD_PX: f64 = 25.0;
+const MIN_ROW_SD_PX: f64 = 25.0;
 /// Within seconds, the logarithm of the width that places say may shrink by this, for errors of the boxes, ...
-const LEAST_APPROACH: f64 = 0.02;
+const MIN_APPROACH: f64 = 0.02;
 /// ... and the width itself may differ from it by this: boxes of far aircraft err by a pixel of twenty.
-const MOST_OTHER_GROWTH: f64 = 0.2;
+const MAX_OTHER_GROWTH: f64 = 0.2;
 /// Seconds over which the usual speed is read off places.
 const SPEED_S: f64 = 10.0;
 /// Ticks that are farther apart tell no usual speed, seconds.
-const LONGEST_S: f64 = 30.0;
+const MAX_S: f64 = 30.0;
 /// Slowest and fastest approach, in parts of the training's usual speed: wind, other types, paths beside the training's.
 const SPEEDS: [f64; 2] = [0.6, 1.6];
 /// Places do not tell the speed if the training's own scatters by more than this part.
-const MOST_SPEED_SD: f64 = 0.25;
+const MAX_SPEED_SD: f64 = 0.25;
 /// Error of the distance between two places: six standard deviations of two boxes, pixels.
 const MOTION_ERROR_PX: f64 = 4.0;
 
@@ -67,7 +67,7 @@ impl Path {
     /// Fits widths and the speed to boxes of aircraft, flight by flight in the order of time, robustly; `None` of too few.
     pub(super) fn fit(view: usize, flights: &[Vec<Sighting>]) -> Option<Self> {
         let boxes = || flights.iter().flatten().map(|seen| &seen.pixel_box);
-        if boxes().count() < LEAST_BOXES {
+        if boxes().count() < MIN_BOXES {
             return None;
         }
         let points = boxes().map(|seen| {
@@ -87,12 +87,12 @@ impl Path {
             width: [constant * WIDTH_UNIT_PX, of_x * per_px, of_y * per_px],
             width_sd: 1.0,
             row: [row, row_of_x / UNIT_PX],
-            row_sd_px: row_sd_px.max(LEAST_ROW_SD_PX),
+            row_sd_px: row_sd_px.max(MIN_ROW_SD_PX),
             inverse_width_per_s: None,
         };
         let residuals = boxes().map(|seen| path.residuals(seen)[0]);
         let width_sd = deviation_from_zero(residuals.filter(|residual| residual.is_finite()));
-        path.width_sd = width_sd.max(LEAST_SD);
+        path.width_sd = width_sd.max(MIN_SD);
         path.inverse_width_per_s = path.usual_speed(flights);
         Some(path)
     }
@@ -105,15 +105,15 @@ impl Path {
                 let to = later.find(|to| to.time_s - from.time_s >= SPEED_S)?;
                 let seconds = to.time_s - from.time_s;
                 let speed = (inverse(from) - inverse(to)) / seconds;
-                (seconds <= LONGEST_S && speed.is_finite()).then_some(speed)
+                (seconds <= MAX_S && speed.is_finite()).then_some(speed)
             })
         });
         let speeds: Vec<f64> = speeds.collect();
-        if speeds.len() < LEAST_BOXES {
+        if speeds.len() < MIN_BOXES {
             return None;
         }
         let usual = Spread::of(speeds)?;
-        (usual.deviation < MOST_SPEED_SD * usual.median).then_some(usual.median)
+        (usual.deviation < MAX_SPEED_SD * usual.median).then_some(usual.median)
     }
 
     /// Width that the place of a box says, pixels; 0 where no aircraft is.
@@ -134,7 +134,7 @@ impl Path {
     /// True if an aircraft on such a path may have this box.
     pub(super) fn holds(&self, seen: &PixelBox) -> bool {
         // Not a number is not within.
-        let is_within = |residual: f64| residual.abs() <= MOST_DEVIATIONS;
+        let is_within = |residual: f64| residual.abs() <= MAX_DEVIATIONS;
         self.residuals(seen).into_iter().all(is_within)
     }
 
@@ -144,7 +144,7 @@ impl Path {
         let [from, to] = boxes.map(|seen| self.width_px(seen));
         let [first, second] = boxes.map(|seen| seen.width_px);
         let [expected, grown] = [to / from, second / first].map(f64::ln);
-        expected >= -LEAST_APPROACH && (grown - expected).abs() <= MOST_OTHER_GROWTH
+        expected >= -MIN_APPROACH && (grown - expected).abs() <= MAX_OTHER_GROWTH
     }
 
     /// True if an aircraft that approaches at about the speed of the training may have been seen like this, some seconds apart.

@@ -12,22 +12,22 @@ use super::aside::{Columns, Pair};
 use super::robust_line::{dot, robust_line};
 
 /// Pairs of boxes below which nothing is learned.
-pub(super) const LEAST_PAIRS: usize = 30;
+pub(super) const MIN_PAIRS: usize = 30;
 /// Units of the coordinates and of the widths in the fit, pixels.
 const UNIT_PX: f64 = 1_000.0;
 const WIDTH_UNIT_PX: f64 = 100.0;
 /// Residuals of more standard deviations are none of one aircraft that comes into sight ...
-const MOST_TO_BEGIN: f64 = 6.0;
+const MAX_TO_BEGIN: f64 = 6.0;
 /// ... and of one that both views have been following: a cloud may hide parts of it.
-const MOST_TO_GO_ON: f64 = 9.0;
+const MAX_TO_GO_ON: f64 = 9.0;
 /// Smallest standard deviations: flights beside the paths of the training and aircraft of another size differ by more than its boxes. Of
 /// rows, pixels ...
-const LEAST_ROW_SD_PX: f64 = 0.7;
+const MIN_ROW_SD_PX: f64 = 0.7;
 /// ... and of the logarithms of sizes: aircraft of half and double the training's size, or hidden in
 /// part by a cloud in both views, are within six of them ...
-const LEAST_PARALLAX_SD: f64 = 0.12;
+const MIN_PARALLAX_SD: f64 = 0.12;
 /// ... and so are sizes in two views of which one is 1.8 of the other.
-const LEAST_SIZE_SD: f64 = 0.1;
+const MIN_SIZE_SD: f64 = 0.1;
 /// Rows of large boxes are less certain: by this part of the height.
 const ROW_PART_OF_HEIGHT: f64 = 0.05;
 
@@ -70,7 +70,7 @@ impl Relation {
     /// Fits the relation to pairs of boxes of one aircraft, flight by flight, robustly; `None` of too few.
     pub(super) fn fit(views: [usize; 2], flights: &[Vec<Pair>]) -> Option<Self> {
         let pairs: Vec<_> = flights.iter().flatten().map(|pair| pair.boxes).collect();
-        if pairs.len() < LEAST_PAIRS {
+        if pairs.len() < MIN_PAIRS {
             return None;
         }
         let rows: Vec<_> = (pairs.iter())
@@ -105,11 +105,11 @@ impl Relation {
         Some(Self {
             views,
             row,
-            row_sd_px: row_sd_px.max(LEAST_ROW_SD_PX),
-            size: [size, size_sd.max(LEAST_SIZE_SD)],
+            row_sd_px: row_sd_px.max(MIN_ROW_SD_PX),
+            size: [size, size_sd.max(MIN_SIZE_SD)],
             parallax: [apart_px, slope],
             // A slope of one column per pixel of width comes from the shape of the aircraft, not from the distance of the cameras.
-            parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(LEAST_PARALLAX_SD)),
+            parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(MIN_PARALLAX_SD)),
             common_px: Some([ends(0), ends(1)]),
             columns: Columns::fit(flights),
         })
@@ -136,14 +136,14 @@ impl Relation {
     /// Half of the sum of the squared residuals, small for one aircraft; `None` if the boxes are not of one that comes into sight.
     pub(super) fn misfit(&self, pair: [&PixelBox; 2]) -> Option<f64> {
         let residuals = self.residuals(pair);
-        let is_one = residuals.iter().all(|r| r.abs() <= MOST_TO_BEGIN);
+        let is_one = residuals.iter().all(|r| r.abs() <= MAX_TO_BEGIN);
         is_one.then(|| residuals.iter().map(|r| r * r).sum::<f64>() / 2.0)
     }
 
     /// True if two boxes cannot be of one aircraft that has been in sight.
     pub(super) fn contradicts(&self, pair: [&PixelBox; 2]) -> bool {
         // Not a number is not within.
-        let is_one = |residual: f64| residual.abs() <= MOST_TO_GO_ON;
+        let is_one = |residual: f64| residual.abs() <= MAX_TO_GO_ON;
         !self.residuals(pair).into_iter().all(is_one)
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::samples::{Sample, Samples};
 
 /// Parts at most.
-pub(crate) const MOST_PARTS: usize = 10;
+pub(crate) const MAX_PARTS: usize = 10;
 
 /// The flights of some ticks, identified by content: a copy of a flight is in the same part.
 #[derive(Debug, Clone)]
@@ -30,7 +30,7 @@ impl FlightParts {
             count: match flights.len() {
                 // Errors after learning from the only flight would not predict errors on others.
                 0 | 1 => 0,
-                flights => flights.min(MOST_PARTS),
+                flights => flights.min(MAX_PARTS),
             },
         }
     }
@@ -91,7 +91,7 @@ mod tests {
         samples.scenarios[1].flight = samples.scenarios[0].flight.clone();
         let training = samples.of_side(Side::Train);
         let parts = FlightParts::of(&samples, training.iter().copied());
-        assert_eq!(parts.count, MOST_PARTS);
+        assert_eq!(parts.count, MAX_PARTS);
         let part_of = |scenario: usize| -> Vec<usize> {
             let mut ticks = training.iter().filter(|s| s.scenario == scenario);
             let tick = ticks.next().unwrap();

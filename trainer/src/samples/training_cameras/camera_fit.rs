@@ -28,18 +28,18 @@ const NEAREST_M: f64 = 100.0;
 const GATE: f64 = 3.0;
 /// The gate shrinks by this factor per step: faster, it would close before the few near boxes have turned the camera their way.
 const SHRINKS_BY: f64 = 0.85;
-const MOST_STEPS: usize = 60;
+const MAX_STEPS: usize = 60;
 /// A step is the last one if it is shorter than this part of the prior standard deviation.
 const SETTLED: f64 = 1e-4;
 /// Rounds of turning the camera by the median offset, and of fitting offsets of scenarios.
 const TURNS: usize = 3;
 const ROUNDS: usize = 2;
 /// A scenario with fewer boxes has no offset of its own.
-const LEAST_BOXES: usize = 8;
+const MIN_BOXES: usize = 8;
 /// Offsets that are tried per scenario.
 const TRIED: usize = 40;
 /// Lower limit of the spread of offsets over scenarios, pixels.
-const LEAST_SPREAD_PX: f64 = 0.5;
+const MIN_SPREAD_PX: f64 = 0.5;
 /// The errors of neighbouring ticks are alike: a flight counts as this many boxes.
 const BOXES_OF_A_FLIGHT: f64 = 10.0;
 
@@ -141,7 +141,7 @@ impl CameraFit {
     fn solve(&self, seen: &[Seen], start: Adjustment) -> Adjustment {
         let mut x = self.adjustment;
         let mut gate = f64::INFINITY;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let least = GATE * self.spread(seen, &x).max(1.0);
             let shrunk = (gate * SHRINKS_BY).max(least);
             gate = if gate.is_finite() {
@@ -240,14 +240,14 @@ impl CameraFit {
         let scenarios: Vec<(usize, Vec<(DVec2, f64)>)> = seen
             .chunk_by(|a, b| a.scenario == b.scenario)
             .map(of_scenario)
-            .filter(|(_, off)| off.len() >= LEAST_BOXES)
+            .filter(|(_, off)| off.len() >= MIN_BOXES)
             .collect();
         let medians: Vec<DVec2> = (scenarios.iter())
             .map(|(_, off)| median_px(off.iter().map(|(off_px, _)| *off_px)))
             .collect();
         let spread = |axis: usize| {
             let spread_px = deviation_from_zero(medians.iter().map(|median| median[axis]));
-            spread_px.max(LEAST_SPREAD_PX)
+            spread_px.max(MIN_SPREAD_PX)
         };
         let spread_px = DVec2::new(spread(0), spread(1));
         let scenarios = scenarios.into_iter();

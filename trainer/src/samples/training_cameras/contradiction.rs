@@ -7,11 +7,11 @@ use super::camera_fit::CameraFit;
 
 /// Differences up to these are not worth a word: degrees, percent and metres. An aircraft's box has its centre some metres off: in the
 /// corpus of `dtd paper --frame-rate 2`, whose cameras are true, a fitted one stands 10 m off along the approach.
-const LEAST_TURN_DEG: f64 = 0.05;
-const LEAST_FOCAL_PCT: f64 = 1.0;
-const LEAST_MOVE_M: f64 = 15.0;
+const MIN_TURN_DEG: f64 = 0.05;
+const MIN_FOCAL_PCT: f64 = 1.0;
+const MIN_MOVE_M: f64 = 15.0;
 /// A difference of fewer standard deviations may be chance.
-const LEAST_DEVIATIONS: f64 = 5.0;
+const MIN_DEVIATIONS: f64 = 5.0;
 
 /// A view whose fitted camera differs from the stated one.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,9 +60,8 @@ impl TrainingCameras {
 
 fn differences(fit: &CameraFit) -> Vec<String> {
     let CameraFit { adjustment, sd, .. } = fit;
-    let is_sure = |value: f64, sd: f64, least: f64| {
-        value.abs() > least && value.abs() > LEAST_DEVIATIONS * sd
-    };
+    let is_sure =
+        |value: f64, sd: f64, least: f64| value.abs() > least && value.abs() > MIN_DEVIATIONS * sd;
     let mut found = Vec::new();
     for (value, sd, [more, less]) in [
         (adjustment.pan_deg, sd.pan_deg, ["right", "left"]),
@@ -73,7 +72,7 @@ fn differences(fit: &CameraFit) -> Vec<String> {
             ["clockwise", "anticlockwise"],
         ),
     ] {
-        if is_sure(value, sd, LEAST_TURN_DEG) {
+        if is_sure(value, sd, MIN_TURN_DEG) {
             let way = if value > 0.0 { more } else { less };
             found.push(format!(
                 "is turned {:.2} degrees {way} (+- {sd:.2})",
@@ -81,7 +80,7 @@ fn differences(fit: &CameraFit) -> Vec<String> {
             ));
         }
     }
-    if is_sure(adjustment.focal_pct, sd.focal_pct, LEAST_FOCAL_PCT) {
+    if is_sure(adjustment.focal_pct, sd.focal_pct, MIN_FOCAL_PCT) {
         let more = if adjustment.focal_pct > 0.0 {
             "longer"
         } else {
@@ -97,7 +96,7 @@ fn differences(fit: &CameraFit) -> Vec<String> {
         (adjustment.east_m, sd.east_m, ["east", "west"]),
         (adjustment.up_m, sd.up_m, ["higher", "lower"]),
     ] {
-        if is_sure(value, sd, LEAST_MOVE_M) {
+        if is_sure(value, sd, MIN_MOVE_M) {
             let way = if value > 0.0 { more } else { less };
             found.push(format!("stands {:.0} m {way} (+- {sd:.0})", value.abs()));
         }

@@ -9,9 +9,9 @@ use super::{Cover, CoverKind};
 use crate::pixels::cell_grid::Grid;
 
 /// For how many images a cell must stand still.
-const LEAST_STILL: u32 = 6;
+const MIN_STILL: u32 = 6;
 /// Number of earlier images needed to know how often a cell changes.
-const LEAST_SEEN: u32 = 30;
+const MIN_SEEN: u32 = 30;
 /// A cover that comes gradually is complete within so many images.
 const COMES_WITHIN: u32 = 30;
 /// Minus the logarithm of the probability that is beyond chance, of any group, and more for each of its cells, since there are more
@@ -37,13 +37,13 @@ impl History {
 
     /// True if it is known how often it changes.
     fn is_known(self) -> bool {
-        self.seen - self.still >= LEAST_SEEN
+        self.seen - self.still >= MIN_SEEN
     }
 
     /// Minus the logarithm of the probability that it stood still by chance for so long, if the calmer cells change in a share of the
     /// images; zero while there is too little evidence.
     fn surprise(self, calm_share: f64) -> f64 {
-        if self.still < LEAST_STILL || !self.is_known() {
+        if self.still < MIN_STILL || !self.is_known() {
             return 0.0;
         }
         -f64::from(self.still) * (1.0 - self.share().min(calm_share)).ln()
@@ -123,7 +123,7 @@ impl StandingStill {
     fn find(&mut self, grid: &Grid) -> Option<u32> {
         // Cells of a cover that happened to be still before it came.
         for at in 0..grid.cells() {
-            if self.histories[at].still >= LEAST_STILL && self.is_near_cover(grid, at) {
+            if self.histories[at].still >= MIN_STILL && self.is_near_cover(grid, at) {
                 self.covered[at] = true;
             }
         }
@@ -178,7 +178,7 @@ impl StandingStill {
                         && history.still == still
                         && history.surprise(calm_share) > 0.0
                 };
-                if still >= LEAST_STILL && square.iter().all(together) {
+                if still >= MIN_STILL && square.iter().all(together) {
                     for at in square {
                         squares[at] = true;
                     }

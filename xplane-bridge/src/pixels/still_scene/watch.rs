@@ -9,7 +9,7 @@ use crate::pixels::{PixelError, Rectangle};
 /// Time to wait for a cover to go.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Clouds drift noticeably between two images that are further apart.
-const LONGEST_STEP: Duration = Duration::from_millis(100);
+const MAX_STEP: Duration = Duration::from_millis(100);
 /// Images whose frames are remembered: more than any cover goes back.
 const REMEMBERED: usize = 128;
 
@@ -107,7 +107,7 @@ impl CoverWatch {
         now: Instant,
     ) -> Result<Verdict, PixelError> {
         let last_look = self.last_look.replace(now);
-        if last_look.is_some_and(|last| now.duration_since(last) > LONGEST_STEP) {
+        if last_look.is_some_and(|last| now.duration_since(last) > MAX_STEP) {
             self.scene.after_gap();
         }
         self.frames.push_front(frame);

@@ -12,7 +12,7 @@ pub(super) const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
 /// Margin for a lamp, a blur or a shadow edge around the box, pixels.
 const AROUND_PX: f64 = 3.0;
 /// A displaced aircraft is at least this far from its place, pixels.
-const LEAST_SHIFT_PX: f64 = 8.0;
+const MIN_SHIFT_PX: f64 = 8.0;
 /// Ticks before and after a probe that may be on the screen while it is watched.
 const TICKS_AROUND: usize = 7;
 
@@ -47,7 +47,7 @@ pub(super) fn displaced(
     // First up: no shadow falls there.
     let ways = [DVec2::NEG_Y, DVec2::NEG_X, DVec2::X, DVec2::Y];
     ways.into_iter()
-        .flat_map(|way| [1.0, 1.5, 2.0, 3.0].map(|times| way * (size + LEAST_SHIFT_PX) * times))
+        .flat_map(|way| [1.0, 1.5, 2.0, 3.0].map(|times| way * (size + MIN_SHIFT_PX) * times))
         .find_map(|shift_px| {
             let moved = camera.ecef_from_camera * (shift_px * meters_per_pixel).extend(0.0);
             let pose = moved_by(pose, moved);
@@ -205,7 +205,7 @@ mod tests {
             let own = projected
                 .project(states[tick].pose.position().to_ecef())
                 .unwrap();
-            assert!((centre - own).length() >= LEAST_SHIFT_PX, "tick {tick}");
+            assert!((centre - own).length() >= MIN_SHIFT_PX, "tick {tick}");
             let around = states
                 .iter()
                 .enumerate()

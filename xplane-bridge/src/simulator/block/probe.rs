@@ -7,15 +7,15 @@ use std::collections::BTreeMap;
 use crate::pixels::Rectangle;
 
 /// The longest lag that a probe can measure, frames.
-pub(super) const MOST_LAG: u64 = 4;
+pub(super) const MAX_LAG: u64 = 4;
 /// A grab beyond the longest lag, which shows the scene as it is without the probe.
-const AFTER: u64 = MOST_LAG + 1;
+const AFTER: u64 = MAX_LAG + 1;
 /// A pixel has changed if a colour differs by more than this, grey levels: in a pause a screen repeats every bit ...
 const CHANGED_LEVELS: u8 = 2;
 /// ... and by this many times what differs between two grabs without a probe.
 const NOISE_FACTOR: f64 = 3.0;
 /// Fewer changed pixels are noise.
-const LEAST_PIXELS: usize = 3;
+const MIN_PIXELS: usize = 3;
 /// A grab that shows the probe has at least this share of the changed pixels of the clearest one.
 const CLEAR_SHARE: f64 = 0.3;
 
@@ -94,7 +94,7 @@ impl Probe {
             let noise = levels_of_noise(background, other) * NOISE_FACTOR;
             CHANGED_LEVELS.max(noise.min(f64::from(u8::MAX)) as u8)
         });
-        let changed: Vec<Option<usize>> = (0..=MOST_LAG)
+        let changed: Vec<Option<usize>> = (0..=MAX_LAG)
             .map(|lag| {
                 let patch = self.patches.get(&(frame + lag))?;
                 Some(changed_pixels(patch, background, threshold))
@@ -102,7 +102,7 @@ impl Probe {
             .collect();
         let most = changed.iter().flatten().copied().max().unwrap_or(0);
         tracing::debug!(frame, ?changed, threshold, patch = %self.patch, "probe");
-        if most < LEAST_PIXELS {
+        if most < MIN_PIXELS {
             let all_there = changed.iter().all(Option::is_some);
             return if all_there {
                 Outcome::Unseen
@@ -113,7 +113,7 @@ impl Probe {
         let clear = |count: &Option<usize>| {
             count.is_some_and(|count| count as f64 >= CLEAR_SHARE * most as f64)
         };
-        let mut lags = (0..=MOST_LAG)
+        let mut lags = (0..=MAX_LAG)
             .zip(&changed)
             .filter(|(_, count)| clear(count));
         match (lags.next(), lags.next()) {
@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn the_lag_is_the_grab_in_which_the_aircraft_is_elsewhere() {
-        for lag in 0..=MOST_LAG {
+        for lag in 0..=MAX_LAG {
             assert_eq!(
                 told(97..=105, &[100 + lag], 90),
                 Some((100, Outcome::Behind(lag)))
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn the_expected_lag_is_confirmed_by_the_grab_after_it() {
-        for lag in 0..MOST_LAG {
+        for lag in 0..MAX_LAG {
             let told = |last, showing: &[u64]| told_expecting(Some(lag), 97..=last, showing, 90);
             let shown = [100 + lag];
             assert_eq!(told(100 + lag, &shown), None);

@@ -14,18 +14,18 @@ use super::probe::{Outcome, Probe};
 use crate::pixels::Rectangle;
 
 /// Requests that are shown but not seen yet, at most: enough to use every drawn frame.
-const MOST_UNSEEN: usize = 6;
+const MAX_UNSEEN: usize = 6;
 /// So many images without a loss allow one more.
 const WIDEN_AFTER: u32 = 32;
 /// Grabs in a row without a change before a scene counts as settled.
 const EQUAL_GRABS: u32 = 3;
 /// The code counts steady frames up to this number.
-const MOST_STEADY: u64 = 7;
+const MAX_STEADY: u64 = 7;
 /// A scene that has not settled within so many frames never does: moving water.
 const RESTLESS_GRABS: u32 = 90;
 /// Probes in a row that are unclear, and changes of the lag in a block, before every tick is held.
-const MOST_UNCLEAR: u32 = 12;
-const MOST_CHANGES: u32 = 3;
+const MAX_UNCLEAR: u32 = 12;
+const MAX_CHANGES: u32 = 3;
 
 /// An image, as far as the order of a block depends on it.
 pub(super) trait Scene {
@@ -177,7 +177,7 @@ impl<P: Scene> Sequence<P> {
             sent: VecDeque::new(),
             shown: BTreeMap::new(),
             unseen: BTreeMap::new(),
-            most_unseen: MOST_UNSEEN,
+            most_unseen: MAX_UNSEEN,
             without_loss: 0,
             undecided: VecDeque::new(),
             last_settling: None,
@@ -345,7 +345,7 @@ impl<P: Scene> Sequence<P> {
             }
             self.take(grab);
         }
-        let oldest = self.shown.keys().rev().nth(2 * MOST_UNSEEN + 16).copied();
+        let oldest = self.shown.keys().rev().nth(2 * MAX_UNSEEN + 16).copied();
         if let Some(oldest) = oldest {
             self.shown = self.shown.split_off(&oldest);
         }
@@ -372,7 +372,7 @@ impl<P: Scene> Sequence<P> {
         let (least, most) = self.frames_behind();
         let newest = grab.number.checked_sub(least)?;
         let (since, show) = self.shown.range(..=newest).next_back()?;
-        let is_whole = grab.steady >= most.min(MOST_STEADY) && *since + most <= grab.number;
+        let is_whole = grab.steady >= most.min(MAX_STEADY) && *since + most <= grab.number;
         is_whole.then_some((*since, *show))
     }
 
@@ -383,7 +383,7 @@ impl<P: Scene> Sequence<P> {
         let number = grab.number;
         match (self.phase, self.content(&grab)) {
             (Phase::Settling { equal, seen }, Some((since, Show::Tick(_)))) => {
-                let is_time = grab.steady >= self.settle_frames.min(MOST_STEADY)
+                let is_time = grab.steady >= self.settle_frames.min(MAX_STEADY)
                     && since + self.settle_frames <= number;
                 self.settle(grab.picture, is_time, (equal, seen));
             }
@@ -441,7 +441,7 @@ impl<P: Scene> Sequence<P> {
             return;
         }
         self.without_loss += 1;
-        if self.without_loss >= WIDEN_AFTER && self.most_unseen < MOST_UNSEEN {
+        if self.without_loss >= WIDEN_AFTER && self.most_unseen < MAX_UNSEEN {
             self.without_loss = 0;
             self.most_unseen += 1;
         }
@@ -490,13 +490,13 @@ impl<P: Scene> Sequence<P> {
             0
         };
         match (self.phase, outcome) {
-            (_, Outcome::Unclear) if self.unclear >= MOST_UNCLEAR => self.hold_every_tick(),
+            (_, Outcome::Unclear) if self.unclear >= MAX_UNCLEAR => self.hold_every_tick(),
             (Phase::Moving { .. }, Outcome::Unclear) => self.since_probe = self.segment,
             (_, Outcome::Unclear) => {}
             (Phase::Moving { lag }, Outcome::Behind(found)) if found != lag => {
                 self.tally.changes += 1;
                 self.forget_unproven();
-                if self.tally.changes > MOST_CHANGES {
+                if self.tally.changes > MAX_CHANGES {
                     self.hold_every_tick();
                 } else {
                     self.phase = Phase::Probing;

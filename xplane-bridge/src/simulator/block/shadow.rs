@@ -12,7 +12,7 @@ use super::aircraft_place::HALF_SIZE_M;
 use crate::pixels::Rectangle;
 
 /// A lower sun casts shadows that are too long and too weak to matter.
-const LOWEST_SUN_DEG: f64 = 4.0;
+const MIN_SUN_DEG: f64 = 4.0;
 /// Possible error from the sun's direction and the ground's slope, as a share of the way from the aircraft to its shadow.
 const UNSURE: f64 = 0.02;
 
@@ -53,7 +53,7 @@ pub(super) fn shadow_place(
     let camera = Camera::from_pose(placed, width_px, height_px);
     let position = pose.position();
     let sun_ned = to_sun(clock, position.latitude_deg, position.longitude_deg);
-    if -sun_ned.z < LOWEST_SUN_DEG.to_radians().sin() {
+    if -sun_ned.z < MIN_SUN_DEG.to_radians().sin() {
         return None;
     }
     let sun_ecef = position.ecef_from_ned() * sun_ned;

@@ -13,7 +13,7 @@ use crate::pixels::{PixelError, Rectangle};
 /// Ticks of a trial's block.
 const TICKS: usize = 9;
 /// Comparisons of the same ticks, at most.
-const MOST_TRIES: u32 = 4;
+const MAX_TRIES: u32 = 4;
 /// A pixel differs if a colour does by more than this, grey levels.
 const DIFFERENT_LEVELS: u8 = 4;
 /// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
@@ -93,7 +93,7 @@ impl Simulator {
             for first in starts(&flight) {
                 // What comes over the scene for a moment does not decide.
                 let mut tried = Ok(BlockTrial::Equal);
-                for _ in 0..MOST_TRIES {
+                for _ in 0..MAX_TRIES {
                     tried = self.try_block(&flight, first, &mut is_held).await;
                     match &tried {
                         Ok(BlockTrial::Different { .. })

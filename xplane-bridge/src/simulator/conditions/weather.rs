@@ -33,7 +33,7 @@ pub(crate) const REPLAYED_POLLS: u32 = 10;
 /// Timeout of the weather, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
 const PATIENCE: Duration = Duration::from_secs(70);
 /// A regeneration stops X-Plane for seconds; after a longer silence it is considered gone.
-const LONGEST_HITCH: Duration = Duration::from_secs(30);
+const MAX_HITCH: Duration = Duration::from_secs(30);
 /// The same while only the temperature is missing: after the start, and after real weather, it drifts for minutes.
 const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
 /// The same if each value that is written is there for a moment: an attempt that gave up would only start its flight again, and wait for
@@ -208,7 +208,7 @@ impl Simulator {
             let slides = is_temperature(write);
             if found.iter().any(Option::is_some) {
                 heard = Instant::now();
-            } else if heard.elapsed() > LONGEST_HITCH {
+            } else if heard.elapsed() > MAX_HITCH {
                 return Err(BridgeError::NobodyAnswers {
                     address: self.address,
                     waited: heard.elapsed(),

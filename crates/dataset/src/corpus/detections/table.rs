@@ -284,7 +284,7 @@ pub(crate) fn read_rows_with_faults(
 }
 
 fn most_rows(pictures: u64) -> u64 {
-    pictures.saturating_mul(limits::MOST_DETECTIONS_PER_PICTURE)
+    pictures.saturating_mul(limits::MAX_DETECTIONS_PER_PICTURE)
 }
 
 fn modes_of(table: &Table) -> Result<Vec<SearchMode>> {

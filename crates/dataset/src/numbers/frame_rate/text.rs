@@ -12,14 +12,14 @@ use crate::numbers::limits::FRAME_RATE_HZ;
 const EXPECTED: &str = "frames per second above zero, as a whole number (30) or a fraction in quotes (\"30000/1001\", \"1/2\")";
 
 /// No simulator draws faster.
-const HIGHEST_HZ: u32 = FRAME_RATE_HZ.most as u32;
+const MAX_HZ: u32 = FRAME_RATE_HZ.most as u32;
 
 /// The JSON Schema of the notation.
 pub fn schema(_: &mut SchemaGenerator) -> Schema {
     json_schema!({
         "description": EXPECTED,
         "anyOf": [
-            { "type": "integer", "minimum": 1, "maximum": HIGHEST_HZ },
+            { "type": "integer", "minimum": 1, "maximum": MAX_HZ },
             { "type": "string", "pattern": "^ *[0-9]*[1-9][0-9]* *(/ *[0-9]*[1-9][0-9]* *)?$" },
         ],
     })

@@ -10,7 +10,7 @@ use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
 const DECOMPRESSED: i64 = 2;
 const COMPRESSED: i64 = 3;
 /// Levels of structures in a header; Parquet's have three.
-const MOST_LEVELS: u32 = 8;
+const MAX_LEVELS: u32 = 8;
 
 /// Bytes of all pages when they are decompressed; `None` if the pages cannot be followed to the end of their columns.
 pub(super) fn decompressed_bytes(file: &[u8], metadata: &ParquetMetaData) -> Option<u64> {
@@ -46,7 +46,7 @@ impl Header<'_> {
             match (field, kind) {
                 (DECOMPRESSED, Kind::WHOLE) => decompressed = u64::try_from(self.whole()?).ok(),
                 (COMPRESSED, Kind::WHOLE) => compressed = u64::try_from(self.whole()?).ok(),
-                _ => self.skip(kind, MOST_LEVELS)?,
+                _ => self.skip(kind, MAX_LEVELS)?,
             }
         }
         Some([decompressed?, compressed?])

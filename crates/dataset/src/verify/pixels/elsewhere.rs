@@ -11,11 +11,11 @@ use crate::tables::pixel_box::PixelBox;
 /// Boxes of this many ticks before and after an image are looked at.
 const REACH_TICKS: usize = 32;
 /// What stands out there is as clear as that, grey levels ...
-const LEAST_CONTRAST: f64 = 10.0;
+const MIN_CONTRAST: f64 = 10.0;
 /// ... and not farther from the middle of the box than this part of its sides.
-const LARGEST_OFFSET: f64 = 0.35;
+const MAX_OFFSET: f64 = 0.35;
 /// A place belongs to a fixture if it is filled in more than this share of the images that have the aircraft in their own box.
-const MOST_FILLED: f64 = 0.3;
+const MAX_FILLED: f64 = 0.3;
 
 /// Place where the aircraft of an image should be, if it is an image of something else.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,11 +49,11 @@ impl Suspect {
         let apart = others.filter(|(_, place)| place.iou(own) == 0.0);
         let clear = apart.filter_map(|(other, place)| {
             let sight = look(picture, &place)?;
-            let is_central = sight.offset_px.x.abs() <= LARGEST_OFFSET * place.width_px
-                && sight.offset_px.y.abs() <= LARGEST_OFFSET * place.height_px;
+            let is_central = sight.offset_px.x.abs() <= MAX_OFFSET * place.width_px
+                && sight.offset_px.y.abs() <= MAX_OFFSET * place.height_px;
             let is_clear = sight.is_filled()
                 && sight.is_before_smooth()
-                && sight.contrast >= LEAST_CONTRAST
+                && sight.contrast >= MIN_CONTRAST
                 && is_central;
             is_clear.then_some(Self {
                 tick,
@@ -86,7 +86,7 @@ impl Suspect {
 
     /// Whether the place belongs to something that is always there.
     fn is_fixture(&self) -> bool {
-        self.filled as f64 > MOST_FILLED * self.compared as f64
+        self.filled as f64 > MAX_FILLED * self.compared as f64
     }
 
     /// Reports it, unless what it shows is always there. Returns whether it is a fault.

@@ -23,15 +23,15 @@ const ERROR_OF_SIZE: f64 = 0.005;
 /// ... and a part of the difference in size.
 const ERROR_OF_EXCESS: f64 = 0.5;
 /// An outline is whole if it is smaller than the box by at most this part and this many pixels ...
-const MOST_OF_SIZE: f64 = 0.08;
-const MOST_SMALLER_PX: f64 = 1.5;
+const MAX_OF_SIZE: f64 = 0.08;
+const MAX_SMALLER_PX: f64 = 1.5;
 /// ... or larger by the same part and this many pixels: blur, encoding and lamps widen it.
-const MOST_LARGER_PX: f64 = 4.0;
+const MAX_LARGER_PX: f64 = 4.0;
 /// Residuals of more standard errors than this have less weight.
 const HUBER: f64 = 1.0;
 const ROUNDS: usize = 30;
 /// Fewer offsets say little.
-const LEAST_OFFSETS: usize = 6;
+const MIN_OFFSETS: usize = 6;
 /// Offsets that are further apart have independent errors, seconds.
 const BLOCK_S: f64 = 30.0;
 /// A lag is a fault if it exceeds its bound by this many times its standard error. Of normally distributed lags 6 in 10 million are that
@@ -39,7 +39,7 @@ const BLOCK_S: f64 = 30.0;
 const SURE: f64 = 5.0;
 /// ... and if the aircraft flies further in this time, metres: six times the standard deviation of untouched views (0.3 m), whose
 /// systematic part no standard error holds.
-const LEAST_WAY_M: f64 = 2.0;
+const MIN_WAY_M: f64 = 2.0;
 
 /// The lag of two views of a scenario behind each other.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -118,8 +118,8 @@ pub(super) struct Offset {
 impl Offset {
     fn is_of_whole_outline(&self) -> bool {
         let larger_px = self.outline_px - self.size_px;
-        let part_px = MOST_OF_SIZE * self.size_px;
-        (-(part_px + MOST_SMALLER_PX)..=part_px + MOST_LARGER_PX).contains(&larger_px)
+        let part_px = MAX_OF_SIZE * self.size_px;
+        (-(part_px + MAX_SMALLER_PX)..=part_px + MAX_LARGER_PX).contains(&larger_px)
     }
 
     /// Offset that a lag does not explain, pixels.
@@ -177,7 +177,7 @@ impl Lag {
             let moment: f64 = weighted()
                 .map(|(offset, weight)| weight * offset.motion_px_s * offset.offset_px)
                 .sum();
-            if offsets.len() < LEAST_OFFSETS || information <= 0.0 {
+            if offsets.len() < MIN_OFFSETS || information <= 0.0 {
                 return None;
             }
             lag_s = -moment / information;
@@ -242,7 +242,7 @@ impl Lag {
         is_fault(lag_s, self.bound_s + sure(self.freedom) * self.scatter_s, way_m).then(|| {
             format!(
                 "shows the aircraft {}, {:.1} m {} along its track ({:.0} standard errors, measured in {ticks} ticks of {:.0} ms); expected \
-                 0 ms, at most {LEAST_WAY_M} m: look at the clock and the delay of this camera, and for lost images",
+                 0 ms, at most {MIN_WAY_M} m: look at the clock and the delay of this camera, and for lost images",
                 in_words(lag_s, error_s),
                 way_m.abs(),
                 if lag_s > 0.0 { "back" } else { "ahead" },
@@ -277,7 +277,7 @@ impl Difference {
         is_fault(lag_s, self.bound_s + sure(self.freedom) * self.scatter_s, way_m).then(|| {
             format!(
                 "shows the aircraft {} of view {other}, {:.1} m along its track ({:.0} standard errors); expected 0 ms, at most \
-                 {LEAST_WAY_M} m: look at the clocks and delays of both cameras",
+                 {MIN_WAY_M} m: look at the clocks and delays of both cameras",
                 in_words(lag_s, error_s),
                 way_m.abs(),
                 (lag_s / error_s).abs(),
@@ -287,7 +287,7 @@ impl Difference {
 }
 
 fn is_fault(lag_s: f64, least_s: f64, way_m: f64) -> bool {
-    lag_s.abs() >= least_s && way_m.abs() >= LEAST_WAY_M
+    lag_s.abs() >= least_s && way_m.abs() >= MIN_WAY_M
 }
 
 /// The quantile of Student's t that is as rare as [`SURE`] of the normal distribution (Abramowitz and Stegun 1964, 26.7.5).
@@ -385,7 +385,7 @@ mod tests {
         uncertain.scatter_s = 0.05;
         assert_eq!(uncertain.fault(PERIOD_S), None);
         let mut short = lag(0.0);
-        (short.lag_s, short.scatter_s) = (0.9 * LEAST_WAY_M / short.speed_mps, 1e-4);
+        (short.lag_s, short.scatter_s) = (0.9 * MIN_WAY_M / short.speed_mps, 1e-4);
         short.bound_s = 0.0;
         assert_eq!(short.fault(PERIOD_S), None);
     }

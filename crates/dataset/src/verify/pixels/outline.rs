@@ -10,8 +10,8 @@ use crate::numbers::spread::median;
 /// Residual brightness of the outline's edge: this many times the noise ...
 const NOISES: f64 = 2.0;
 /// ... and this more, grey levels; in a noiseless image this, or a part of the contrast ...
-const LEAST_GREY: f64 = 1.0;
-const LEAST_OF_SMOOTH_GREY: f64 = 5.0;
+const MIN_GREY: f64 = 1.0;
+const MIN_OF_SMOOTH_GREY: f64 = 5.0;
 const PART_OF_CONTRAST: f64 = 0.25;
 /// Paint does not stand out from the sky by more than this, grey levels, and not by this many times the median of what stands out: these
 /// are lamps, and what they outshine is not seen.
@@ -39,8 +39,8 @@ impl Outline {
         if contrast >= LAMPS_GREY {
             return None;
         }
-        let threshold = (NOISES * noise + LEAST_GREY)
-            .max(LEAST_OF_SMOOTH_GREY.min(PART_OF_CONTRAST * contrast));
+        let threshold =
+            (NOISES * noise + MIN_GREY).max(MIN_OF_SMOOTH_GREY.min(PART_OF_CONTRAST * contrast));
         let mut standing_out: Vec<f64> = inside
             .iter()
             .copied()

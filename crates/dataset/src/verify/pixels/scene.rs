@@ -19,25 +19,25 @@ const COLUMNS: usize = 12;
 const ROWS: usize = 8;
 const BLOCKS: usize = COLUMNS * ROWS;
 /// Of large images only every third pixel of every third row is read, of small ones more.
-const MOST_STEP: usize = 3;
-const LEAST_ROWS_READ: usize = 64;
+const MAX_STEP: usize = 3;
+const MIN_ROWS_READ: usize = 64;
 /// A block counts as showing the aircraft, its lights or its shadow if it is this near to the box, as a part of the longer side.
 const MARGIN: f64 = 0.5;
 /// An image is compared if the aircraft leaves this many blocks. Any two of them then have a quarter of all blocks in common.
-const LEAST_BLOCKS: usize = BLOCKS * 5 / 8;
+const MIN_BLOCKS: usize = BLOCKS * 5 / 8;
 
 /// Images of one scene differ by at most this many times the usual change to a neighbour, within bounds in grey levels. In 72 recorded
 /// views of 64x64 to 1920x1280 pixels, 1/8 to 30 a second, with drifting clouds, the change never exceeded 1.0.
 const TIMES_USUAL: f64 = 5.0;
-const LEAST_LIMIT: f64 = 3.0;
-const MOST_LIMIT: f64 = 15.0;
+const MIN_LIMIT: f64 = 3.0;
+const MAX_LIMIT: f64 = 15.0;
 /// The usual change is that to the most similar of this many images before and after.
 const NEIGHBOURS: usize = 2;
 /// With more groups than this, further images join the nearest.
-const MOST_GROUPS: usize = 8;
+const MAX_GROUPS: usize = 8;
 
 /// Noise: neighbouring pixels differ by this many grey levels ...
-const LEAST_NOISE: f64 = 20.0;
+const MIN_NOISE: f64 = 20.0;
 /// ... and by this part of the standard deviation of all pixels. It is 1.1 in white noise and 0.01 in rendered scenes.
 const NOISE_PART: f64 = 0.5;
 
@@ -58,7 +58,7 @@ impl CoarsePicture {
         let [width_px, height_px] = picture.size_px().map(|size_px| size_px as usize);
         let (mut sums, mut counts) = ([0.0; BLOCKS], [0.0; BLOCKS]);
         let (mut change, mut squares) = (0.0, 0.0);
-        let step = (height_px / LEAST_ROWS_READ).clamp(1, MOST_STEP);
+        let step = (height_px / MIN_ROWS_READ).clamp(1, MAX_STEP);
         for ([x, y], [left, right]) in picture.neighbours(step) {
             let block = y * ROWS / height_px * COLUMNS + x * COLUMNS / width_px;
             sums[block] += (left + right) / 2.0;
@@ -84,11 +84,11 @@ impl CoarsePicture {
     }
 
     fn is_noise(&self) -> bool {
-        self.roughness >= LEAST_NOISE && self.roughness >= NOISE_PART * self.spread
+        self.roughness >= MIN_NOISE && self.roughness >= NOISE_PART * self.spread
     }
 
     fn is_comparable(&self) -> bool {
-        self.blocks.iter().filter(|block| !block.is_nan()).count() >= LEAST_BLOCKS
+        self.blocks.iter().filter(|block| !block.is_nan()).count() >= MIN_BLOCKS
     }
 
     /// Difference of two comparable images, grey levels.
@@ -130,7 +130,7 @@ pub(super) fn judge(pictures: &[CoarsePicture], file: &str, view: &str, faults: 
     for (row, picture) in pictures.iter().enumerate() {
         if picture.is_noise() {
             let message = format!(
-                "neighbouring pixels differ by {:.0} grey levels, expected less than {LEAST_NOISE:.0}",
+                "neighbouring pixels differ by {:.0} grey levels, expected less than {MIN_NOISE:.0}",
                 picture.roughness
             );
             faults.view_row(view, file, row, "noise", message);
@@ -179,7 +179,7 @@ fn limit(pictures: &[(usize, &CoarsePicture)]) -> Option<f64> {
     });
     // Of an even number the smaller one in the middle: with two wrong images of four it is between the two right ones.
     let usual = -median(changes.map(|change| -change))?;
-    Some((TIMES_USUAL * usual).clamp(LEAST_LIMIT, MOST_LIMIT))
+    Some((TIMES_USUAL * usual).clamp(MIN_LIMIT, MAX_LIMIT))
 }
 
 /// The rows of images that belong together.
@@ -188,7 +188,7 @@ fn groups(pictures: &[(usize, &CoarsePicture)], limit: f64) -> Vec<Vec<usize>> {
     struct Group<'a>(&'a CoarsePicture, Vec<usize>);
     let mut groups: Vec<Group> = Vec::new();
     for &(row, picture) in pictures {
-        let is_full = groups.len() == MOST_GROUPS;
+        let is_full = groups.len() == MAX_GROUPS;
         let differences = groups
             .iter_mut()
             .map(|group| (picture.difference(group.0), group));

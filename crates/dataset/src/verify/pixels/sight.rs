@@ -10,18 +10,18 @@ use crate::tables::pixel_box::PixelBox;
 use crate::video::BYTES_PER_PIXEL;
 
 /// Smaller boxes have too few pixels, pixels.
-const LEAST_WIDTH_PX: f64 = 4.0;
-const LEAST_HEIGHT_PX: f64 = 2.0;
+const MIN_WIDTH_PX: f64 = 4.0;
+const MIN_HEIGHT_PX: f64 = 2.0;
 /// Width of the border around the box: this part of its longer side, within these bounds.
 const MARGIN: f64 = 0.5;
-const LEAST_MARGIN_PX: f64 = 6.0;
-const MOST_MARGIN_PX: f64 = 48.0;
+const MIN_MARGIN_PX: f64 = 6.0;
+const MAX_MARGIN_PX: f64 = 48.0;
 /// Pixels next to the box that belong to neither: encoding and lamps smear the aircraft over them.
 const SMEAR_PX: f64 = 2.0;
 /// Fewer background pixels do not define a plane.
-const LEAST_BACKGROUND: usize = 40;
+const MIN_BACKGROUND: usize = 40;
 /// A background with a larger residual is not smooth, grey levels.
-const MOST_NOISE: f64 = 5.0;
+const MAX_NOISE: f64 = 5.0;
 
 /// A decoded image.
 pub(super) struct DecodedPicture<'a> {
@@ -61,7 +61,7 @@ impl Sight {
 
     /// Whether the background is smooth enough to decide.
     pub(super) fn is_before_smooth(&self) -> bool {
-        self.noise <= MOST_NOISE
+        self.noise <= MAX_NOISE
     }
 }
 
@@ -125,11 +125,11 @@ impl<'a> DecodedPicture<'a> {
 
 /// Examines a box; `None` if it is too small, or if there is too little background around it.
 pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight> {
-    if within.width_px < LEAST_WIDTH_PX || within.height_px < LEAST_HEIGHT_PX {
+    if within.width_px < MIN_WIDTH_PX || within.height_px < MIN_HEIGHT_PX {
         return None;
     }
     let longer_px = within.width_px.max(within.height_px);
-    let margin_px = (MARGIN * longer_px).clamp(LEAST_MARGIN_PX, MOST_MARGIN_PX);
+    let margin_px = (MARGIN * longer_px).clamp(MIN_MARGIN_PX, MAX_MARGIN_PX);
     let centre = DVec2::new(within.cx_px, within.cy_px);
     let beyond = |x: i64, y: i64| {
         let away = (DVec2::new(x as f64, y as f64) - centre).abs();
@@ -146,7 +146,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
         }
         inside.push((pixel, beyond_px));
     }
-    if around.len() < LEAST_BACKGROUND {
+    if around.len() < MIN_BACKGROUND {
         return None;
     }
     let plane = Plane::through(&around)?;

@@ -28,13 +28,13 @@ pub(super) struct Point {
 }
 
 /// Images are of other ticks if they differ by this much, ticks: a little more than half ...
-const LEAST_TICKS: f64 = 0.6;
+const MIN_TICKS: f64 = 0.6;
 /// ... by this many standard errors ...
 const SURE: f64 = 4.0;
 /// ... and by this part of the aircraft's way, metres: what stands out may be at either end of the aircraft.
-const LEAST_WAY_M: f64 = 20.0;
+const MIN_WAY_M: f64 = 20.0;
 /// Fewer points can be fitted by anything.
-const LEAST_POINTS: usize = 6;
+const MIN_POINTS: usize = 6;
 /// Error of an offset: pixels ...
 const OFFSET_ERROR_PX: f64 = 0.3;
 /// ... and a part of the size, as light and attitude change what stands out.
@@ -69,7 +69,7 @@ pub(super) fn check(points: &[Point], period_s: f64, file: &str, view: &str, fau
 
 /// The best-fitting start of a shift, if there is one. Tries some places first, then all around the best of them.
 fn out_of_step(points: &[Point], period_s: f64) -> Option<(usize, Fit)> {
-    let last = points.len().checked_sub(LEAST_POINTS / 2)?;
+    let last = points.len().checked_sub(MIN_POINTS / 2)?;
     let best = |places: &mut dyn Iterator<Item = usize>| {
         places
             .filter_map(|from| Some((from, Fit::of(points, from)?)))
@@ -108,7 +108,7 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
             OFFSET_ERROR_OF_LAMPS_AND_RAIN
         };
         let sure_px = OFFSET_ERROR_PX * 3.0 + error * point.size_px.max_element();
-        if ticks.abs() >= LEAST_TICKS
+        if ticks.abs() >= MIN_TICKS
             && off_px.abs() >= sure_px
             && part(index, off_px).abs() >= 2.5 * SURE * usual
         {
@@ -155,7 +155,7 @@ struct Fit {
 
 impl Fit {
     fn of(points: &[Point], from: usize) -> Option<Self> {
-        if points.len() < LEAST_POINTS {
+        if points.len() < MIN_POINTS {
             return None;
         }
         let (mut normal, mut right, mut squares) = (DMat3::ZERO, DVec3::ZERO, 0.0);
@@ -194,9 +194,9 @@ impl Fit {
 
     fn is_of_other_ticks(&self, way_per_tick_m: f64) -> bool {
         let ahead = self.ahead_ticks.abs();
-        ahead >= LEAST_TICKS
+        ahead >= MIN_TICKS
             && ahead >= SURE * self.error_ticks
-            && ahead * way_per_tick_m >= LEAST_WAY_M
+            && ahead * way_per_tick_m >= MIN_WAY_M
     }
 }
 

@@ -24,7 +24,7 @@ use crate::error::Result;
 
 /// A shard is closed before the sample that would make it larger than this: about a thousand samples of two crops, so that a small
 /// corpus has a shard for each worker of a loader.
-const MOST_BYTES: u64 = 100_000_000;
+const MAX_BYTES: u64 = 100_000_000;
 /// Samples of scenarios, before they are mixed.
 const UNMIXED: &str = "unmixed";
 
@@ -119,7 +119,7 @@ pub(super) fn mix(
     let mut names = Vec::new();
     for (split, mut entries) in splits {
         entries.sort();
-        for (number, range) in (0..).zip(shards(&entries, MOST_BYTES)) {
+        for (number, range) in (0..).zip(shards(&entries, MAX_BYTES)) {
             watch.check()?;
             let name = shard_name(split, number);
             let path = folder.join(&name);

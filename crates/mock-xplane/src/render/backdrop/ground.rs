@@ -26,7 +26,7 @@ const COAST_BEFORE_THRESHOLD_M: f64 = 700.0;
 /// Distance of the islands, metres.
 pub(crate) const ISLANDS_M: f64 = 24_000.0;
 /// No silhouette rises above this elevation, radians.
-pub(crate) const HIGHEST_SILHOUETTE_RAD: f64 = 0.006;
+pub(crate) const MAX_SILHOUETTE_RAD: f64 = 0.006;
 
 /// The pavement of a runway past its landing threshold.
 #[derive(Debug, Clone, Copy)]
@@ -139,7 +139,7 @@ impl Ground {
             self.view.position_m.truncate() + ray.truncate().normalize() * ISLANDS_M,
             height_m,
         );
-        ((foot.z - self.view.position_m.z) / ISLANDS_M).min(HIGHEST_SILHOUETTE_RAD)
+        ((foot.z - self.view.position_m.z) / ISLANDS_M).min(MAX_SILHOUETTE_RAD)
     }
 
     /// Metres past the threshold and right of the centreline.

@@ -31,7 +31,7 @@ pub enum SceneBehind {
 
 impl SceneBehind {
     /// The most frames that any client must expect.
-    pub const MOST: usize = 4;
+    pub const MAX_COUNT: usize = 4;
     const UNSTEADY: [usize; 3] = [2, 4, 3];
     const UNSTEADY_MOVES: u64 = 5;
 }
@@ -68,7 +68,7 @@ impl Shots {
             self.cameras.push(shot.camera);
         }
         self.past.push_front(shot);
-        self.past.truncate(SceneBehind::MOST);
+        self.past.truncate(SceneBehind::MAX_COUNT);
     }
 
     /// The shot that is drawn in a frame for which `shot` was written.
@@ -151,12 +151,12 @@ mod tests {
             found.push(age);
             shots.record(shot(step));
         }
-        found.split_off(SceneBehind::MOST)
+        found.split_off(SceneBehind::MAX_COUNT)
     }
 
     #[test]
     fn the_scene_is_a_constant_number_of_frames_behind_however_it_moves() {
-        for frames in 0..=SceneBehind::MOST {
+        for frames in 0..=SceneBehind::MAX_COUNT {
             let found = behind_in_flight(SceneBehind::Constant(frames), 40);
             assert_eq!(found, [frames as u32; 36]);
             // After a rest as well.

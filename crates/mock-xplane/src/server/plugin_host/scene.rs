@@ -830,7 +830,7 @@ fn fill_rectangles(canvas: &mut Canvas<'_>, rectangles: &Value, after_windows: b
 /// Taken from the options, or else from the quirk.
 fn scene_behind(options: &PluginOptions, quirks: Quirks) -> SceneBehind {
     let by_quirk = if quirks.has(Quirk::StaleFrames) {
-        SceneBehind::Constant(SceneBehind::MOST)
+        SceneBehind::Constant(SceneBehind::MAX_COUNT)
     } else {
         SceneBehind::Constant(0)
     };

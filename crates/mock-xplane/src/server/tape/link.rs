@@ -18,14 +18,14 @@ use crate::server::MockError;
 use crate::server::capture_link::WANTS_TOKEN;
 
 /// Connections at a time.
-const MOST_CONNECTIONS: usize = 32;
+const MAX_CONNECTIONS: usize = 32;
 /// A client that sends no requests, or reads no answers, for this long is considered gone.
-const LONGEST_SILENCE: Duration = Duration::from_secs(600);
+const MAX_SILENCE: Duration = Duration::from_secs(600);
 
 /// Accepts clients forever.
 pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Result<(), MockError> {
     let mut clients = JoinSet::new();
-    let doorway = Doorway::new("the capture link", MOST_CONNECTIONS);
+    let doorway = Doorway::new("the capture link", MAX_CONNECTIONS);
     loop {
         tokio::select! {
             (stream, from, room) = doorway.next(&listener) => {
@@ -61,7 +61,7 @@ async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkErr
             stream.write_all(answer.bytes()).await?;
             LinkMessage::read_request(&mut stream).await
         };
-        next = timeout(LONGEST_SILENCE, exchange)
+        next = timeout(MAX_SILENCE, exchange)
             .await
             .unwrap_or(Err(LinkError::Ended {
                 inside: "a long silence",

@@ -17,7 +17,7 @@ use crate::server::{MockError, UdpSockets};
 /// Length of a frame, as in the stand-in: values are sent in frames.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 /// Maximum warnings about what the tape lacks: clients choose their text.
-const MOST_WARNINGS: usize = 100;
+const MAX_WARNINGS: usize = 100;
 
 /// Serves forever.
 pub(super) async fn run(sockets: UdpSockets, player: Arc<Player>) -> Result<(), MockError> {
@@ -151,10 +151,10 @@ impl Server {
 
     /// Warns once of each thing, as long as there are not too many.
     fn warn(&mut self, what: String) {
-        if self.warned.len() < MOST_WARNINGS && !self.warned.contains(&what) {
+        if self.warned.len() < MAX_WARNINGS && !self.warned.contains(&what) {
             tracing::warn!("{what}");
             self.warned.insert(what);
-            if self.warned.len() == MOST_WARNINGS {
+            if self.warned.len() == MAX_WARNINGS {
                 tracing::warn!("more that the tape lacks is not named");
             }
         }

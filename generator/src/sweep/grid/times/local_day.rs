@@ -18,7 +18,7 @@ use crate::sweep::runways::AirportTable;
 use crate::time_of_day::TimeOfDay;
 
 /// Local time differs from the sun's by up to three hours, in the west of China, and with daylight saving by up to four.
-const MOST_FROM_SUN_H: f64 = 4.0;
+const MAX_FROM_SUN_H: f64 = 4.0;
 /// Clocks are changed at night: noon has the offset of the day.
 const NOON_H: u32 = 12;
 
@@ -129,13 +129,13 @@ fn check_with_sun(utc_offset_h: f64, runway: &Runway) -> Checked<()> {
     let sun_h = runway.threshold.longitude_deg / 15.0;
     // Clocks on both sides of the date line show the same time.
     let off_h = (utc_offset_h - sun_h + 12.0).rem_euclid(24.0) - 12.0;
-    if off_h.abs() <= MOST_FROM_SUN_H {
+    if off_h.abs() <= MAX_FROM_SUN_H {
         return Ok(());
     }
     fault(
         "grid.utc_offset_h",
         format!(
-            "{utc_offset_h} h, but the sun is {sun_h:.1} h ahead of UTC at {} {}; expected a difference of at most {MOST_FROM_SUN_H} h: is \
+            "{utc_offset_h} h, but the sun is {sun_h:.1} h ahead of UTC at {} {}; expected a difference of at most {MAX_FROM_SUN_H} h: is \
              it the offset of another airport?",
             runway.airport, runway.name
         ),

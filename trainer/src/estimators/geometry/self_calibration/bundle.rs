@@ -20,8 +20,8 @@ pub(super) const AIRCRAFT_UNKNOWNS: usize = 3;
 const HUBER: f64 = 1.345;
 /// Step of a numerical derivative, in prior standard deviations.
 const STEP: f64 = 1e-4;
-const MOST_STEPS: usize = 60;
-const MOST_HALVINGS: u32 = 10;
+const MAX_STEPS: usize = 60;
+const MAX_HALVINGS: u32 = 10;
 /// A step that moves every unknown by less than this part of its standard deviation is the last one.
 const SETTLED: f64 = 1e-2;
 /// Residual of what a camera would have behind it, in pixels.
@@ -70,7 +70,7 @@ impl Bundle {
             .zip(&self.prior_sd)
             .map(|(x, sd)| x / sd)
             .collect();
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let deviations = Deviations::of(&self.residuals(&x));
             let normal = self.normal(&x, &deviations);
             let step = normal.solve()?;
@@ -108,7 +108,7 @@ impl Bundle {
     /// The unknowns after as much of a step as reduces the error; `None` if none of it does.
     fn damped(&self, x: &[f64], step: &[f64], deviations: &Deviations) -> Option<Vec<f64>> {
         let before = self.cost(x, deviations);
-        (0..MOST_HALVINGS).find_map(|halvings| {
+        (0..MAX_HALVINGS).find_map(|halvings| {
             let part = 0.5_f64.powi(halvings as i32);
             let mut next = x.to_vec();
             for (value, step) in next[self.free.clone()].iter_mut().zip(step) {

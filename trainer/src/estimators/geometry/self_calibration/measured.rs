@@ -13,7 +13,7 @@ use crate::samples::trusted_boxes::centre_and_size;
 /// Error of shifts that their stated standard deviation leaves out, pixels: perspective, and lights seen from two sides.
 const FLOOR_SD_PX: f64 = 0.05;
 /// Lower limit of standard deviations, which keeps the weights of exact measurements finite. Pixels, and a ratio.
-const LEAST_DEVIATION: f64 = 1e-3;
+const MIN_DEVIATION: f64 = 1e-3;
 
 /// A place in a view, or a difference between two views, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,7 +96,7 @@ impl Deviations {
                 let kind = residuals
                     .iter()
                     .filter(|(measured, _)| measured.reference.is_some() == is_shift);
-                deviation_from_zero(kind.map(|(_, residual)| residual[axis])).max(LEAST_DEVIATION)
+                deviation_from_zero(kind.map(|(_, residual)| residual[axis])).max(MIN_DEVIATION)
             })
         };
         Self {

@@ -293,7 +293,7 @@ fn a_turned_and_zoomed_camera_is_fitted_again_and_the_other_one_is_not_touched()
         (camera.adjustment.pan_deg - 2.0).abs() < 0.01 && off[3].abs() < 10.0,
         "{off:?}"
     );
-    let few = &flights[..LEAST_TICKS / 2];
+    let few = &flights[..MIN_TICKS / 2];
     assert_eq!(
         fitted.refitted(0, None, &after.scenarios, few, &config),
         None

@@ -12,13 +12,13 @@ use crate::estimators::inverse_range::{Measurement, scale_m};
 
 /// Ticks by which a deviation is measured, and most distances at which one is.
 const TICKS_PER_DISTANCE: usize = 40;
-const MOST_DISTANCES: usize = 10;
+const MAX_DISTANCES: usize = 10;
 /// Errors beyond this many robust deviations count as this many.
-const LARGEST_ERROR: f64 = 5.0;
+const MAX_ERROR: f64 = 5.0;
 /// Lower limit of deviations, for exact positions.
-const LEAST_DEVIATION: f64 = 1e-6;
+const MIN_DEVIATION: f64 = 1e-6;
 /// Ticks at most by which correlation is fitted; more do not change it.
-const MOST_TICKS: usize = 50_000;
+const MAX_TICKS: usize = 50_000;
 /// Candidates of a fit.
 const NEW_SHARES: [f64; 9] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 0.5, 0.7, 0.9];
 const HALF_TIMES_S: [f64; 10] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
@@ -54,7 +54,7 @@ impl CorrelatedError {
     pub(super) fn of_deviation(deviation: f64) -> Self {
         Self {
             distances_m: vec![1.0],
-            deviations: vec![deviation.max(LEAST_DEVIATION)],
+            deviations: vec![deviation.max(MIN_DEVIATION)],
             new_share: 0.5,
             half_time_s: 16.0,
         }
@@ -72,7 +72,7 @@ impl CorrelatedError {
         let mut ticks = 0;
         let few = flights.iter().take_while(|flight| {
             ticks += flight.len();
-            ticks <= MOST_TICKS || ticks == flight.len()
+            ticks <= MAX_TICKS || ticks == flight.len()
         });
         let scaled: Vec<Vec<(f64, f64)>> = few.map(|flight| best.scaled(flight)).collect();
         let mut highest = f64::NEG_INFINITY;
@@ -110,7 +110,7 @@ impl CorrelatedError {
     fn scaled(&self, flight: &[Observed]) -> Vec<(f64, f64)> {
         let scaled = |observed: &Observed| {
             let error = observed.error / self.deviation_at(observed.distance_m);
-            (observed.time_s, error.clamp(-LARGEST_ERROR, LARGEST_ERROR))
+            (observed.time_s, error.clamp(-MAX_ERROR, MAX_ERROR))
         };
         flight.iter().map(scaled).collect()
     }
@@ -136,7 +136,7 @@ impl CorrelatedError {
                 let part = (distance_m - from_m) / (to_m - from_m).max(f64::MIN_POSITIVE);
                 near * (far / near).powf(part)
             }
-            (near, far) => near.or(far).unwrap_or(LEAST_DEVIATION),
+            (near, far) => near.or(far).unwrap_or(MIN_DEVIATION),
         }
     }
 
@@ -194,7 +194,7 @@ impl CorrelatedError {
 fn deviations_by_distance(flights: &[Vec<Observed>]) -> Option<(Vec<f64>, Vec<f64>)> {
     let mut all: Vec<Observed> = flights.concat();
     all.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
-    let parts = (all.len() / TICKS_PER_DISTANCE).clamp(1, MOST_DISTANCES);
+    let parts = (all.len() / TICKS_PER_DISTANCE).clamp(1, MAX_DISTANCES);
     let parts = all.chunks(all.len().div_ceil(parts).max(1)).map(|part| {
         let sum = part.iter().map(|observed| observed.distance_m).sum::<f64>();
         (sum / part.len() as f64, deviation(part))
@@ -206,9 +206,9 @@ fn deviations_by_distance(flights: &[Vec<Observed>]) -> Option<(Vec<f64>, Vec<f6
 /// Root mean square without outliers.
 fn deviation(part: &[Observed]) -> f64 {
     let errors = || part.iter().map(|observed| observed.error);
-    let largest = (LARGEST_ERROR * deviation_from_zero(errors())).max(LEAST_DEVIATION);
+    let largest = (MAX_ERROR * deviation_from_zero(errors())).max(MIN_DEVIATION);
     let squares = errors().map(|error| error.clamp(-largest, largest).powi(2));
     (squares.sum::<f64>() / part.len().max(1) as f64)
         .sqrt()
-        .max(LEAST_DEVIATION)
+        .max(MIN_DEVIATION)
 }

@@ -7,11 +7,11 @@ use super::motion::Motion;
 use crate::estimators::inverse_range::scale_m;
 
 /// A relative standard deviation of the distance above which there is no answer.
-const LARGEST_DEVIATION: f64 = 0.2;
+const MAX_DEVIATION: f64 = 0.2;
 /// Slower is not an approach, m/s.
-const LEAST_SPEED_MPS: f64 = 5.0;
+const MIN_SPEED_MPS: f64 = 5.0;
 /// Longer is not an approach, seconds.
-const LONGEST_S: f64 = 4_000.0;
+const MAX_S: f64 = 4_000.0;
 /// Steps in which the time to touchdown is looked ahead, seconds.
 const LOOK_AHEAD_S: f64 = 10.0;
 /// Iterations for the time to touchdown.
@@ -103,7 +103,7 @@ impl HalfWidths {
         };
         // NaN is not below.
         let is_answer = distance_m > 0.0
-            && sd(0).hypot(common_sd_m) <= LARGEST_DEVIATION * distance_m
+            && sd(0).hypot(common_sd_m) <= MAX_DEVIATION * distance_m
             && sd(1).is_finite()
             && estimate.ground_speed_mps.value.is_finite();
         is_answer.then_some(estimate)
@@ -140,7 +140,7 @@ fn time_to_touchdown_s(
     for _ in 0..ITERATIONS {
         let (distance_m, speed_mps) = after(time_s);
         let next_s: f64 = time_s + distance_m / speed_mps;
-        if !(speed_mps >= LEAST_SPEED_MPS && (0.0..=LONGEST_S).contains(&next_s)) {
+        if !(speed_mps >= MIN_SPEED_MPS && (0.0..=MAX_S).contains(&next_s)) {
             return None;
         }
         time_s = next_s;

@@ -27,17 +27,17 @@ const BEGINNING: f64 = 1e-4;
 /// Chance that errors are half as large from now on, or twice.
 const LEVEL_CHANGE: f64 = 0.003;
 /// New errors up to this many times the usual deviation: a camera that shakes by two pixels makes them 65 times as large.
-const LARGEST_ERROR: f64 = 100.0;
+const MAX_ERROR: f64 = 100.0;
 /// Hypotheses at most, and the weight beside the heaviest, at a usual tick, below which one ends.
-const MOST_HYPOTHESES: usize = 10;
-const LEAST_WEIGHT: f64 = 1e-3;
+const MAX_HYPOTHESES: usize = 10;
+const MIN_WEIGHT: f64 = 1e-3;
 /// A former answer that a beginning displaced has at least this weight ...
 const DISPLACED: f64 = 1e-3;
 /// ... until it was without a measurement for so long, seconds or usual ticks: false boxes rarely last longer.
 const DISPLACED_S: f64 = 20.0;
 const DISPLACED_TICKS: f64 = 8.0;
 /// Smallest weight of a tick.
-const LEAST_COUNT: f64 = 1e-3;
+const MIN_COUNT: f64 = 1e-3;
 
 /// Measurements of a tick, the most precise first.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +63,7 @@ impl Tick {
 
     /// How much of a usual tick one is that follows after some seconds.
     pub(super) fn count(model: Model, seconds: f64) -> f64 {
-        (seconds / model.tick_s).clamp(LEAST_COUNT, 1.0)
+        (seconds / model.tick_s).clamp(MIN_COUNT, 1.0)
     }
 }
 
@@ -100,7 +100,7 @@ pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
 /// Levels of new errors, up to the largest ones of the most precise fit.
 fn levels(model: Model) -> u8 {
     let new_share = model.errors.first().map_or(1.0, |error| error.new_share);
-    (LARGEST_ERROR / new_share.sqrt())
+    (MAX_ERROR / new_share.sqrt())
         .log2()
         .ceil()
         .clamp(0.0, 10.0) as u8
@@ -358,9 +358,9 @@ impl Filter {
         let Some(highest) = ways.first().map(|way| way.log_weight) else {
             return ways;
         };
-        let least = highest + (LEAST_WEIGHT * count).ln();
+        let least = highest + (MIN_WEIGHT * count).ln();
         let within = ways.partition_point(|way| way.log_weight >= least);
-        let mut others = ways.split_off(within.min(MOST_HYPOTHESES));
+        let mut others = ways.split_off(within.min(MAX_HYPOTHESES));
         if !ways.iter().any(|way| way.is_displaced)
             && let Some(displaced) = others.iter().position(|way| way.is_displaced)
         {

@@ -8,7 +8,7 @@ use dataset::numbers::least_squares::CholeskyFactor;
 use matrix::{Matrix, dot};
 
 /// Squared deviations beyond this count as this much in a likelihood, so that one slip does not decide a fit.
-const LARGEST_SURPRISE: f64 = 25.0;
+const MAX_SURPRISE: f64 = 25.0;
 
 /// A normal distribution.
 #[derive(Debug, Clone, PartialEq)]
@@ -215,7 +215,7 @@ pub(super) fn log_likelihood(
             variance,
         };
         let total = known.variance_of(&reading);
-        let surprise = (reading.misfit.powi(2) / total).min(LARGEST_SURPRISE);
+        let surprise = (reading.misfit.powi(2) / total).min(MAX_SURPRISE);
         sum -= 0.5 * (total.ln() + surprise);
         known.correct(&reading, |_| true);
     }

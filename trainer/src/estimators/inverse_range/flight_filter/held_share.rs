@@ -8,7 +8,7 @@
 //! "Calibrating prediction regions", 1990).
 
 /// Errors of a flight at most; more quantiles of them do not change the width.
-const MOST_ERRORS: usize = 400;
+const MAX_ERRORS: usize = 400;
 /// Halvings of the interval in which the level is.
 const HALVINGS: usize = 12;
 /// 95 % quantiles of Student's t with 1, 2, ... degrees of freedom, divided by the quantile of the normal distribution.
@@ -96,7 +96,7 @@ impl Pool {
 fn sorted_and_thinned(mut errors: Vec<f64>) -> Vec<f64> {
     errors.retain(|error| error.is_finite());
     errors.sort_by(f64::total_cmp);
-    let kept = errors.len().min(MOST_ERRORS);
+    let kept = errors.len().min(MAX_ERRORS);
     let middle_of = |part: usize| (2 * part + 1) * errors.len() / (2 * kept);
     (0..kept).map(|part| errors[middle_of(part)]).collect()
 }

@@ -15,11 +15,11 @@ use super::motion::Motion;
 const FIRST_DEVIATION: f64 = 0.3;
 /// A measurement of a single view beside a better one is left out if it is off by more standard deviations, and the misfit of a better one
 /// counts as this much in the size of errors.
-const LARGEST_MISFIT: f64 = 5.0;
+const MAX_MISFIT: f64 = 5.0;
 /// Outliers are as likely to be off by one factor as by another, from this many standard deviations ...
-const LEAST_OUTLIER: f64 = 3.0;
+const MIN_OUTLIER: f64 = 3.0;
 /// ... to this part of the distance.
-const LARGEST_OUTLIER: f64 = 0.5;
+const MAX_OUTLIER: f64 = 0.5;
 /// Weight, in ticks, of the usual size of errors when the size of a flight's errors is estimated.
 const USUAL_TICKS: f64 = 10.0;
 /// Weight below which ticks are faster than usual.
@@ -134,8 +134,8 @@ impl Hypothesis {
 
     /// The same if it is an outlier.
     pub(super) fn log_outlier(&self, read: &Levelled) -> f64 {
-        let least_m = LEAST_OUTLIER * (self.factor() * read.variance(self.level)).sqrt();
-        let largest_m = (LARGEST_OUTLIER * read.distance_m).max(least_m);
+        let least_m = MIN_OUTLIER * (self.factor() * read.variance(self.level)).sqrt();
+        let largest_m = (MAX_OUTLIER * read.distance_m).max(least_m);
         let sizes = 1.0 + (largest_m / least_m).ln();
         -(2.0 * sizes * read.reading.misfit.abs().max(least_m)).ln()
     }
@@ -143,7 +143,7 @@ impl Hypothesis {
     /// Takes the best measurement. `count`: how much of a usual tick this one is.
     pub(super) fn take(&mut self, read: &Levelled, level: u8, count: f64) {
         let square = read.reading.misfit.powi(2) / read.variance(level);
-        self.squares += count * square.min(LARGEST_MISFIT.powi(2) * self.factor());
+        self.squares += count * square.min(MAX_MISFIT.powi(2) * self.factor());
         self.ticks += count;
         self.known.correct(&read.at(level, count), |_| true);
         self.level = level;
@@ -163,7 +163,7 @@ impl Hypothesis {
         };
         let square = read.reading.misfit.powi(2) / (self.factor() * read.variance(self.level));
         // NaN is not below.
-        if square <= LARGEST_MISFIT.powi(2) {
+        if square <= MAX_MISFIT.powi(2) {
             let [_, (place, _)] = read.reading.parts;
             let own = place..place + CorrelatedError::UNKNOWNS;
             let reading = read.at(self.level, count);

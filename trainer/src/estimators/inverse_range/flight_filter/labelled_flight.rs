@@ -17,7 +17,7 @@ use super::motion::Labels;
 /// Ticks nearer than this do not count for the intervals, 1 NM: there, relative errors have other causes.
 const NEAREST_M: f64 = 1_852.0;
 /// Labels farther apart give no speed, seconds.
-const LONGEST_GAP_S: f64 = 10.0;
+const MAX_GAP_S: f64 = 10.0;
 /// Share of the truth that intervals hold.
 const HELD: f64 = 0.9;
 
@@ -137,7 +137,7 @@ impl LabelledFlight {
     fn speed_mps(&self, tick: usize) -> Option<f64> {
         let (before, after) = (tick.checked_sub(1)?, tick + 1);
         let seconds = self.ticks.get(after)?.time_s - self.ticks[before].time_s;
-        (seconds > 0.0 && seconds <= LONGEST_GAP_S)
+        (seconds > 0.0 && seconds <= MAX_GAP_S)
             .then(|| (self.distances_m[before] - self.distances_m[after]) / seconds)
     }
 

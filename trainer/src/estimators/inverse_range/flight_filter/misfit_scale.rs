@@ -8,9 +8,9 @@ use super::forward::Tick;
 const MEMORY_S: f64 = 20.0;
 const USUAL_S: f64 = 20.0;
 /// A tick counts for the time since the one before, and at most for this, seconds.
-const MOST_OF_TICK_S: f64 = 2.0;
+const MAX_OF_TICK_S: f64 = 2.0;
 /// A larger misfit than so many usual ones is an outlier, which the filter treats.
-const LARGEST: f64 = 6.0;
+const MAX_RATIO: f64 = 6.0;
 
 /// Misfits of the last ticks.
 #[derive(Debug, Clone, Copy, Default)]
@@ -29,8 +29,8 @@ impl RecentMisfit {
         self.square_s *= kept;
         self.seconds *= kept;
         if let Some(misfit_px) = tick.row_misfit_px {
-            let seconds = since_s.unwrap_or(MOST_OF_TICK_S).min(MOST_OF_TICK_S);
-            let ratio = (misfit_px / usual_px).min(LARGEST);
+            let seconds = since_s.unwrap_or(MAX_OF_TICK_S).min(MAX_OF_TICK_S);
+            let ratio = (misfit_px / usual_px).min(MAX_RATIO);
             self.square_s += seconds * ratio * ratio;
             self.seconds += seconds;
         }
@@ -86,7 +86,7 @@ pub(super) fn usual_px<'a>(flights: impl Iterator<Item = &'a [Tick]>) -> Option<
         let misfits = ticks.iter().filter_map(|tick| tick.row_misfit_px);
         let mut misfits: Vec<f64> = misfits.collect();
         misfits.sort_by(f64::total_cmp);
-        let largest = LARGEST * misfits.get(misfits.len() / 2)?;
+        let largest = MAX_RATIO * misfits.get(misfits.len() / 2)?;
         let squares = misfits.iter().map(|px| px.min(largest).powi(2));
         Some(squares.sum::<f64>() / misfits.len() as f64)
     };

@@ -11,8 +11,8 @@ use crate::render::curves::smoothstep;
 /// The stand-in's own airport is on a coast.
 const BY_THE_SEA: &str = "WSSS";
 /// Hills above the airfield, metres: the highest stay below the sky's rows.
-const LOWEST_HILLS_M: f64 = 70.0;
-const HIGHEST_HILLS_M: f64 = 190.0;
+const MIN_HILLS_M: f64 = 70.0;
+const MAX_HILLS_M: f64 = 190.0;
 /// Plots are smaller than a pixel beyond the first distance, metres, and have their mean colour beyond the second.
 const PLOTS_FADE_M: (f32, f32) = (3_500.0, 12_000.0);
 /// Crops, meadows, bare soil, sand.
@@ -58,7 +58,7 @@ impl Inland {
             plot_m: DVec2::new(between(2, 180.0, 600.0), between(3, 120.0, 350.0)),
             crops: std::array::from_fn(|i| PALETTE[(first + i).min(PALETTE.len() - 1)]),
             woods: 0.05 + 0.3 * random(4),
-            hills_m: between(5, LOWEST_HILLS_M, HIGHEST_HILLS_M),
+            hills_m: between(5, MIN_HILLS_M, MAX_HILLS_M),
             // It fits around the horizon without a seam.
             ridge_rad: TAU / (TAU / between(6, 0.5, 1.6)).round(),
         })

@@ -1,0 +1,393 @@
+//! The time of each image: its sender's wall clock if there is one that can be right, else its timestamps placed by their arrivals, else
+//! its arrival.
+//!
+//! Timestamps of a camera run evenly but begin anywhere. The image that needed the shortest time to arrive places them; a camera whose
+//! clock runs differently is followed, up to 200 ppm. Images that come late stay late: only a clock whose readings jump is placed again.
+
+use std::ops::RangeInclusive;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use serde::Serialize;
+
+/// Source of the time of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ClockSource {
+    /// The wall clock of the sender (RTCP).
+    Sender,
+    /// Timestamps, placed by their arrivals.
+    Timestamps,
+    /// Its arrival.
+    Arrival,
+    /// The recording.
+    Recording,
+}
+
+impl ClockSource {
+    /// True if nothing ties it to the clocks of other views.
+    pub(crate) fn runs_free(self) -> bool {
+        matches!(self, Self::Timestamps | Self::Arrival)
+    }
+}
+
+/// A smaller change between this computer's two clocks is the time between reading them, seconds: larger errors of UTC are set at once.
+const MIN_SET_S: f64 = 0.05;
+
+/// This computer's time, which never jumps while it runs, and UTC, which may be set.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RunClock {
+    began: Instant,
+    began_utc_s: f64,
+    utc: fn() -> SystemTime,
+}
+
+impl RunClock {
+    pub(crate) fn start() -> Self {
+        Self::with_utc(SystemTime::now)
+    }
+
+    fn with_utc(utc: fn() -> SystemTime) -> Self {
+        Self {
+            began: Instant::now(),
+            began_utc_s: utc_s(utc()),
+            utc,
+        }
+    }
+
+    /// Seconds since the start.
+    pub(crate) fn now_s(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// A UTC time, as seconds since the start.
+    pub(crate) fn since_start_s(&self, utc_s: f64) -> f64 {
+        utc_s - self.began_utc_s()
+    }
+
+    /// The UTC time of so many seconds since the start.
+    pub(crate) fn utc(&self, since_start_s: f64) -> SystemTime {
+        let utc_s = (self.began_utc_s() + since_start_s).max(0.0);
+        UNIX_EPOCH + Duration::from_secs_f64(utc_s)
+    }
+
+    /// UTC of the start, as it is known now: a computer without a battery learns the date after programs have started.
+    fn began_utc_s(&self) -> f64 {
+        // Between two readings of the other clock that are near each other: a busy machine may pause here.
+        let read = || {
+            let before_s = self.now_s();
+            let began_utc_s = utc_s((self.utc)()) - before_s;
+            (self.now_s() - before_s < MIN_SET_S / 5.0).then_some(began_utc_s)
+        };
+        let Some(began_utc_s) = (0..3).find_map(|_| read()) else {
+            return self.began_utc_s;
+        };
+        if (began_utc_s - self.began_utc_s).abs() < MIN_SET_S {
+            self.began_utc_s
+        } else {
+            began_utc_s
+        }
+    }
+}
+
+fn utc_s(utc: SystemTime) -> f64 {
+    let since = utc.duration_since(UNIX_EPOCH);
+    since.unwrap_or_default().as_secs_f64()
+}
+
+/// A time in seconds since the start of the program, and where it is from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stamp {
+    pub(crate) time_s: f64,
+    pub(crate) clock: ClockSource,
+    /// No later than it was taken, whatever its clock says: for its age.
+    pub(crate) oldest_s: f64,
+}
+
+/// Clues to the time of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Clues {
+    /// When it arrived, seconds since the start.
+    pub(crate) arrival_s: f64,
+    /// Its timestamp, seconds since anything.
+    pub(crate) timestamp_s: Option<f64>,
+    /// Its sender's wall clock, seconds since the start.
+    pub(crate) sender_s: Option<f64>,
+}
+
+/// Shortest time from a sender's clock to the arrival, seconds: otherwise its clock is wrong, or ours is. Two clocks that are trusted
+/// differ by the width of this range at most.
+const SENDER_DELAY_S: RangeInclusive<f64> = -0.15..=0.35;
+
+/// Places the images of one connection.
+#[derive(Debug, Default)]
+pub(crate) struct Stamper {
+    sender: Placement,
+    timestamps: Placement,
+}
+
+impl Stamper {
+    pub(crate) fn stamp(&mut self, clues: Clues) -> Stamp {
+        let Clues { arrival_s, .. } = clues;
+        if let Some(sender_s) = clues.sender_s {
+            let shortest_s = self.sender.delay_s(arrival_s, sender_s);
+            if SENDER_DELAY_S.contains(&shortest_s) {
+                return Stamp {
+                    time_s: sender_s,
+                    clock: ClockSource::Sender,
+                    oldest_s: sender_s.min(sender_s + shortest_s),
+                };
+            }
+        }
+        let (time_s, clock) = match clues.timestamp_s {
+            Some(timestamp_s) => (
+                timestamp_s + self.timestamps.delay_s(arrival_s, timestamp_s),
+                ClockSource::Timestamps,
+            ),
+            None => (arrival_s, ClockSource::Arrival),
+        };
+        Stamp {
+            time_s,
+            clock,
+            oldest_s: time_s,
+        }
+    }
+}
+
+/// Rate at which the shortest delay may grow: clocks differ by less.
+const MAX_DRIFT: f64 = 200e-6;
+/// A reading that steps by more than the arrivals do, seconds, is of a clock that jumped. One that steps evenly is late.
+const JUMP_S: f64 = 1.0;
+/// So is one that steps by less than this part of the usual step, and by so much less than the arrivals: a camera's clock was set back by
+/// part of an interval.
+const BACK_PART: f64 = 0.5;
+/// Part by which a new step changes the usual one.
+const LEARNED_PART: f64 = 0.05;
+
+/// The shortest time from a clock's reading to the arrival.
+#[derive(Debug, Default)]
+struct Placement {
+    shortest_s: Option<f64>,
+    /// Arrival and reading of the image before.
+    last_s: Option<[f64; 2]>,
+    usual_step_s: Option<f64>,
+}
+
+impl Placement {
+    /// Takes a reading, and returns the shortest delay.
+    fn delay_s(&mut self, arrival_s: f64, reading_s: f64) -> f64 {
+        let delay_s = arrival_s - reading_s;
+        let last_s = self.last_s.replace([arrival_s, reading_s]);
+        let [since_s, step_s] = match last_s {
+            Some([arrival, reading]) => [arrival_s - arrival, reading_s - reading],
+            None => [0.0, 0.0],
+        };
+        let usual_s = self.usual_step_s.unwrap_or(0.0);
+        let is_set_back =
+            step_s.max(0.0) < BACK_PART * usual_s && since_s - step_s > BACK_PART * usual_s;
+        let has_jumped = is_set_back || !(0.0..=JUMP_S + since_s).contains(&step_s);
+        if last_s.is_some() && step_s > 0.0 && !has_jumped {
+            let usual_s = self.usual_step_s.get_or_insert(step_s);
+            // After lost images the old one still holds.
+            *usual_s += LEARNED_PART * (step_s.min(2.0 * *usual_s) - *usual_s);
+        }
+        let shortest_s = match self.shortest_s.filter(|_| !has_jumped) {
+            Some(shortest_s) => delay_s.min(shortest_s + MAX_DRIFT * since_s.max(0.0)),
+            None => delay_s,
+        };
+        self.shortest_s = Some(shortest_s);
+        shortest_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    use super::*;
+
+    const PERIOD_S: f64 = 1.0 / 30.0;
+
+    /// Delays of a network: 20 ms at least.
+    fn delay_s(image: u32) -> f64 {
+        0.02 + 0.03 * f64::from(image % 7) / 7.0
+    }
+
+    #[test]
+    fn a_clock_that_is_set_later_is_right_from_then_on() {
+        static SET_S: AtomicU64 = AtomicU64::new(0);
+        let clock = RunClock::with_utc(|| {
+            SystemTime::now() + Duration::from_secs(SET_S.load(Ordering::Relaxed))
+        });
+        let error_s = |set_s: u64| {
+            let expected = SystemTime::now() + Duration::from_secs(set_s);
+            utc_s(clock.utc(clock.now_s())) - utc_s(expected)
+        };
+        assert!(error_s(0).abs() < 1.0);
+        SET_S.store(86_400, Ordering::Relaxed);
+        assert!(error_s(86_400).abs() < 1.0);
+        let sender_s = clock.since_start_s(utc_s(SystemTime::now()) + 86_400.0);
+        assert!((sender_s - clock.now_s()).abs() < 1.0);
+    }
+
+    #[test]
+    fn timestamps_are_placed_by_the_fastest_arrival() {
+        let mut stamper = Stamper::default();
+        for image in 0..200 {
+            let taken_s = f64::from(image) * PERIOD_S;
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s + delay_s(image),
+                timestamp_s: Some(taken_s + 86_400.0),
+                sender_s: None,
+            });
+            assert_eq!(stamp.clock, ClockSource::Timestamps);
+            assert!((stamp.time_s - taken_s - 0.02).abs() < 1e-4, "{image}");
+        }
+    }
+
+    #[test]
+    fn the_senders_clock_is_used_unless_it_is_seconds_off() {
+        for (skew_s, expected) in [
+            (0.0, ClockSource::Sender),
+            (3.0, ClockSource::Timestamps),
+            (0.9, ClockSource::Timestamps),
+            (-3.0, ClockSource::Timestamps),
+        ] {
+            let mut stamper = Stamper::default();
+            for image in 0..100 {
+                let taken_s = f64::from(image) * PERIOD_S;
+                let stamp = stamper.stamp(Clues {
+                    arrival_s: taken_s + delay_s(image),
+                    timestamp_s: Some(taken_s),
+                    sender_s: Some(taken_s + skew_s),
+                });
+                assert_eq!(stamp.clock, expected, "skew {skew_s}");
+                assert!((stamp.time_s - taken_s).abs() < 0.051, "skew {skew_s}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_clock_that_jumps_is_placed_again_and_a_stall_is_not_a_jump() {
+        let mut stamper = Stamper::default();
+        let mut stamp = |image: u32, jump_s: f64, stall_s: f64| {
+            let taken_s = f64::from(image) * PERIOD_S;
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s + 0.02 + stall_s,
+                timestamp_s: Some(taken_s + jump_s),
+                sender_s: None,
+            });
+            stamp.time_s - taken_s
+        };
+        for image in 0..60 {
+            assert!(stamp(image, 0.0, 0.0) < 0.03);
+        }
+        // Held for two seconds, then delivered at once.
+        for image in 60..120 {
+            let stall_s = f64::from(120 - image) * PERIOD_S;
+            assert!(stamp(image, 0.0, stall_s) < 0.03, "{image}");
+        }
+        assert!(stamp(120, 100.0, 0.0) < 0.03, "forwards");
+        assert!(stamp(121, -50.0, 0.0) < 0.03, "backwards");
+        // A steady backlog is not a jump either: its images are old.
+        for image in 122..300 {
+            assert!(stamp(image, -50.0, 1.5) < 0.05, "{image}");
+        }
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_by_part_of_a_second_is_placed_again_at_once() {
+        for (period_s, back_s) in [(0.2, 0.15), (0.2, 0.3), (PERIOD_S, 0.025), (PERIOD_S, 0.5)] {
+            let mut stamper = Stamper::default();
+            let mut last_s = f64::NEG_INFINITY;
+            for image in 0..200 {
+                let taken_s = f64::from(image) * period_s;
+                let set_s = if image < 100 { 0.0 } else { back_s };
+                let stamp = stamper.stamp(Clues {
+                    arrival_s: taken_s + 0.02 + 0.1 * (delay_s(image) - 0.02),
+                    timestamp_s: Some(taken_s - set_s),
+                    sender_s: None,
+                });
+                let error_s = stamp.time_s - taken_s - 0.02;
+                assert!(
+                    (-1e-9..0.004).contains(&error_s),
+                    "{back_s}: {error_s} at {image}"
+                );
+                assert!(stamp.time_s > last_s, "{back_s}: {image}");
+                last_s = stamp.time_s;
+            }
+        }
+    }
+
+    /// Feeds an image, and returns the error of its time and the clock that gave it.
+    fn error_s(
+        stamper: &mut Stamper,
+        taken_s: f64,
+        delay_s: f64,
+        timestamp_s: f64,
+        sender_s: f64,
+    ) -> (f64, ClockSource) {
+        let stamp = stamper.stamp(Clues {
+            arrival_s: taken_s + delay_s,
+            timestamp_s: Some(timestamp_s),
+            sender_s: Some(sender_s),
+        });
+        (stamp.time_s - taken_s, stamp.clock)
+    }
+
+    #[test]
+    fn a_senders_clock_that_jumps_is_left_at_once_and_trusted_again_when_it_is_right() {
+        for jump_s in [3.0, 0.5, -0.5, -3.0, 86_400.0] {
+            let mut stamper = Stamper::default();
+            for image in 0..300 {
+                let taken_s = f64::from(image) * PERIOD_S;
+                let is_wrong = (100..200).contains(&image);
+                let sender_s = taken_s + if is_wrong { jump_s } else { 0.0 };
+                let delay_s = delay_s(image);
+                let (error_s, clock) = error_s(&mut stamper, taken_s, delay_s, taken_s, sender_s);
+                assert!(error_s.abs() < 0.051, "{jump_s}: {error_s} at {image}");
+                let expected = if is_wrong {
+                    ClockSource::Timestamps
+                } else {
+                    ClockSource::Sender
+                };
+                assert_eq!(clock, expected, "{jump_s}: {image}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_day_of_timestamps_is_placed_as_well_as_a_second_also_where_their_counter_wraps() {
+        // 32 bits of 90 kHz.
+        let wrap_s = f64::from(u32::MAX) / 90_000.0;
+        let mut stamper = Stamper::default();
+        for image in 0..86_400 * 5 {
+            let taken_s = f64::from(image) / 5.0;
+            let counted_s = (taken_s * (1.0 + 50e-6) + 7_000.0).rem_euclid(wrap_s);
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s + delay_s(image),
+                timestamp_s: Some(counted_s),
+                sender_s: None,
+            });
+            let error_s = stamp.time_s - taken_s;
+            // After the wrap the first arrival places them, and it may have been a slow one.
+            assert!(
+                (0.0..0.051).contains(&error_s),
+                "{error_s} after {taken_s} s"
+            );
+        }
+    }
+
+    #[test]
+    fn a_clock_that_runs_fast_is_followed() {
+        let mut stamper = Stamper::default();
+        for image in 0..30 * 600 {
+            let taken_s = f64::from(image) * PERIOD_S;
+            let stamp = stamper.stamp(Clues {
+                arrival_s: taken_s,
+                timestamp_s: Some(taken_s * (1.0 - 100e-6)),
+                sender_s: None,
+            });
+            assert!((stamp.time_s - taken_s).abs() < 0.004, "{image}");
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Clocks of cameras that nothing ties together: which offsets are known, and when they change.
+
+use dataset::geometry::camera::Camera;
+
+use crate::clocks::clock_offset::{ClockOffset, LagLine, Offset};
+use crate::clocks::vertical_lag::{Sighting, VerticalLag};
+
+/// An offset is used once its standard deviation is below this, seconds.
+const MAX_SD_S: f64 = 0.03;
+/// Above this, a known offset counts as unknown: the last arrival was long ago.
+const LOST_SD_S: f64 = 0.06;
+/// An arrival whose lag differs from the known offset by more standard deviations is the first one of a clock that was changed.
+const MAX_DEVIATIONS: f64 = 5.0;
+/// An arrival is over when no aircraft was seen for so long, seconds.
+const QUIET_S: f64 = 5.0;
+
+/// News about the clock of a view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum News {
+    /// Its offset is unknown.
+    Unknown,
+    /// Its offset at this time from now on, instead of the one before.
+    Known(Offset),
+}
+
+/// The clock of a view, compared with the first view's.
+#[derive(Debug)]
+pub(crate) struct FreeClock {
+    cameras: [Camera; 2],
+    drift_sd: f64,
+    before: ClockOffset,
+    arrival: VerticalLag,
+    /// With the arrival that is under way, if that tells anything yet.
+    with_arrival: Option<ClockOffset>,
+    /// The offset that is in use, and its time.
+    used: Option<(f64, Offset)>,
+    is_told: bool,
+    /// An arrival told something since the start.
+    has_measured: bool,
+    /// When this view and the first one last saw an aircraft.
+    sighted_s: f64,
+}
+
+impl FreeClock {
+    /// For the cameras of the first view and of this one, with the offset that an earlier start kept. `drift_sd`: see [`ClockOffset::of`].
+    pub(crate) fn of(cameras: [Camera; 2], kept: Option<Offset>, drift_sd: f64) -> Self {
+        Self {
+            arrival: VerticalLag::between(cameras, drift_sd),
+            cameras,
+            drift_sd,
+            before: ClockOffset::of(kept, drift_sd),
+            with_arrival: None,
+            used: None,
+            is_told: false,
+            has_measured: false,
+            sighted_s: 0.0,
+        }
+    }
+
+    /// True if its offset is known.
+    pub(crate) fn is_known(&self) -> bool {
+        self.used.is_some()
+    }
+
+    /// True if its offset is not only what was kept.
+    pub(crate) fn has_measured(&self) -> bool {
+        self.has_measured
+    }
+
+    /// The images come by another connection from now on.
+    pub(crate) fn restart(&mut self, time_s: f64) {
+        self.end_arrival();
+        self.before = ClockOffset::of(self.before.at(time_s), self.drift_sd).since(time_s);
+    }
+
+    /// Takes what both views see at a time.
+    pub(crate) fn take(&mut self, time_s: f64, sighting: Option<Sighting>) -> Option<News> {
+        let is_over = time_s > self.sighted_s + QUIET_S && self.end_arrival();
+        let mut is_measured = false;
+        if let Some(sighting) = sighting {
+            self.sighted_s = time_s;
+            is_measured = self.arrival.take(sighting);
+            if is_measured {
+                self.with_arrival = self.arrival.lag().map(|lag| self.joined(lag));
+            }
+        }
+        if self.is_known() && self.is_vague(time_s) {
+            (self.used, self.is_told) = (None, false);
+        }
+        let now = self.with_arrival.unwrap_or(self.before).at(time_s);
+        let sure = now.filter(|found| found.sd_s <= MAX_SD_S);
+        let news = match self.used {
+            None => sure,
+            Some(_) if is_over => now,
+            // More than by chance: each change disturbs the answers a little.
+            Some((since_s, used)) => sure.filter(|found| {
+                let used_s = used.offset_s + used.drift_ppm * 1e-6 * (time_s - since_s);
+                is_measured && (found.offset_s - used_s).abs() > found.sd_s
+            }),
+        };
+        if let Some(found) = news {
+            self.used = Some((time_s, found));
+            self.has_measured |= self.with_arrival.is_some();
+            return Some(News::Known(found));
+        }
+        let is_news = !self.is_known() && !std::mem::replace(&mut self.is_told, true);
+        is_news.then_some(News::Unknown)
+    }
+
+    /// The offset with the arrival that was under way at the end, if it tells anything.
+    pub(crate) fn at_end(&mut self) -> Option<Offset> {
+        let is_new = self.end_arrival() && self.is_known();
+        is_new.then(|| self.before.at(self.sighted_s)).flatten()
+    }
+
+    /// Begins another arrival; true if the one before told something.
+    fn end_arrival(&mut self) -> bool {
+        let lag = self.arrival.lag();
+        if !self.arrival.is_empty() {
+            self.arrival = VerticalLag::between(self.cameras, self.drift_sd);
+        }
+        self.with_arrival = None;
+        if let Some(lag) = lag {
+            self.before = self.joined(lag);
+            self.has_measured = true;
+        }
+        lag.is_some()
+    }
+
+    /// The offset with the lag of one more arrival.
+    fn joined(&self, lag: LagLine) -> ClockOffset {
+        let alone = ClockOffset::of(None, self.drift_sd).with(lag);
+        let is_other = || {
+            let best_s = lag.best_s()?;
+            let (found, known) = (alone.at(best_s)?, self.before.at(best_s)?);
+            let sd_s = known.sd_s.hypot(found.sd_s);
+            Some((found.offset_s - known.offset_s).abs() > MAX_DEVIATIONS * sd_s)
+        };
+        if is_other().unwrap_or(false) {
+            alone
+        } else {
+            self.before.with(lag)
+        }
+    }
+
+    /// True if the last arrival was too long ago, and the one that is under way does not tell enough.
+    fn is_vague(&self, time_s: f64) -> bool {
+        let is_vague = |clock: ClockOffset| {
+            let now = clock.at(time_s);
+            now.is_none_or(|now| now.sd_s > LOST_SD_S)
+        };
+        is_vague(self.before) && self.with_arrival.is_none_or(is_vague)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,162 @@
+//! The threads of all views, and what they say.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use dataset::video::start_ffmpeg;
+
+use crate::error::{Error, Result};
+use crate::feed::open_limit::OpenLimit;
+use crate::feed::read_limit::ReadLimit;
+use crate::feed::slot::Slot;
+use crate::feed::{Feed, Message};
+use crate::options::Options;
+use crate::search::Search;
+use crate::search::lockstep::Lockstep;
+use crate::shared::{Shared, ViewStatus};
+use crate::source::gpu::Gpu;
+
+/// Images of a view that wait for its search.
+const MAX_WAITING: usize = 4;
+
+/// A view of the run.
+pub(crate) struct View {
+    pub(crate) name: String,
+    /// Its source, without secrets; `None` if it has none.
+    pub(crate) source: Option<String>,
+    pub(crate) status: Arc<ViewStatus>,
+}
+
+/// All views at work.
+pub(crate) struct Views {
+    pub(crate) all: Vec<View>,
+    pub(crate) messages: Receiver<Message>,
+    threads: Vec<JoinHandle<()>>,
+    shared: Arc<Shared>,
+}
+
+impl Views {
+    /// Starts the threads of all views that have a source. `searches`: false if images are only looked at.
+    pub(crate) fn start(options: &Options, shared: &Arc<Shared>, searches: bool) -> Result<Self> {
+        // A GPU that is not there is no news of one view.
+        start_ffmpeg();
+        Gpu::open(options.decoder)?;
+        let (send, messages) = channel();
+        let names = options.run.views();
+        let lockstep = Arc::new(Lockstep::of(names.len()));
+        let mut threads = Vec::new();
+        let mut all = Vec::new();
+        for (view, name) in names.iter().enumerate() {
+            let status = Arc::<ViewStatus>::default();
+            let source = options.sources.get(name);
+            all.push(View {
+                name: name.clone(),
+                source: source.map(ToString::to_string),
+                status: status.clone(),
+            });
+            let Some(source) = source else {
+                lockstep.leave(view);
+                continue;
+            };
+            let camera = options.run.camera(view);
+            let slot = Arc::new(Slot::of(MAX_WAITING));
+            let feed = Feed {
+                view,
+                name: name.clone(),
+                source: source.clone(),
+                decoder: options.decoder,
+                size_px: [camera.width_px, camera.height_px],
+                slot: slot.clone(),
+                status: status.clone(),
+                messages: send.clone(),
+                shared: shared.clone(),
+                last_time_s: None,
+                open_limit: OpenLimit::default(),
+                read_limit: ReadLimit::default(),
+            };
+            let thread = format!("feed {name}");
+            threads.push(spawn(thread, send.clone(), move || feed.run())?);
+            if !searches {
+                continue;
+            }
+            let search = Search {
+                view,
+                name: name.clone(),
+                search: options.searcher.view_search(&camera)?,
+                slot,
+                status,
+                messages: send.clone(),
+                shared: shared.clone(),
+                lockstep: lockstep.clone(),
+            };
+            let thread = format!("search {name}");
+            threads.push(spawn(thread, send.clone(), move || search.run())?);
+        }
+        Ok(Self {
+            all,
+            messages,
+            threads,
+            shared: shared.clone(),
+        })
+    }
+
+    /// Ends all threads, and waits for them, but not longer than this: a device may hold one.
+    pub(crate) fn stop(self, most: Duration) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        let until = Instant::now() + most;
+        while self.threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < until {
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+/// Starts a thread whose panic is told to the conductor: otherwise the view would stay as it was.
+fn spawn(
+    name: String,
+    messages: Sender<Message>,
+    work: impl FnOnce() + Send + 'static,
+) -> Result<JoinHandle<()>> {
+    let thread = thread::Builder::new().name(name.clone());
+    let guard = PanicGuard { name, messages };
+    let guarded = move || {
+        let _guard = guard;
+        work();
+    };
+    thread.spawn(guarded).map_err(Error::Thread)
+}
+
+/// Reports the panic of its thread when it is dropped.
+struct PanicGuard {
+    name: String,
+    messages: Sender<Message>,
+}
+
+impl Drop for PanicGuard {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            let thread = std::mem::take(&mut self.name);
+            // Whoever reads it has ended if it fails.
+            let _ = (self.messages).send(Message::Failed(Error::Panicked { thread }));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_of_a_thread_is_told_and_its_regular_end_is_not() {
+        let (send, messages) = channel();
+        spawn("feed left".into(), send.clone(), || {}).unwrap();
+        spawn("search left".into(), send, || panic!("of the test")).unwrap();
+        let told: Vec<Message> = messages.iter().collect();
+        let [Message::Failed(error)] = &told[..] else {
+            panic!("{} messages", told.len())
+        };
+        assert!(!error.is_bad_input() && error.to_string().contains("search left"));
+    }
+}

@@ -1,0 +1,363 @@
+//! A thread for each view: it opens the source, decodes, judges each image, and opens the source again when it is lost.
+//!
+//! A few images wait for the search, and the newest replaces the oldest: that one was decoded, but is not searched. A recording that is
+//! read as fast as possible waits instead.
+
+pub(crate) mod open_limit;
+pub(crate) mod read_limit;
+pub(crate) mod slot;
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::Sender;
+
+use dataset::video::DecodedImage;
+
+use crate::clocks::clock::{ClockSource, Clues, Stamp, Stamper};
+use crate::error::Error;
+use crate::feed::open_limit::OpenLimit;
+use crate::feed::read_limit::ReadLimit;
+use crate::feed::slot::Slot;
+use crate::options::Decoder;
+use crate::output::metrics::{Fate, Stage};
+use crate::search::Searched;
+use crate::shared::{Pace, Shared, ViewStatus};
+use crate::source::Source;
+use crate::source::input::{End, Input, InputImage};
+use crate::source::place::{OpenFault, Patience};
+use crate::view_state::image_look::Looks;
+use crate::view_state::{Seen, ViewState};
+
+/// Milliseconds before a lost source is opened again: at first, and at most.
+const FIRST_DELAY_MS: u64 = 100;
+const MAX_DELAY_MS: u64 = 1_000;
+
+/// An image for the search.
+pub(crate) struct FeedImage {
+    pub(crate) image: DecodedImage,
+    /// When it was taken, in the time of answers, seconds.
+    pub(crate) time_s: f64,
+    /// For its age: no later than it was taken, seconds since the start of the program.
+    pub(crate) taken_s: f64,
+    /// When its last packet arrived, and when it was decoded.
+    pub(crate) arrival_s: f64,
+    pub(crate) decoded_s: f64,
+    /// Seconds that were added to its time, because its clock was compared with another.
+    pub(crate) added_s: f64,
+    /// False while the camera looks elsewhere or its images repeat: the search only sees whether that is over.
+    pub(crate) can_be_measured: bool,
+    /// False for black and damaged images, which only keep their place in a recording.
+    pub(crate) can_be_searched: bool,
+}
+
+/// Message from a thread of a view to the conductor.
+pub(crate) enum Message {
+    /// About the source of a view.
+    Report(usize, Report),
+    /// A searched image of a view.
+    Searched(usize, Box<Searched>),
+    /// An image of a recording that must not be measured, at this time.
+    Skipped(usize, f64),
+    /// The search of a view failed, for good.
+    Failed(Error),
+    /// The search of a view has ended.
+    Finished(usize),
+}
+
+/// Report of a feed besides its images.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Report {
+    /// It was opened: the codec.
+    Opened { codec: &'static str },
+    /// The first image of a connection.
+    FirstImage {
+        size_px: [u32; 2],
+        clock: ClockSource,
+    },
+    /// Another source gives the times of its images from now on.
+    Clock(ClockSource),
+    /// It was lost, or is not there.
+    Lost(String),
+    /// It can never be used.
+    Useless(String),
+    /// Its recording is over.
+    Ended,
+}
+
+/// One view's feed.
+pub(crate) struct Feed {
+    pub(crate) view: usize,
+    pub(crate) name: String,
+    pub(crate) source: Source,
+    pub(crate) decoder: Decoder,
+    /// Size of the images that the run knows.
+    pub(crate) size_px: [u32; 2],
+    pub(crate) slot: Arc<Slot<FeedImage>>,
+    pub(crate) status: Arc<ViewStatus>,
+    pub(crate) messages: Sender<Message>,
+    pub(crate) shared: Arc<Shared>,
+    /// Time of the last image, also of a connection before.
+    pub(crate) last_time_s: Option<f64>,
+    pub(crate) open_limit: OpenLimit,
+    pub(crate) read_limit: ReadLimit,
+}
+
+impl Feed {
+    /// Runs until the recording ends, the source turns out to be useless, or the program is stopped.
+    pub(crate) fn run(mut self) {
+        let mut delay_ms = FIRST_DELAY_MS;
+        while !self.shared.is_stopped() {
+            let opened_s = self.shared.clock.now_s();
+            let end = self.once();
+            let was_useful = self.shared.metrics.has_images(self.view);
+            let reports = reports_of(end, self.source.is_recorded(), was_useful);
+            let is_over = !matches!(reports[..], [Report::Lost(_)]);
+            for report in reports {
+                self.report(report);
+            }
+            // After the cause, so that the event has it.
+            self.status.watch().set_connected(false);
+            if is_over {
+                break;
+            }
+            let lasted_s = self.shared.clock.now_s() - opened_s;
+            if lasted_s * 1e3 > 2.0 * MAX_DELAY_MS as f64 {
+                delay_ms = FIRST_DELAY_MS;
+            }
+            let wait_s = delay_ms as f64 * 1e-3;
+            self.shared.sleep_until(self.shared.clock.now_s() + wait_s);
+            delay_ms = (2 * delay_ms).min(MAX_DELAY_MS);
+        }
+        self.slot.close();
+    }
+
+    fn report(&self, report: Report) {
+        // Whoever reads it has ended if it fails.
+        let _ = self.messages.send(Message::Report(self.view, report));
+    }
+
+    /// Opens the source and hands over its images until they end.
+    fn once(&mut self) -> Result<End, OpenFault> {
+        let clock = self.shared.clock;
+        let patience = Patience::new(clock, self.shared.stop.clone());
+        let (most_ms, began_s) = (self.open_limit.next_ms(), clock.now_s());
+        let opened = Input::open(&self.source, self.decoder, &self.name, patience, most_ms);
+        let took_s = clock.now_s() - began_s;
+        self.open_limit.take(opened.is_ok(), took_s);
+        let mut input = opened?;
+        self.report(Report::Opened {
+            codec: input.codec(),
+        });
+        if let Some(interval_s) = input.announced_interval_s() {
+            self.read_limit.announced(interval_s);
+        }
+        let mut connection = Connection::default();
+        loop {
+            let image = match input.next(self.read_limit.next_ms()) {
+                Ok(image) => image,
+                Err(end) => {
+                    if matches!(end, End::Silent(_)) {
+                        self.read_limit.given_up(connection.images);
+                    }
+                    return Ok(end);
+                }
+            };
+            let arrival_s = image.arrival_s;
+            if let Some(last_s) = connection.arrival_s.replace(arrival_s) {
+                self.read_limit.came(arrival_s - last_s);
+            }
+            connection.images = connection.images.saturating_add(1);
+            self.take(image, &mut connection)?;
+        }
+    }
+
+    fn take(&mut self, image: InputImage, connection: &mut Connection) -> Result<(), OpenFault> {
+        let shared = self.shared.clone();
+        let size_px = image.image.size_px();
+        let Some((stamp, time_s, added_s)) = self.stamp(&image, connection) else {
+            shared.metrics.count(self.view, Fate::Disordered);
+            return Ok(());
+        };
+        let decoded_s = shared.clock.now_s();
+        let clock = stamp.clock;
+        match connection.clock.replace(clock) {
+            None => {
+                if size_px != self.size_px {
+                    self.check_first(size_px)?;
+                }
+                self.report(Report::FirstImage { size_px, clock });
+            }
+            Some(before) if before != clock => self.report(Report::Clock(clock)),
+            Some(_) => {}
+        }
+        let is_other_size = size_px != self.size_px;
+        let seen = Seen {
+            now_s: match shared.pace {
+                Pace::AsFastAsPossible => time_s,
+                _ => decoded_s,
+            },
+            time_s: match shared.pace {
+                Pace::AsFastAsPossible => time_s,
+                _ => stamp.oldest_s,
+            },
+            is_damaged: image.is_damaged || is_other_size,
+            look: connection.looks.next(image.image.luma()),
+        };
+        let state = self.status.watch().take(seen);
+        let arrival_s = match stamp.clock {
+            // It is due now.
+            ClockSource::Recording => decoded_s,
+            _ => image.arrival_s,
+        };
+        shared.metrics.time(Stage::Decode, decoded_s - arrival_s);
+        if !state.can_be_measured() {
+            let fate = if is_other_size {
+                Fate::OtherSize
+            } else {
+                Fate::of(state)
+            };
+            shared.metrics.count(self.view, fate);
+        }
+        // The search goes on looking at a camera that moved or repeats images, to see when that is over.
+        let shows_scene = !matches!(state, ViewState::Dark | ViewState::Damaged);
+        let can_be_searched = shows_scene && !is_other_size;
+        if !can_be_searched && shared.pace != Pace::AsFastAsPossible {
+            return Ok(());
+        }
+        let image = FeedImage {
+            image: image.image,
+            time_s,
+            taken_s: stamp.oldest_s.min(arrival_s),
+            arrival_s,
+            decoded_s,
+            added_s,
+            can_be_measured: state.can_be_measured(),
+            can_be_searched,
+        };
+        if shared.pace == Pace::AsFastAsPossible {
+            self.slot.put_after(image);
+        } else if let Some(before) = self.slot.put(image)
+            && before.can_be_measured
+        {
+            shared.metrics.count(self.view, Fate::Overload);
+        }
+        Ok(())
+    }
+
+    /// Time of an image, the same as of answers, and what was added to that; `None` if it is not after the one before.
+    fn stamp(
+        &mut self,
+        image: &InputImage,
+        connection: &mut Connection,
+    ) -> Option<(Stamp, f64, f64)> {
+        let shared = self.shared.clone();
+        let recorded_s = image.recorded_s.or(image.timestamp_s);
+        let recorded_s = recorded_s.filter(|_| self.source.is_recorded());
+        let of_recording = |time_s: f64| Stamp {
+            time_s,
+            clock: ClockSource::Recording,
+            oldest_s: time_s,
+        };
+        let stamp = match (recorded_s, shared.pace) {
+            (Some(_), Pace::AsFastAsPossible) => of_recording(image.arrival_s),
+            (Some(recorded_s), _) => {
+                let now_s = shared.clock.now_s();
+                let start_s = *shared.recordings_s.get_or_init(|| now_s - recorded_s);
+                shared.sleep_until(start_s + recorded_s);
+                of_recording(start_s + recorded_s)
+            }
+            (None, _) => connection.stamper.stamp(Clues {
+                arrival_s: image.arrival_s,
+                timestamp_s: image.timestamp_s,
+                sender_s: image.sender_s,
+            }),
+        };
+        let runs_free = stamp.clock.runs_free() || shared.is_measured[self.view];
+        shared.runs_free[self.view].store(runs_free, Ordering::Relaxed);
+        let told_s = shared.given_s[self.view]
+            + match (recorded_s, shared.pace) {
+                (Some(recorded_s), Pace::RealTime | Pace::AsFastAsPossible) => recorded_s,
+                _ => stamp.time_s - shared.zero_s.get_or_init(|| stamp.time_s),
+            };
+        let added_s = shared.added_s(self.view, told_s);
+        let time_s = told_s + added_s;
+        let is_after = self.last_time_s.is_none_or(|last_s| time_s > last_s);
+        if is_after {
+            self.last_time_s = Some(time_s);
+        }
+        is_after.then_some((stamp, time_s, added_s))
+    }
+
+    /// The first images of a source must have the size of the run's camera. If later ones have another, the view is damaged.
+    fn check_first(&self, size_px: [u32; 2]) -> Result<(), OpenFault> {
+        let [width, height] = size_px;
+        let [known_width, known_height] = self.size_px;
+        if self.shared.metrics.has_images(self.view) {
+            return Ok(());
+        }
+        Err(OpenFault::Useless(format!(
+            "its images have {width}x{height} pixels, expected {known_width}x{known_height} as in the training; set the camera to that size"
+        )))
+    }
+}
+
+/// State of an open source.
+#[derive(Default)]
+struct Connection {
+    stamper: Stamper,
+    looks: Looks,
+    /// Source of the time of the last image.
+    clock: Option<ClockSource>,
+    images: u32,
+    /// Arrival of the last one.
+    arrival_s: Option<f64>,
+}
+
+/// Reports about an end. A single loss is opened again; otherwise the feed is over.
+fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, was_useful: bool) -> Vec<Report> {
+    match end {
+        Ok(End::Stopped) => Vec::new(),
+        Ok(End::Useless(why)) | Err(OpenFault::Useless(why)) if !was_useful => {
+            vec![Report::Useless(why)]
+        }
+        Ok(End::Finished) if is_recorded => vec![Report::Ended],
+        Ok(End::Finished) => vec![Report::Lost("the sender ended it".into())],
+        Ok(End::Silent(most_ms)) => {
+            vec![Report::Lost(format!("no image came for {most_ms} ms"))]
+        }
+        // It would begin again, and fail at the same place.
+        Ok(End::Lost(why) | End::Useless(why)) | Err(OpenFault::Useless(why)) if is_recorded => {
+            vec![Report::Lost(why), Report::Ended]
+        }
+        Ok(End::Lost(why) | End::Useless(why))
+        | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => vec![Report::Lost(why)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_is_not_played_again_and_what_never_had_an_image_is_useless() {
+        let useless = || Ok(End::Useless("no".into()));
+        let lost = Report::Lost("no".into());
+        let over = vec![lost.clone(), Report::Ended];
+        for (end, is_recorded, was_useful, expected) in [
+            (useless(), true, false, vec![Report::Useless("no".into())]),
+            (useless(), true, true, over.clone()),
+            (useless(), false, true, vec![lost.clone()]),
+            (Ok(End::Lost("no".into())), true, true, over),
+            (
+                Err(OpenFault::Absent("no".into())),
+                false,
+                false,
+                vec![lost],
+            ),
+            (Ok(End::Finished), true, true, vec![Report::Ended]),
+            (Ok(End::Stopped), false, true, Vec::new()),
+        ] {
+            assert_eq!(reports_of(end, is_recorded, was_useful), expected);
+        }
+    }
+}

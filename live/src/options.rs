@@ -1,0 +1,191 @@
+//! Options of a live estimation, checked against the run.
+
+pub(crate) mod settings;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use labeller::Searcher;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trainer::live::OnlineRun;
+
+use crate::error::{Error, Result};
+use crate::shared::Pace;
+use crate::source::Source;
+
+/// Offsets of clocks are smaller, seconds.
+const MAX_OFFSET_S: f64 = 3_600.0;
+
+/// Decoder of images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Decoder {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// A GPU with VA-API: Intel, AMD.
+    Vaapi,
+    /// A GPU of NVIDIA.
+    Cuda,
+}
+
+impl FromStr for Decoder {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "cpu" => Ok(Self::Cpu),
+            "vaapi" => Ok(Self::Vaapi),
+            "cuda" => Ok(Self::Cuda),
+            _ => Err("expected cpu, vaapi or cuda".into()),
+        }
+    }
+}
+
+impl fmt::Display for Decoder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Cpu => "cpu",
+            Self::Vaapi => "vaapi",
+            Self::Cuda => "cuda",
+        })
+    }
+}
+
+/// Options of a live estimation.
+pub struct Options {
+    /// The run.
+    pub run: OnlineRun,
+    /// Search of the images.
+    pub searcher: Searcher,
+    /// Sources by view.
+    pub sources: BTreeMap<String, Source>,
+    /// Decoder of their images.
+    pub decoder: Decoder,
+    /// Views that have none.
+    pub without: Vec<String>,
+    /// Seconds that are added to the times of a view's images.
+    pub offsets_s: BTreeMap<String, f64>,
+    /// Views whose recordings have separate clocks, to be compared with the first view's.
+    pub measured: BTreeSet<String>,
+    /// File in which measured offsets are kept for the next start.
+    pub keep_offsets: Option<PathBuf>,
+    /// Recordings are read as fast as they can be searched.
+    pub as_fast_as_possible: bool,
+    /// Address of the metrics.
+    pub metrics: Option<SocketAddr>,
+}
+
+impl Options {
+    /// Checks the views against those of the run.
+    ///
+    /// # Errors
+    /// A view is unknown, missing or given twice, or a camera cannot be read faster than it delivers.
+    pub fn check(&self) -> Result<()> {
+        let known = self.run.views();
+        let listed = known.join(", ");
+        let named = (self.sources.keys().map(|view| ("--view", view)))
+            .chain(self.without.iter().map(|view| ("--without", view)))
+            .chain(self.offsets_s.keys().map(|view| ("--offset", view)))
+            .chain(self.measured.iter().map(|view| ("--offset", view)));
+        for (option, view) in named {
+            if !known.contains(view) {
+                return Err(Error::Views(format!(
+                    "{option} {view}: the run has no such view; its views are {listed}"
+                )));
+            }
+        }
+        for view in known {
+            let is_out = self.without.contains(view);
+            match self.sources.get(view) {
+                None if !is_out => {
+                    return Err(Error::Views(format!(
+                        "view {view} of the run has no source; give --view {view}=SOURCE, or --without {view} to estimate without it"
+                    )));
+                }
+                Some(_) if is_out => {
+                    return Err(Error::Views(format!(
+                        "view {view} has a source and --without; leave one of them out"
+                    )));
+                }
+                _ => {}
+            }
+        }
+        if self.sources.is_empty() {
+            return Err(Error::Views(format!(
+                "no view has a source; give at least one of {listed}"
+            )));
+        }
+        if known
+            .first()
+            .is_some_and(|first| self.measured.contains(first))
+        {
+            return Err(Error::Views(format!(
+                "--offset {}=auto: the other views are compared with the first one; give it for them",
+                known[0]
+            )));
+        }
+        check_offsets(&self.offsets_s)?;
+        let camera = self.sources.values().find(|source| !source.is_recorded());
+        match camera {
+            Some(camera) if self.as_fast_as_possible => Err(Error::Views(format!(
+                "--as-fast-as-possible needs recordings, and {camera} is a camera; leave the option out"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Seconds that are added to the times of each view's images.
+    pub(crate) fn given_s(&self) -> Vec<f64> {
+        let views = self.run.views().iter();
+        views
+            .map(|view| self.offsets_s.get(view).copied().unwrap_or(0.0))
+            .collect()
+    }
+
+    /// Of each view, if its recording has a clock of its own.
+    pub(crate) fn is_measured(&self) -> Vec<bool> {
+        let views = self.run.views().iter();
+        views.map(|view| self.measured.contains(view)).collect()
+    }
+
+    pub(crate) fn pace(&self) -> Pace {
+        if self.as_fast_as_possible {
+            Pace::AsFastAsPossible
+        } else if self.sources.values().all(Source::is_recorded) {
+            Pace::RealTime
+        } else {
+            Pace::Cameras
+        }
+    }
+}
+
+/// Rejects offsets that are no numbers, or are too large.
+fn check_offsets(offsets_s: &BTreeMap<String, f64>) -> Result<()> {
+    let is_bad = |offset_s: &f64| !(-MAX_OFFSET_S..=MAX_OFFSET_S).contains(offset_s);
+    match offsets_s.iter().find(|(_, offset_s)| is_bad(offset_s)) {
+        None => Ok(()),
+        Some((view, offset_s)) => Err(Error::Views(format!(
+            "--offset {view} is {offset_s} s, expected -{MAX_OFFSET_S} to {MAX_OFFSET_S}; for a larger one set the clock of the camera"
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_offset_of_more_than_an_hour_is_refused_with_the_limits() {
+        let of = |offset_s: f64| check_offsets(&[("left".to_owned(), offset_s)].into());
+        assert!(of(0.12).is_ok() && of(-3_600.0).is_ok());
+        for offset_s in [1e300, -3_601.0, f64::NAN, f64::INFINITY] {
+            let error = of(offset_s).unwrap_err();
+            assert!(error.is_bad_input() && error.to_string().contains("-3600 to 3600"));
+        }
+    }
+}

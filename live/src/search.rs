@@ -1,0 +1,237 @@
+//! A thread for each view that searches the newest image.
+
+pub(crate) mod lockstep;
+
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+use std::time::Duration;
+
+use dataset::tables::health::HealthState;
+use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
+use labeller::detector::PictureView;
+use labeller::live::{Image, Looked, ViewSearch};
+
+use crate::feed::slot::{Slot, Taken};
+use crate::feed::{FeedImage, Message};
+use crate::output::metrics::{Fate, Stage};
+use crate::search::lockstep::Lockstep;
+use crate::shared::{Pace, Shared, ViewStatus};
+
+/// A searched image.
+pub(crate) struct Searched {
+    /// See [`FeedImage`].
+    pub(crate) time_s: f64,
+    pub(crate) taken_s: f64,
+    pub(crate) arrival_s: f64,
+    pub(crate) added_s: f64,
+    /// When the search was done, seconds since the start.
+    pub(crate) searched_s: f64,
+    pub(crate) looked: Looked,
+}
+
+/// The search of one view.
+pub(crate) struct Search {
+    pub(crate) view: usize,
+    pub(crate) name: String,
+    pub(crate) search: ViewSearch,
+    pub(crate) slot: Arc<Slot<FeedImage>>,
+    pub(crate) status: Arc<ViewStatus>,
+    pub(crate) messages: Sender<Message>,
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) lockstep: Arc<Lockstep>,
+}
+
+/// Longest wait of an image that is searched although there are newer ones, seconds: a search of a whole image delays some.
+const MAX_WAIT_S: f64 = 0.1;
+/// A wait for an image that is longer changes nothing.
+const WAIT: Duration = Duration::from_millis(500);
+/// Images in a row whose search may fail before there is no point in going on.
+const MAX_FAILURES: u32 = 30;
+
+impl Search {
+    /// Runs until the feed ends or the program is stopped.
+    pub(crate) fn run(mut self) {
+        let mut pixels = Pixels {
+            converter: ImageConverter::new(&self.name),
+            whole: Vec::new(),
+            part: Vec::new(),
+            previous: None,
+        };
+        let mut failures = 0;
+        while !self.shared.is_stopped() {
+            let image = match self.slot.take(WAIT) {
+                Taken::Content(image) => image,
+                Taken::Nothing => continue,
+                Taken::Closed => break,
+            };
+            if self.shared.pace == Pace::AsFastAsPossible {
+                self.lockstep.reach(self.view, image.time_s);
+            } else if self.is_too_old(&image) {
+                continue;
+            }
+            let time_s = image.time_s;
+            let looked = self.look(image, &mut pixels);
+            failures = failures_after(&looked, failures);
+            let message = match looked {
+                Ok(Some(searched)) => Message::Searched(self.view, Box::new(searched)),
+                Err(error) if failures >= MAX_FAILURES => Message::Failed(error.into()),
+                skipped => {
+                    if let Err(error) = skipped {
+                        tracing::warn!("an image of view {} was not searched: {error}", self.name);
+                        self.shared.metrics.count(self.view, Fate::Damaged);
+                    }
+                    if self.shared.pace != Pace::AsFastAsPossible {
+                        continue;
+                    }
+                    Message::Skipped(self.view, time_s)
+                }
+            };
+            let is_over = matches!(message, Message::Failed(_));
+            // Whoever reads it has ended if it fails.
+            if self.messages.send(message).is_err() || is_over {
+                break;
+            }
+        }
+        self.lockstep.leave(self.view);
+        let _ = self.messages.send(Message::Finished(self.view));
+    }
+
+    /// Drops an image that waited for long if there are newer ones.
+    fn is_too_old(&self, image: &FeedImage) -> bool {
+        let waited_s = self.shared.clock.now_s() - image.decoded_s;
+        let is_dropped = waited_s > MAX_WAIT_S && !self.slot.is_empty();
+        if is_dropped && image.can_be_measured {
+            self.shared.metrics.count(self.view, Fate::Overload);
+        }
+        is_dropped
+    }
+
+    /// Searches an image; `None` if it must not be measured.
+    fn look(
+        &mut self,
+        image: FeedImage,
+        pixels: &mut Pixels,
+    ) -> labeller::Result<Option<Searched>> {
+        if !image.can_be_searched {
+            return Ok(None);
+        }
+        let metrics = &self.shared.metrics;
+        let begun_s = self.shared.clock.now_s();
+        metrics.time(Stage::Wait, begun_s - image.decoded_s);
+        let looked = self.search.look(
+            &mut NewImage {
+                image: &image.image,
+                pixels,
+                is_converted: false,
+            },
+            image.time_s,
+        )?;
+        let searched_s = self.shared.clock.now_s();
+        metrics.time(Stage::Search, searched_s - begun_s);
+        let is_moved = matches!(looked.camera, HealthState::Moved | HealthState::Shaking);
+        let is_frozen = looked.camera == HealthState::Frozen;
+        self.status.watch().set_camera(is_moved, is_frozen);
+        pixels.previous = Some(image.image);
+        if !image.can_be_measured {
+            return Ok(None);
+        }
+        metrics.count(self.view, Fate::Searched);
+        Ok(Some(Searched {
+            time_s: image.time_s,
+            taken_s: image.taken_s,
+            arrival_s: image.arrival_s,
+            added_s: image.added_s,
+            searched_s,
+            looked,
+        }))
+    }
+}
+
+/// Failures in a row after a search; all that are allowed at once if the detector is at fault rather than the image.
+fn failures_after<T>(looked: &labeller::Result<T>, before: u32) -> u32 {
+    match looked {
+        Ok(_) => 0,
+        Err(error) if error.is_bad_input() => MAX_FAILURES,
+        Err(_) => before + 1,
+    }
+}
+
+/// Converted pixels of the images of a view, and the image before.
+struct Pixels {
+    converter: ImageConverter,
+    whole: Vec<u8>,
+    part: Vec<u8>,
+    previous: Option<DecodedImage>,
+}
+
+/// The image that is searched.
+struct NewImage<'a> {
+    image: &'a DecodedImage,
+    pixels: &'a mut Pixels,
+    is_converted: bool,
+}
+
+impl Image for NewImage<'_> {
+    fn size_px(&self) -> [u32; 2] {
+        self.image.size_px()
+    }
+
+    fn whole(&mut self) -> labeller::Result<PictureView<'_>> {
+        let Pixels {
+            converter, whole, ..
+        } = &mut *self.pixels;
+        if !self.is_converted {
+            converter.whole(self.image, whole)?;
+            self.is_converted = true;
+        }
+        let [width_px, height_px] = self.image.size_px();
+        Ok(PictureView {
+            rgb: whole,
+            width_px,
+            height_px,
+        })
+    }
+
+    fn part(&mut self, part: PicturePart) -> labeller::Result<PictureView<'_>> {
+        let pixels = &mut *self.pixels;
+        pixels.converter.part(self.image, part, &mut pixels.part)?;
+        Ok(PictureView {
+            rgb: &pixels.part,
+            width_px: part.width_px,
+            height_px: part.height_px,
+        })
+    }
+
+    fn lumas(&self) -> [Option<Luma<'_>>; 2] {
+        let previous = self.pixels.previous.as_ref();
+        let is_alike = |before: &&DecodedImage| before.size_px() == self.image.size_px();
+        let before = previous.filter(is_alike).and_then(DecodedImage::luma);
+        [before, self.image.luma()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_image_costs_itself_and_failures_without_end_the_view() {
+        let option = || labeller::Error::Option {
+            name: "rows",
+            found: "1:0".into(),
+            expected: "0:1".into(),
+        };
+        let of_image = || labeller::Error::Scenario {
+            id: "left".into(),
+            message: "its pixels cannot be converted".into(),
+        };
+        let after = |failures| failures_after::<()>(&Err(of_image()), failures);
+        assert_eq!(after(0), 1);
+        assert_eq!(failures_after(&Ok(()), MAX_FAILURES - 1), 0);
+        assert_eq!(
+            (0..MAX_FAILURES).fold(0, |failures, _| after(failures)),
+            MAX_FAILURES
+        );
+        assert_eq!(failures_after::<()>(&Err(option()), 0), MAX_FAILURES);
+    }
+}
