@@ -7,12 +7,12 @@ use std::sync::{LazyLock, Mutex};
 use std::thread;
 
 use dataset::corpus::Corpus;
-use dataset::verify::verify;
 use mock_xplane::quirks::{FACTS, Facts, OPEN, Quirks};
 use testkit::command::{Dtd, said};
 use testkit::pictures::{ALIKE, farthest, pictures};
 use testkit_simulator::{PATIENCE, SWEEP, SimulatorProcess, plugin};
 use tokio::time::timeout;
+use verify::verify;
 use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::udp::subscription::Subscription;
 

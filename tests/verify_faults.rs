@@ -11,13 +11,13 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::seal_folder;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::tables::frames::Frames;
-use dataset::verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use dataset::work::watch::Silent;
 use serde_json::Value;
 use testkit::command::{Dtd, text};
 use testkit::files::copy_folder;
 use testkit::sweep::SmallSweep;
+use verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with};
 
 /// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog, with slightly misplaced and degraded cameras.
 fn sweep_toml() -> String {

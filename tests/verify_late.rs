@@ -5,9 +5,9 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::verify::verify;
 use testkit::command::{Dtd, said, text};
 use testkit::sweep::{SmallSweep, starting_from};
+use verify::verify;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 const CLEAR: &str = "\n[weather.clear]\nvisibility_m = 80000\n";

@@ -8,12 +8,12 @@ use std::sync::OnceLock;
 use dataset::corpus::Corpus;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::seal_folder;
-use dataset::verify::{Finding, verify};
 use dataset::video::{VideoSettings, VideoWriter};
 use testkit::command::{Dtd, text};
 use testkit::files::copy_folder;
 use testkit::pictures::pictures;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
+use verify::{Finding, verify};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 const CLEAR: &str = "1200-clear-r1";

@@ -12,10 +12,10 @@ use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::frames::Frames;
 use dataset::tables::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
-use dataset::verify::{Finding, verify};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use testkit::command::Dtd;
 use testkit::sweep::{SmallSweep, WEATHER_NAMES, starting_from};
+use verify::{Finding, verify};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 

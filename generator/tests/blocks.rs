@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::scenario::Blocks;
-use dataset::verify::verify;
 use generator::generate::{Cancel, GenerateOptions, SimulatorTarget, generate};
 use mock_xplane::server::{LinkServer, PluginOptions, SceneBehind, ServerOptions};
 use mock_xplane::window::{DisplayWindow, X11Window};
 use small_corpus::{IDS, options, sweep_of, sweep_toml};
 use testkit_simulator::{Xvfb, quiet, serving};
+use verify::verify;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 

@@ -13,11 +13,11 @@ use dataset::geometry::camera::Camera;
 use dataset::geometry::imaging::Degradation;
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::Runway;
-use dataset::verify::verify;
 use generator::against::{Against, Standing};
 use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
 use generator::plan::{Estimate, Pacing, expand};
 use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
+use verify::verify;
 use xplane_bridge::fly::FlyRequest;
 
 use small_corpus::{

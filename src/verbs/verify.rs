@@ -9,7 +9,6 @@ use dataset::corpus::Corpus;
 use dataset::corpus::seal::MANIFEST;
 use dataset::files::json_file::write_atomically;
 use dataset::plan::PlannedScenarios;
-use dataset::verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
 use dataset::work::watch::{Stopped, Watch};
 use generator::sweep_language::Sweeps;
 use serde::Serialize;
@@ -18,6 +17,7 @@ use store::{
     sweep_fault,
 };
 use tempfile::TempDir;
+use verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
 
 use super::Outcome;
 use super::object_store::{failure_of, failure_to_mirror, mend, run_transfers};

@@ -203,7 +203,7 @@ impl Error {
     }
 
     /// The message for a list of faults that names `file`, the end of a path, already: without it, if it is the file of this error.
-    pub(crate) fn beside(&self, file: &Path) -> String {
+    pub fn beside(&self, file: &Path) -> String {
         match self {
             Self::Io {
                 action,

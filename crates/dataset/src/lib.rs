@@ -14,7 +14,6 @@ pub mod numbers;
 pub mod plain;
 pub mod plan;
 pub mod tables;
-pub mod verify;
 pub mod video;
 pub mod work;
 

@@ -28,7 +28,7 @@ use crate::video::VideoSettings;
 
 pub use camera::{Aim, Jitter, PlannedCamera};
 pub use difference::{Change, Difference};
-pub(crate) use hashes::plan_hash;
+pub use hashes::plan_hash;
 pub use hashes::{ConfigHasher, HashMismatch};
 pub use picture::Picture;
 pub use planned_scenarios::PlannedScenarios;

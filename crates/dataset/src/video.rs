@@ -34,7 +34,7 @@ pub use index::fragments::recorded_pictures;
 pub use index::refine_time_base;
 pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::{RgbPicture, VideoReader};
-pub(crate) use time_base::TimeBase;
+pub use time_base::TimeBase;
 pub use trial::{TRIAL_PICTURES, TrialFault, try_encoder};
 pub use video_encoder::VideoEncoder;
 pub use writer::VideoWriter;

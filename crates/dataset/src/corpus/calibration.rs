@@ -246,7 +246,7 @@ impl Calibration {
     }
 
     /// Like [`Self::read`], but collects numbers outside their limits.
-    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+    pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let calibration: Self = read_json(path, "calibration")?;
         let faults = calibration.out_of_limits();
         Ok((calibration, faults))

@@ -36,14 +36,14 @@ pub use table::{
     Detection, Detections, Miss, MissReason, SearchMode, detection_columns, parse_detections,
     write_detections,
 };
-pub(crate) use table::{Row, parse_rows, read_rows_with_faults};
+pub use table::{Row, parse_rows, read_rows_with_faults};
 
 /// Folder of the detections within a scenario.
 pub const FOLDER: &str = "detections";
 /// Folder of the registrations that belong to them.
 pub const REGISTRATIONS: &str = "registrations";
 /// Folder of the tables of the cameras' health that belong to them.
-pub(crate) const HEALTH: &str = "health";
+pub const HEALTH: &str = "health";
 /// All folders with tables of a model.
 pub const FOLDERS: [&str; 3] = [FOLDER, REGISTRATIONS, HEALTH];
 
@@ -122,7 +122,7 @@ fn table_name(folder: &str, model: &str) -> String {
 }
 
 /// A table that a model's record names, as a reader found it: its current path and its content.
-pub(crate) type FoundTable = (PathBuf, Vec<u8>);
+pub type FoundTable = (PathBuf, Vec<u8>);
 
 /// Path of the record of a model's detections.
 pub fn record_path(folder: &ScenarioFolder, model: &str) -> PathBuf {

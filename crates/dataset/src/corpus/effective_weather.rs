@@ -296,7 +296,7 @@ impl EffectiveWeather {
     }
 
     /// Contradictions within the record: values that differ without a mark, and marks without values that differ.
-    pub(crate) fn contradiction(&self, planned: &Weather) -> Option<String> {
+    pub fn contradiction(&self, planned: &Weather) -> Option<String> {
         let unmarked = self
             .differences(planned)
             .into_iter()

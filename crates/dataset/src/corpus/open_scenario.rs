@@ -248,21 +248,21 @@ impl OpenScenario {
     }
 
     /// The current path of the table of health that belongs to a model's detections, and its content.
-    pub(crate) fn health_table(&self, model: &str) -> Result<Option<FoundTable>> {
+    pub fn health_table(&self, model: &str) -> Result<Option<FoundTable>> {
         detections::health_table(&self.folder, model, |provenance| {
             self.is_source_of(provenance)
         })
     }
 
     /// The current path of the table of a model's registrations, and its content.
-    pub(crate) fn registrations_table(&self, model: &str) -> Result<Option<FoundTable>> {
+    pub fn registrations_table(&self, model: &str) -> Result<Option<FoundTable>> {
         detections::registrations_table(&self.folder, model, |provenance| {
             self.is_source_of(provenance)
         })
     }
 
     /// The current path of the table of a model's detections, and its content.
-    pub(crate) fn detections_table(&self, model: &str) -> Result<FoundTable> {
+    pub fn detections_table(&self, model: &str) -> Result<FoundTable> {
         detections::table(&self.folder, model, |provenance| {
             self.is_source_of(provenance)
         })
@@ -397,12 +397,12 @@ fn kind_of(name: &'static str) -> FileKind {
 }
 
 /// The column that shows that a row of detections belongs to no image of the scenario, and why.
-pub(crate) fn fault_of(row: &Row, record: &ScenarioRecord) -> Option<(&'static str, String)> {
+pub fn fault_of(row: &Row, record: &ScenarioRecord) -> Option<(&'static str, String)> {
     fault_of_picture(row.tick(), "view", row.view(), record)
 }
 
 /// The same for a registration: also if it compares a view with itself.
-pub(crate) fn fault_of_registration(
+pub fn fault_of_registration(
     registration: &Registration,
     record: &ScenarioRecord,
 ) -> Option<(&'static str, String)> {
@@ -421,7 +421,7 @@ pub(crate) fn fault_of_registration(
 }
 
 /// The same for a row of health.
-pub(crate) fn fault_of_health(
+pub fn fault_of_health(
     row: &ViewHealth,
     record: &ScenarioRecord,
 ) -> Option<(&'static str, String)> {

@@ -17,14 +17,14 @@ use crate::numbers::frame_rate::FrameRate;
 use crate::numbers::limits::{self, Check, FieldOutOfLimits};
 
 /// Latest version of the file format. Readers reject a larger one.
-pub(crate) const SCHEMA_VERSION: u32 = MARKED_SCHEMA_VERSION;
+pub const SCHEMA_VERSION: u32 = MARKED_SCHEMA_VERSION;
 /// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
 /// [`crate::corpus::calibration::Calibration::schema_version`] returns the version of a scenario.
 pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
 /// The version of scenarios with lens distortion or refraction, which readers of version 1 would overlook.
 pub(crate) const LENS_SCHEMA_VERSION: u32 = 2;
 /// The version of scenarios that were drawn under another weather than planned, which readers of version 2 would overlook.
-pub(crate) const MARKED_SCHEMA_VERSION: u32 = 3;
+pub const MARKED_SCHEMA_VERSION: u32 = 3;
 
 /// Source of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -187,7 +187,7 @@ impl ScenarioRecord {
 
     /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a view whose
     /// name is not a file name are errors, because they prevent all other checks.
-    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+    pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let record: Self = read_json(path, "scenario record")?;
         record.readable(path)
     }

@@ -320,7 +320,7 @@ pub const TICKS: Limits = Limits::new(1.0, MAX_TICKS as f64, "a number of ticks"
 /// Views of one scenario.
 pub const MAX_VIEWS: usize = 64;
 /// Images of one scenario.
-pub(crate) const MAX_PICTURES: u64 = MAX_TICKS as u64 * MAX_VIEWS as u64;
+pub const MAX_PICTURES: u64 = MAX_TICKS as u64 * MAX_VIEWS as u64;
 /// Images per second, and the largest terms of their fraction.
 pub(crate) const FRAME_RATE_HZ: Limits = Limits::new(1.0 / 60.0, 240.0, "a frame rate per second");
 /// See [`FRAME_RATE_HZ`].
@@ -364,7 +364,7 @@ pub(crate) const VIEW_GAIN: Limits = Limits::new(0.01, 100.0, "a ratio of two co
 /// Of two images.
 pub(crate) const CORRELATION: Limits = Limits::new(-1.0, 1.0, "a correlation");
 /// Second passes in one image.
-pub(crate) const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
+pub const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
 
 #[cfg(test)]
 mod tests {

@@ -85,7 +85,7 @@ impl PlannedScenario {
 }
 
 /// The hash of a list of scenarios, each given by its identifier and `config_hash`.
-pub(crate) fn plan_hash<'a>(scenarios: impl IntoIterator<Item = (&'a str, &'a str)>) -> String {
+pub fn plan_hash<'a>(scenarios: impl IntoIterator<Item = (&'a str, &'a str)>) -> String {
     let mut hasher = blake3::Hasher::new();
     for (id, config_hash) in scenarios {
         hasher.update(format!("{id} {config_hash}\n").as_bytes());

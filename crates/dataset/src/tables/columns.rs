@@ -152,9 +152,9 @@ impl TableWriter {
         self.optional_f64(name, values)
     }
 
-    /// The table with unchecked numbers, as another program may write it.
-    #[cfg(test)]
-    pub(crate) fn unchecked(self) -> Self {
+    /// The table with unchecked numbers, as a different program may write it: for tests of readers.
+    #[must_use]
+    pub fn unchecked(self) -> Self {
         Self {
             out_of_limits: None,
             ..self

@@ -200,7 +200,7 @@ impl Frames {
     }
 
     /// Like [`Self::read`], but collects numbers outside their limits.
-    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<ColumnOutOfLimits>)> {
+    pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<ColumnOutOfLimits>)> {
         let mut table = Table::read(path, limits::MAX_TICKS.into())?.collecting();
         let frames = Self::of_table(&mut table)?;
         Ok((frames, table.into_collected()))

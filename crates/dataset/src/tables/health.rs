@@ -259,7 +259,7 @@ pub fn parse_health(content: Vec<u8>, path: &Path, images: u64) -> Result<Vec<Vi
 }
 
 /// The same from a file, but collecting numbers outside their limits.
-pub(crate) fn read_health_with_faults(
+pub fn read_health_with_faults(
     path: &Path,
     images: u64,
 ) -> Result<(Vec<ViewHealth>, Vec<ColumnOutOfLimits>)> {

@@ -145,7 +145,7 @@ pub fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
 }
 
 /// Reads `boxes_truth.parquet` of a scenario with this many images, each with at most one box, collecting numbers outside their limits.
-pub(crate) fn read_truth_boxes_with_faults(
+pub fn read_truth_boxes_with_faults(
     path: &Path,
     pictures: u64,
 ) -> Result<(Vec<TruthBox>, Vec<ColumnOutOfLimits>)> {

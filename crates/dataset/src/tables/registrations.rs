@@ -163,7 +163,7 @@ pub fn parse_registrations(
 }
 
 /// The same from a file, but collecting numbers outside their limits.
-pub(crate) fn read_registrations_with_faults(
+pub fn read_registrations_with_faults(
     path: &Path,
     pictures: u64,
 ) -> Result<(Vec<Registration>, Vec<ColumnOutOfLimits>)> {

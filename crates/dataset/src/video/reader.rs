@@ -149,7 +149,7 @@ impl VideoReader {
     }
 
     /// Unit of the file's timestamps.
-    pub(crate) fn time_base(&self) -> TimeBase {
+    pub fn time_base(&self) -> TimeBase {
         self.time_base
     }
 

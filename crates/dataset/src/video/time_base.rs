@@ -7,14 +7,16 @@ use crate::numbers::frame_rate::FrameRate;
 
 /// A unit of timestamps, as a fraction of a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct TimeBase {
-    pub(crate) numerator: u32,
-    pub(crate) denominator: u32,
+pub struct TimeBase {
+    /// Numerator.
+    pub numerator: u32,
+    /// Denominator.
+    pub denominator: u32,
 }
 
 impl TimeBase {
     /// The unit in which every tick of a rate has a whole timestamp. Recorded videos and `pts` in tables use it.
-    pub(crate) fn of_ticks(rate: FrameRate) -> Self {
+    pub fn of_ticks(rate: FrameRate) -> Self {
         Self {
             numerator: 1,
             denominator: rate.time_scale(),
@@ -35,7 +37,7 @@ impl TimeBase {
     }
 
     /// A timestamp of this unit in units of another; `None` if it is between two of them.
-    pub(crate) fn convert(self, pts: i64, to: Self) -> Option<i64> {
+    pub fn convert(self, pts: i64, to: Self) -> Option<i64> {
         let product = i128::from(pts) * i128::from(self.numerator) * i128::from(to.denominator);
         let divisor = i128::from(self.denominator) * i128::from(to.numerator);
         (product % divisor == 0)

@@ -159,19 +159,23 @@ const COUNTS_LIVE: &str = "counts_live";
 
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Row {
+pub enum Row {
+    /// A detected box.
     Box(Detection),
+    /// An image without any.
     Miss(Miss),
 }
 
 impl Row {
-    pub(crate) fn tick(&self) -> u32 {
+    /// Number of the tick.
+    pub fn tick(&self) -> u32 {
         match self {
             Self::Box(Detection { tick, .. }) | Self::Miss(Miss { tick, .. }) => *tick,
         }
     }
 
-    pub(crate) fn view(&self) -> &String {
+    /// Identifier of the view.
+    pub fn view(&self) -> &String {
         match self {
             Self::Box(Detection { view, .. }) | Self::Miss(Miss { view, .. }) => view,
         }
@@ -269,12 +273,12 @@ pub fn parse_detections(content: Vec<u8>, path: &Path, pictures: u64) -> Result<
 }
 
 /// The same as rows, for messages that number them.
-pub(crate) fn parse_rows(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Row>> {
+pub fn parse_rows(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Row>> {
     rows_of(&mut Table::parse(content, path, most_rows(pictures))?)
 }
 
 /// The same from a file, but collecting numbers outside their limits.
-pub(crate) fn read_rows_with_faults(
+pub fn read_rows_with_faults(
     path: &Path,
     pictures: u64,
 ) -> Result<(Vec<Row>, Vec<ColumnOutOfLimits>)> {

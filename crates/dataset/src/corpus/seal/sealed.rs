@@ -105,7 +105,7 @@ impl Sealed {
     }
 
     /// The name of a view's video, if one is sealed.
-    pub(crate) fn video_of(&self, view: &str) -> Option<&str> {
+    pub fn video_of(&self, view: &str) -> Option<&str> {
         let mut names = self.files.iter().map(|file| file.name.as_str());
         names.find(|name| view_of(name) == Some(view))
     }

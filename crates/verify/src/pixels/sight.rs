@@ -6,8 +6,8 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::outline::Outline;
-use crate::tables::pixel_box::PixelBox;
-use crate::video::BYTES_PER_PIXEL;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::video::BYTES_PER_PIXEL;
 
 /// Smaller boxes have too few pixels, pixels.
 const MIN_WIDTH_PX: f64 = 4.0;

@@ -24,16 +24,16 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::corpus::calibration::Calibration;
-use crate::corpus::effective_weather::ReportedWeather;
-use crate::corpus::scenario::ScenarioRecord;
-use crate::corpus::seal;
-use crate::corpus::{Corpus, ScenarioFolder};
-use crate::error::{Error, Result};
-use crate::numbers::limits::FieldOutOfLimits;
-use crate::plain::one_line;
-use crate::tables::columns::ColumnOutOfLimits;
-use crate::work::watch::{Silent, Stopped, Watch};
+use dataset::corpus::calibration::Calibration;
+use dataset::corpus::effective_weather::ReportedWeather;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal;
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::error::{Error, Result};
+use dataset::numbers::limits::FieldOutOfLimits;
+use dataset::plain::one_line;
+use dataset::tables::columns::ColumnOutOfLimits;
+use dataset::work::watch::{Silent, Stopped, Watch};
 use pixels::{PairProof, ViewProof};
 
 /// Maximum number of listed rows per kind of fault; the others are counted.

@@ -9,17 +9,17 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::Faults;
-use crate::corpus::ScenarioFolder;
-use crate::corpus::detections::{self, Detection, Row, read_rows_with_faults};
-use crate::corpus::open_scenario::{
+use dataset::corpus::ScenarioFolder;
+use dataset::corpus::detections::{self, Detection, Row, read_rows_with_faults};
+use dataset::corpus::open_scenario::{
     OpenScenario, fault_of, fault_of_health, fault_of_registration,
 };
-use crate::corpus::scenario::ScenarioRecord;
-use crate::files::json_file::read_json;
-use crate::files::own_path::own_path;
-use crate::numbers::limits::{self, MAX_PICTURES};
-use crate::tables::health::{ViewHealth, read_health_with_faults};
-use crate::tables::registrations::{Registration, read_registrations_with_faults};
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::files::json_file::read_json;
+use dataset::files::own_path::own_path;
+use dataset::numbers::limits::{self, MAX_PICTURES};
+use dataset::tables::health::{ViewHealth, read_health_with_faults};
+use dataset::tables::registrations::{Registration, read_registrations_with_faults};
 
 /// The rest of a record, besides the origin of its table. Other programs may write less.
 #[derive(Default, Deserialize)]

@@ -3,13 +3,13 @@
 use glam::DMat3;
 
 use super::{Faults, close};
-use crate::corpus::ScenarioFolder;
-use crate::corpus::calibration::{Calibration, CameraEntry};
-use crate::corpus::scenario::{
+use dataset::corpus::ScenarioFolder;
+use dataset::corpus::calibration::{Calibration, CameraEntry};
+use dataset::corpus::scenario::{
     MARKED_SCHEMA_VERSION, PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION, ScenarioRecord,
 };
-use crate::corpus::seal;
-use crate::geometry::runway::RunwayCoordinates;
+use dataset::corpus::seal;
+use dataset::geometry::runway::RunwayCoordinates;
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";

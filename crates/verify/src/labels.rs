@@ -6,14 +6,14 @@ use std::collections::BTreeSet;
 use glam::DVec2;
 
 use super::{Faults, close};
-use crate::conditions::transmission;
-use crate::corpus::ScenarioFolder;
-use crate::corpus::calibration::Calibration;
-use crate::corpus::scenario::ScenarioRecord;
-use crate::geometry::runway::RunwayCoordinates;
-use crate::numbers::limits;
-use crate::tables::frames::{Frames, TickRow};
-use crate::tables::pixel_box::{TruthBox, read_truth_boxes_with_faults};
+use dataset::conditions::transmission;
+use dataset::corpus::ScenarioFolder;
+use dataset::corpus::calibration::Calibration;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::geometry::runway::RunwayCoordinates;
+use dataset::numbers::limits;
+use dataset::tables::frames::{Frames, TickRow};
+use dataset::tables::pixel_box::{TruthBox, read_truth_boxes_with_faults};
 
 /// Labels agree with a computation on another machine to far below this, metres.
 const LENGTH_TOLERANCE_M: f64 = 1e-4;
@@ -96,7 +96,7 @@ fn check_countdown(frames: &Frames, faults: &mut Faults) {
             (None, None) => {}
             (Some(earlier), Some(later)) => {
                 let step_s =
-                    crate::numbers::units::SimTime(after.time_ns.saturating_sub(before.time_ns))
+                    dataset::numbers::units::SimTime(after.time_ns.saturating_sub(before.time_ns))
                         .seconds();
                 if !close(earlier - later, step_s, TIME_TOLERANCE_S) {
                     let message = format!(

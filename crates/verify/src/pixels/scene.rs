@@ -13,7 +13,7 @@ use super::super::ROWS_LISTED;
 use super::Faults;
 use super::sight::DecodedPicture;
 use super::timing::median;
-use crate::tables::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 const COLUMNS: usize = 12;
 const ROWS: usize = 8;

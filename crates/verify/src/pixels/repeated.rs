@@ -1,7 +1,7 @@
 //! Images that repeat an earlier one though the aircraft moved.
 
 use super::sight::{DecodedPicture, Sight, change_between};
-use crate::tables::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 /// An image equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
 const SAME: f64 = 0.15;

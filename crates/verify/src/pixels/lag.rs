@@ -55,7 +55,7 @@ pub struct PairProof {
 }
 
 /// A view whose lag was measured.
-pub(in crate::verify) struct MeasuredView<'a> {
+pub(crate) struct MeasuredView<'a> {
     pub(super) view: &'a str,
     /// Its video.
     pub(super) file: String,
@@ -63,7 +63,7 @@ pub(in crate::verify) struct MeasuredView<'a> {
 }
 
 /// Judges the lag of each view, and of every two views that have no fault of their own.
-pub(in crate::verify) fn judge_lags(
+pub(crate) fn judge_lags(
     scenario: &Scenario,
     views: &[MeasuredView<'_>],
     faults: &mut Faults,

@@ -5,7 +5,7 @@
 
 use glam::DVec2;
 
-use crate::numbers::spread::median;
+use dataset::numbers::spread::median;
 
 /// Residual brightness of the outline's edge: this many times the noise ...
 const NOISES: f64 = 2.0;

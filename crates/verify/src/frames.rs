@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::Faults;
-use crate::corpus::ScenarioFolder;
-use crate::corpus::calibration::Calibration;
-use crate::corpus::scenario::{Blocks, ScenarioRecord};
-use crate::geometry::echo::{aircraft_mismatch, camera_mismatch};
-use crate::numbers::units::SimTime;
-use crate::tables::frames::{Frames, TickRow};
+use dataset::corpus::ScenarioFolder;
+use dataset::corpus::calibration::Calibration;
+use dataset::corpus::scenario::{Blocks, ScenarioRecord};
+use dataset::geometry::echo::{aircraft_mismatch, camera_mismatch};
+use dataset::numbers::units::SimTime;
+use dataset::tables::frames::{Frames, TickRow};
 
 const TABLE: &str = ScenarioFolder::FRAMES;
 /// Between two ticks the displacement may differ from the mean of the velocities by this part of it, for an aircraft that turns or

@@ -1,15 +1,15 @@
 //! Places of the aircraft in images that turbulent air and a swaying mast move.
 //!
 //! Ground-truth boxes assume still air and a still mast. The calibration has the settings of both motions and their seed, and
-//! [`image_motion`](crate::geometry::imaging::image_motion) computes them, so that images are compared with the place where they have to
+//! [`image_motion`](dataset::geometry::imaging::image_motion) computes them, so that images are compared with the place where they have to
 //! show the aircraft, as strictly as images of a fixed camera.
 
 use glam::DVec3;
 
-use crate::corpus::calibration::CameraEntry;
-use crate::geometry::imaging::image_motion::{SwayMotion, TiltMotion};
-use crate::tables::frames::TickRow;
-use crate::tables::pixel_box::PixelBox;
+use dataset::corpus::calibration::CameraEntry;
+use dataset::geometry::imaging::image_motion::{SwayMotion, TiltMotion};
+use dataset::tables::frames::TickRow;
+use dataset::tables::pixel_box::PixelBox;
 
 /// The motion of the images of one camera.
 pub(super) struct MovingImage {

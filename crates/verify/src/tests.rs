@@ -2,24 +2,24 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::conditions::{Clock, Conditions, Weather};
-use crate::corpus::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
-use crate::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
-use crate::corpus::model_identity::ModelIdentity;
-use crate::corpus::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, Versions};
-use crate::corpus::splits::{Assignment, Side, Splits};
-use crate::files::json_file::{read_json, write_json};
-use crate::geometry::camera::{Camera, CameraPose};
-use crate::geometry::pose::{Controls, Pose};
-use crate::geometry::runway::RunwayCoordinates;
-use crate::geometry::runway::tests::changi_02l as runway;
-use crate::numbers::frame_rate::FrameRate;
-use crate::plan::{Plan, PlannedCamera};
-use crate::tables::frames::{Frames, TickLabels, TickRow, ViewStamp};
-use crate::tables::health::{HealthState, ViewHealth, write_health};
-use crate::tables::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
-use crate::tables::registrations::{NoShift, Registration, write_registrations};
-use crate::video::{VideoSettings, VideoWriter, refine_time_base};
+use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
+use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
+use dataset::corpus::model_identity::ModelIdentity;
+use dataset::corpus::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, Versions};
+use dataset::corpus::splits::{Assignment, Side, Splits};
+use dataset::files::json_file::{read_json, write_json};
+use dataset::geometry::camera::{Camera, CameraPose};
+use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::runway::RunwayCoordinates;
+use dataset::numbers::frame_rate::FrameRate;
+use dataset::plan::{Plan, PlannedCamera};
+use dataset::tables::frames::{Frames, TickLabels, TickRow, ViewStamp};
+use dataset::tables::health::{HealthState, ViewHealth, write_health};
+use dataset::tables::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
+use dataset::tables::registrations::{NoShift, Registration, write_registrations};
+use dataset::video::{VideoSettings, VideoWriter, refine_time_base};
+use testkit::changi_02l as runway;
 
 const SIZE_PX: u32 = 64;
 const TICKS: u32 = 5;
@@ -680,7 +680,7 @@ fn a_moved_camera_is_found() {
 #[test]
 fn a_missing_column_and_missing_boxes_are_found() {
     let findings = Example::with(|example| {
-        crate::tables::columns::TableWriter::new()
+        dataset::tables::columns::TableWriter::new()
             .u32("tick", [0])
             .write(&example.scenario().frames_path())
             .unwrap();
@@ -753,11 +753,18 @@ fn with_tables(tables: NewTables<'_>, said: serde_json::Value) -> Example {
     let source = folder.open().unwrap();
     let claim = folder.claim().unwrap();
     let detector = aaaa();
-    crate::corpus::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
-        let mut made = serde_json::to_value(provenance).unwrap();
-        made["registration"] = said;
-        made
-    })
+    dataset::corpus::detections::replace(
+        &claim,
+        &source,
+        &detector,
+        "aaaa",
+        tables,
+        |provenance| {
+            let mut made = serde_json::to_value(provenance).unwrap();
+            made["registration"] = said;
+            made
+        },
+    )
     .unwrap();
     example
 }
@@ -809,7 +816,7 @@ fn damaged_missing_and_foreign_registrations_are_found() {
         "{findings}"
     );
     let example = registered(&[registration()], said);
-    let path = crate::corpus::detections::record_path(&example.scenario(), "aaaa");
+    let path = dataset::corpus::detections::record_path(&example.scenario(), "aaaa");
     let mut record: serde_json::Value = read_json(&path, "record").unwrap();
     record
         .as_object_mut()
@@ -949,12 +956,19 @@ fn with_detections(found: &Detections, record: serde_json::Value) -> String {
     let claim = folder.claim().unwrap();
     let detector = aaaa();
     let tables = NewTables::unregistered(found);
-    crate::corpus::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
-        let mut made = serde_json::to_value(provenance).unwrap();
-        let fields = record.as_object().unwrap().clone();
-        made.as_object_mut().unwrap().extend(fields);
-        made
-    })
+    dataset::corpus::detections::replace(
+        &claim,
+        &source,
+        &detector,
+        "aaaa",
+        tables,
+        |provenance| {
+            let mut made = serde_json::to_value(provenance).unwrap();
+            let fields = record.as_object().unwrap().clone();
+            made.as_object_mut().unwrap().extend(fields);
+            made
+        },
+    )
     .unwrap();
     drop(claim);
     example.findings()

@@ -6,7 +6,7 @@
 
 use super::Faults;
 use super::sight::{DecodedPicture, look};
-use crate::tables::pixel_box::PixelBox;
+use dataset::tables::pixel_box::PixelBox;
 
 /// Boxes of this many ticks before and after an image are looked at.
 const REACH_TICKS: usize = 32;

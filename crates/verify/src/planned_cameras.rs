@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 
 use super::plan_as_written::{CommonAsWritten, ParametersAsWritten, Unreadable};
 use super::{Faults, close};
-use crate::corpus::calibration::{Calibration, CameraEntry};
-use crate::geometry::imaging::Imaging;
-use crate::geometry::runway::Runway;
-use crate::numbers::units::Degrees;
-use crate::plan::{Aim, Jitter, Picture, PlannedCamera};
+use dataset::corpus::calibration::{Calibration, CameraEntry};
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::runway::Runway;
+use dataset::numbers::units::Degrees;
+use dataset::plan::{Aim, Jitter, Picture, PlannedCamera};
 
 const CALIBRATION: &str = "calibration.json";
 /// Trigonometry differs in its last digits between machines: nanometres on the earth's surface ...

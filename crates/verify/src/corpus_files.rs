@@ -6,12 +6,12 @@ use std::fs;
 use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written};
 use super::planned_cameras::PlannedCameras;
 use super::{Faults, VerifyOptions, VerifyReport};
-use crate::corpus::calibration::Calibration;
-use crate::corpus::scenario::ScenarioRecord;
-use crate::corpus::seal;
-use crate::corpus::splits::Splits;
-use crate::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
-use crate::files::json_file::read_json;
+use dataset::corpus::calibration::Calibration;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::seal;
+use dataset::corpus::splits::Splits;
+use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
+use dataset::files::json_file::read_json;
 
 const PLAN: &str = Corpus::PLAN;
 const SPLITS: &str = Corpus::SPLITS;

@@ -29,10 +29,10 @@ mod timing;
 use serde::Serialize;
 
 use super::Faults;
-use crate::corpus::calibration::Calibration;
-use crate::corpus::scenario::ScenarioRecord;
-use crate::tables::frames::Frames;
-use crate::tables::pixel_box::{PixelBox, TruthBox};
+use dataset::corpus::calibration::Calibration;
+use dataset::corpus::scenario::ScenarioRecord;
+use dataset::tables::frames::Frames;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use elsewhere::{Other, Suspect};
 pub use lag::PairProof;
 pub(super) use lag::judge_lags;

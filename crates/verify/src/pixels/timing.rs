@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::super::Faults;
-use crate::numbers::spread;
+use dataset::numbers::spread;
 
 /// The observation of one image.
 #[derive(Debug, Clone, Copy)]

@@ -8,11 +8,11 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use crate::conditions::Conditions;
-use crate::corpus::scenario::Flight;
-use crate::geometry::imaging::Imaging;
-use crate::geometry::runway::Runway;
-use crate::plan::{Aim, Jitter, Picture, PlannedCamera, plan_hash};
+use dataset::conditions::Conditions;
+use dataset::corpus::scenario::Flight;
+use dataset::geometry::imaging::Imaging;
+use dataset::geometry::runway::Runway;
+use dataset::plan::{Aim, Jitter, Picture, PlannedCamera, plan_hash};
 
 /// Planned properties of every scenario.
 #[derive(Default, Deserialize)]

@@ -5,10 +5,10 @@ use std::thread;
 
 use super::Faults;
 use super::pixels::{PairProof, Scenario, ViewProof, Watcher, judge_lags};
-use crate::corpus::ScenarioFolder;
-use crate::corpus::seal::sealed::Sealed;
-use crate::video::{TimeBase, VideoReader};
-use crate::work::watch::Watch;
+use dataset::corpus::ScenarioFolder;
+use dataset::corpus::seal::sealed::Sealed;
+use dataset::video::{TimeBase, VideoReader};
+use dataset::work::watch::Watch;
 
 /// Evidence from the videos of a scenario.
 #[derive(Default)]
