@@ -621,7 +621,7 @@ fn looks(views: &[String], health: &[ViewHealth], moment: Moment) -> BTreeMap<(u
         let look = match moment {
             Moment::Hindsight if row.hides_direction() => Look::Unplaced,
             Moment::Hindsight => Look::Placed,
-            Moment::Live => Look::of(row.state_live?),
+            Moment::Live => Look::of(row.state_live),
         };
         Some(((row.tick, views.binary_search(&row.view).ok()?), look))
     });

@@ -1,14 +1,14 @@
-//! The physical conditions of a scenario: air, clouds, wind, rain, and the time that sets the sun.
+//! A scenario's physical conditions: air, clouds, wind, rain, and the time that sets the sun.
 //!
 //! All SI. The bridge converts them to X-Plane's units in one place.
 
 pub mod sight;
 
-use crate::numbers::limits::{self, Check, Limits};
+use crate::numbers::limits::{self, Check, Limits, check_fields};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Kind of a cloud layer, in X-Plane 12's order.
+/// Cloud kind, in X-Plane 12's order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CloudKind {
@@ -22,7 +22,7 @@ pub enum CloudKind {
     Cumulonimbus,
 }
 
-/// One layer of cloud.
+/// Cloud layer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CloudLayer {
@@ -30,9 +30,9 @@ pub struct CloudLayer {
     pub kind: CloudKind,
     /// Part of the sky that it covers, 0 to 1.
     pub cover_ratio: f64,
-    /// Height of its base above mean sea level, metres.
+    /// Height of the base above mean sea level, metres.
     pub base_msl_m: f64,
-    /// Height of its top above mean sea level, metres.
+    /// Height of the top above mean sea level, metres.
     pub top_msl_m: f64,
 }
 
@@ -49,11 +49,11 @@ pub fn transmission(range_m: f64, visibility_m: f64) -> f64 {
     (-KOSCHMIEDER * range_m / visibility_m).exp()
 }
 
-/// The weather of a scenario, constant in space and time.
+/// A scenario's weather, constant in space and time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weather {
-    /// Meteorological visibility (contrast of a black object falls to 2 %), metres.
+    /// Meteorological visibility (a black object's contrast falls to 2 %), metres.
     pub visibility_m: f64,
     /// At most three layers, lowest first.
     #[serde(default)]
@@ -72,7 +72,7 @@ pub struct Weather {
     pub turbulence_ratio: f64,
 }
 
-/// Date and time of a scenario. The simulator's clock is stopped during a scenario.
+/// Scenario date and time. The simulator's clock is stopped during a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Clock {
     /// Day of the year, 1 to 365. X-Plane has no year.
@@ -84,23 +84,13 @@ pub struct Clock {
 impl Weather {
     /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
-        check.number("visibility_m", self.visibility_m, limits::VISIBILITY_M);
-        check.number("rain_ratio", self.rain_ratio, limits::RAIN_RATIO);
-        check.number(
-            "wind_speed_mps",
-            self.wind_speed_mps,
-            limits::WIND_SPEED_MPS,
-        );
-        check.number(
-            "wind_from_true_deg",
-            self.wind_from_true_deg,
-            limits::WIND_FROM_TRUE_DEG,
-        );
-        check.number(
-            "turbulence_ratio",
-            self.turbulence_ratio,
-            limits::TURBULENCE_RATIO,
-        );
+        check_fields!(check, self, {
+            visibility_m: limits::VISIBILITY_M,
+            rain_ratio: limits::RAIN_RATIO,
+            wind_speed_mps: limits::WIND_SPEED_MPS,
+            wind_from_true_deg: limits::WIND_FROM_TRUE_DEG,
+            turbulence_ratio: limits::TURBULENCE_RATIO,
+        });
         for (index, layer) in self.clouds.iter().enumerate() {
             check.part(format_args!("clouds[{index}]"), |check| {
                 check.number("cover_ratio", layer.cover_ratio, limits::COVER_RATIO);

@@ -1,4 +1,4 @@
-//! Paths in a corpus, and which of its scenarios are committed.
+//! Paths and committed scenarios of the corpus folder.
 //!
 //! ```text
 //! corpus/
@@ -12,11 +12,11 @@
 
 pub mod calibration;
 pub mod claim;
+mod destination;
 pub mod detections;
 pub mod effective_weather;
 pub mod model_identity;
 pub mod open_scenario;
-mod place;
 pub mod scenario;
 pub mod seal;
 pub mod set_aside;
@@ -29,21 +29,22 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::corpus::claim::{Claim, Claimed, WHOLE_CORPUS};
+use crate::corpus::claim::{CLAIMS, Claim, Claimed};
 use crate::corpus::seal::{MANIFEST, Seal};
 use crate::corpus::splits::Splits;
 use crate::error::{Error, Result};
+use crate::files::corpus_names;
+use crate::files::corpus_names::{
+    CALIBRATION, DETECTIONS, HEALTH, REGISTRATIONS, SCENARIOS, WHOLE_CORPUS,
+};
 use crate::files::own_path::{own_path, refuse_link};
 use crate::video::VideoCodec;
 
-pub(crate) use place::check_path;
-pub use place::{check_place, foreign_entries, is_plan, own_folder_around};
+pub use crate::files::corpus_names::PARTIAL_SUFFIX;
+pub(crate) use destination::check_path;
+pub use destination::{check_place, foreign_entries, is_plan, own_folder_around};
 
-/// Ending of a folder that is still being filled.
-pub const PARTIAL_SUFFIX: &str = ".partial";
-
-const SCENARIOS: &str = "scenarios";
-/// A change of a scenario takes milliseconds, an upload takes longer; a process that takes longer than this may hang.
+/// A scenario's change takes milliseconds, an upload takes longer; a process that takes longer than this may hang.
 const OTHERS_TAKE: Duration = Duration::from_secs(30);
 
 /// A corpus on disk.
@@ -57,13 +58,13 @@ pub struct Corpus {
 /// A committed scenario that cannot be opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DamagedScenario {
-    /// Its identifier.
+    /// Identifier of the scenario.
     pub id: String,
     /// The fault.
     pub reason: String,
 }
 
-/// The folder of one scenario.
+/// A scenario's folder.
 #[derive(Debug, Clone)]
 pub struct ScenarioFolder {
     corpus: Corpus,
@@ -77,10 +78,10 @@ impl Corpus {
     pub const SPLITS: &str = "splits.json";
     /// The sweep as its author wrote it.
     pub const SWEEP: &str = "corpus.toml";
-    /// The files that belong to the whole corpus, in the order in which they are written.
+    /// The files that belong to the whole corpus, in the order of writing.
     pub const FILES: [&str; 3] = [Self::PLAN, Self::SPLITS, Self::SWEEP];
 
-    /// Returns true for a corpus with a plan or a split. A folder that only has scenarios may belong to another program.
+    /// Returns true for a corpus with a plan or a split. A folder that only has scenarios may belong to a different program.
     pub fn is_at(root: &Path) -> bool {
         root.join(SCENARIOS).is_dir()
             && [Self::PLAN, Self::SPLITS]
@@ -122,7 +123,7 @@ impl Corpus {
         }
     }
 
-    /// This corpus without its damaged scenarios, and those: for readers of the whole corpus, which one of them would end.
+    /// This corpus without its damaged scenarios, and those: for readers of the whole corpus, which a damaged scenario would end.
     ///
     /// # Errors
     /// The corpus cannot be listed, or the disk fails.
@@ -172,12 +173,12 @@ impl Corpus {
         self.root.join(Self::SPLITS)
     }
 
-    /// The claim to hold while changing files of the whole corpus. Waits for another writer.
+    /// The claim to hold while changing files of the whole corpus. Waits for other writers.
     ///
     /// # Errors
-    /// Another process holds it for too long ([`Error::Held`]), or the corpus cannot be written.
+    /// A different process holds it for too long ([`Error::Held`]), or the corpus cannot be written.
     pub fn claim(&self) -> Result<Claim> {
-        Claim::wait(self, WHOLE_CORPUS, OTHERS_TAKE)
+        Claim::wait_in(&self.claims(), WHOLE_CORPUS, &self.root, OTHERS_TAKE)
     }
 
     /// Reads the split by trajectory.
@@ -188,14 +189,18 @@ impl Corpus {
         Splits::read(&own_path(&self.root, Self::SPLITS)?)
     }
 
-    /// The folder of a committed scenario.
+    /// A committed scenario's folder.
     pub fn scenario(&self, id: &str) -> ScenarioFolder {
         self.folder(id)
     }
 
-    /// The folder in which a scenario is recorded before it is committed.
+    /// The folder where a scenario is recorded before it is committed.
     pub fn partial_scenario(&self, id: &str) -> ScenarioFolder {
         self.folder(&format!("{id}{PARTIAL_SUFFIX}"))
+    }
+
+    fn claims(&self) -> PathBuf {
+        self.root.join(CLAIMS)
     }
 
     fn folder(&self, name: &str) -> ScenarioFolder {
@@ -205,8 +210,8 @@ impl Corpus {
         }
     }
 
-    /// All committed scenarios, sorted by identifier. A folder without a seal and without files of a scenario does not count; one whose
-    /// seal is damaged or lost does, and is rejected when it is opened, so that it does not hide the others, unless it is left out
+    /// All committed scenarios, sorted by identifier. A folder without seal and scenario files does not count; one whose seal is damaged or
+    /// lost does, and is rejected when it is opened, so that it does not hide the others, unless it is left out
     /// ([`Self::without_damaged`]).
     pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
         let mut committed = Vec::new();
@@ -241,6 +246,18 @@ impl Corpus {
     }
 }
 
+impl Claim {
+    /// Takes a claim in a corpus, or names its holder.
+    pub fn take(corpus: &Corpus, name: &str) -> Result<Claimed> {
+        Self::take_in(&corpus.claims(), name)
+    }
+
+    /// Deletes the claims of killed processes in a corpus, and no other files there.
+    pub fn tidy(corpus: &Corpus) {
+        Self::tidy_in(&corpus.claims());
+    }
+}
+
 impl ScenarioFolder {
     /// The folder itself.
     pub fn root(&self) -> &Path {
@@ -256,7 +273,7 @@ impl ScenarioFolder {
             .into_owned()
     }
 
-    /// True if it has files of a scenario.
+    /// True if it has scenario files.
     fn has_files(&self) -> bool {
         let mut names = Self::FILES.into_iter().chain([MANIFEST, "views"]);
         names.any(|name| self.root.join(name).exists())
@@ -269,7 +286,7 @@ impl ScenarioFolder {
 
     /// Path of `calibration.json`.
     pub fn calibration_path(&self) -> PathBuf {
-        self.root.join("calibration.json")
+        self.root.join(CALIBRATION)
     }
 
     /// Path of `frames.parquet`.
@@ -286,7 +303,7 @@ impl ScenarioFolder {
         self.current_path(Self::TRUTH_BOXES)
     }
 
-    /// Path of a view's video, sealed or not: MP4, or QuickTime if that exists.
+    /// Path of the view's video, sealed or not: MP4, or QuickTime if that exists.
     pub fn video_path(&self, view: &str) -> PathBuf {
         let quicktime = self.new_video_path(view, VideoCodec::Ffv1);
         if quicktime.exists() {
@@ -303,44 +320,33 @@ impl ScenarioFolder {
             .join(format!("{view}.{}", codec.extension()))
     }
 
-    /// Folder of the detections.
-    pub(crate) fn detections_folder(&self) -> PathBuf {
-        self.root.join("detections")
-    }
-
-    /// Path of the detections of one model.
+    /// Path of the model's detections.
     pub fn detections_path(&self, model_hash: &str) -> PathBuf {
-        self.detections_folder()
-            .join(format!("{model_hash}.parquet"))
+        self.table_path(DETECTIONS, model_hash)
     }
 
-    /// Path of the registrations that belong to the detections of one model.
+    /// Path of the registrations that belong to the model's detections.
     pub fn registrations_path(&self, model_hash: &str) -> PathBuf {
-        self.root
-            .join("registrations")
-            .join(format!("{model_hash}.parquet"))
+        self.table_path(REGISTRATIONS, model_hash)
     }
 
-    /// Path of the table of the cameras' health that belongs to the detections of one model.
+    /// Path of the table of the cameras' health that belongs to the model's detections.
     pub fn health_path(&self, model_hash: &str) -> PathBuf {
-        self.root
-            .join("health")
-            .join(format!("{model_hash}.parquet"))
+        self.table_path(HEALTH, model_hash)
     }
 
-    /// The files of a scenario except videos, detections with their tables, and seal.
-    pub const FILES: [&str; 4] = [
-        Self::RECORD,
-        "calibration.json",
-        Self::FRAMES,
-        Self::TRUTH_BOXES,
-    ];
+    fn table_path(&self, parent: &str, model_hash: &str) -> PathBuf {
+        self.root.join(parent).join(format!("{model_hash}.parquet"))
+    }
+
+    /// A scenario's files except videos, detections with their tables, and seal.
+    pub const FILES: [&str; 4] = corpus_names::FILES;
     /// Name of the record.
-    pub const RECORD: &str = "scenario.json";
+    pub const RECORD: &str = corpus_names::RECORD;
     /// Name of the table of ticks.
-    pub const FRAMES: &str = "frames.parquet";
+    pub const FRAMES: &str = corpus_names::FRAMES;
     /// Name of the table of ground-truth boxes.
-    pub const TRUTH_BOXES: &str = "boxes_truth.parquet";
+    pub const TRUTH_BOXES: &str = corpus_names::TRUTH_BOXES;
 
     /// The folder's seal, if it is complete.
     pub fn seal(&self) -> Result<Option<Seal>> {
@@ -352,12 +358,12 @@ impl ScenarioFolder {
         }
     }
 
-    /// The claim to hold while changing the scenario. Waits for another writer.
+    /// The claim to hold while changing the scenario. Waits for other writers.
     ///
     /// # Errors
-    /// Another process holds it for too long ([`Error::Held`]), or the corpus cannot be written.
+    /// A different process holds it for too long ([`Error::Held`]), or the corpus cannot be written.
     pub fn claim(&self) -> Result<Claim> {
-        Claim::wait(&self.corpus, &self.id(), OTHERS_TAKE)
+        Claim::wait_in(&self.corpus.claims(), &self.id(), &self.root, OTHERS_TAKE)
     }
 
     /// The right to search the scenario, which several processes share; others may read and label it meanwhile. Does not wait.

@@ -1,4 +1,4 @@
-//! Errors of a corpus on disk.
+//! Errors of reading and writing a corpus.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::numbers::limits::FieldOutOfLimits;
 use crate::plain::shown;
 use crate::work::memory::TooMuchMemory;
 
-/// A corpus, or a file of one, that cannot be read or written. Every message says which file.
+/// A corpus or a corpus file that cannot be read or written. Every message says which file.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// An I/O error.
@@ -33,7 +33,7 @@ pub enum Error {
         /// The type found instead: "a FIFO", "a folder", ...
         found: &'static str,
     },
-    /// A file exceeds the size limit of its kind.
+    /// A file exceeds the size limit for this content.
     #[error(
         "{} has {bytes} bytes; expected a {what} of at most {most_bytes}",
         shown(path)
@@ -43,7 +43,7 @@ pub enum Error {
         path: PathBuf,
         /// Kind of content.
         what: &'static str,
-        /// Its size.
+        /// Actual size.
         bytes: u64,
         /// The limit.
         most_bytes: u64,
@@ -58,7 +58,7 @@ pub enum Error {
         /// Line, column and reason.
         r#source: serde_json::Error,
     },
-    /// A table lacks a column, has another type, or is damaged.
+    /// A table lacks a column, has a wrong type, or is damaged.
     #[error("table {}: {message}", shown(path))]
     Table {
         /// The file.
@@ -87,12 +87,12 @@ pub enum Error {
         /// The operation and the failure.
         message: String,
     },
-    /// Another process works on a scenario, on the files of the whole corpus, or on a folder in the making.
+    /// A different process works on a scenario, on the files of the whole corpus, or on a folder in the making.
     #[error("{} {}", shown(path), in_use_by(holder, *waited))]
     Held {
-        /// Its path.
+        /// Path of the scenario, corpus or folder.
         path: PathBuf,
-        /// The other process.
+        /// Process that holds it.
         holder: String,
         /// Time waited.
         waited: Duration,
@@ -105,7 +105,7 @@ pub enum Error {
         /// Fault and remedy.
         fault: FolderFault,
     },
-    /// Another process kept changing a scenario while it was read.
+    /// A different process kept changing a scenario while it was read.
     #[error(
         "{}: another process keeps changing it while it is read; run the same command again",
         shown(path)
@@ -140,7 +140,7 @@ pub enum Error {
     reason = "the fields are described by the messages that show them"
 )]
 pub enum FolderFault {
-    /// A place among the files of a corpus.
+    /// A place among a corpus's files.
     #[error(
         "lies in {}, which is reserved for files of the corpus; name a folder outside",
         shown(own)
@@ -163,7 +163,7 @@ pub enum FolderFault {
         what: &'static str,
         names: Vec<String>,
     },
-    /// Something appeared in the place of a folder in the making.
+    /// Something appeared in the place of the new folder.
     #[error(
         "was made by something else meanwhile and is not replaced; move it away and run the same command again, or name another folder"
     )]
@@ -202,7 +202,7 @@ impl Error {
         }
     }
 
-    /// The message for a list of faults that names `file`, the end of a path, already: without it, if it is the file of this error.
+    /// The message for a list of faults that names `file`, the end of the path, already: without it, if it is the file of this error.
     pub fn beside(&self, file: &Path) -> String {
         match self {
             Self::Io {
@@ -253,7 +253,7 @@ impl Error {
         is_full || source.raw_os_error() == Some(Errno::IO.raw_os_error())
     }
 
-    /// True if another process was in the way: a retry may succeed.
+    /// True if a different process was in the way: a retry may succeed.
     pub fn is_passing(&self) -> bool {
         matches!(self, Self::Held { .. } | Self::Changing { .. })
     }
@@ -300,7 +300,7 @@ impl Error {
         }
     }
 
-    /// A path at which no folder can be made or changed.
+    /// A path where no folder can be made or changed.
     pub fn folder(path: &Path, fault: FolderFault) -> Self {
         Self::Folder {
             path: path.to_owned(),

@@ -1,5 +1,6 @@
 //! Files: reading what others wrote, within limits, and writing atomically.
 
+pub mod corpus_names;
 pub mod file_name;
 pub mod json_file;
 pub mod new_file;

@@ -1,4 +1,4 @@
-//! Numbers: units, exact frame rates, the limits of what comes from outside, fits and distributions.
+//! Numbers: units, exact frame rates, the limits of outside values, fits and distributions.
 
 pub mod frame_rate;
 pub mod least_squares;

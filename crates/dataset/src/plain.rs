@@ -3,13 +3,13 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Text that is safe for a terminal: lines and tabs stay; other control characters, and those that change the writing direction,
-/// are shown by their numbers.
+/// Text that is safe for a terminal: lines and tabs stay; other control characters, and those that change the writing direction, are shown
+/// by their numbers.
 pub fn plain(words: &str) -> Cow<'_, str> {
     without(words, |c| is_harmful(c) && c != '\n')
 }
 
-/// The same on one line: a line feed is shown as well.
+/// Like [`shown`], on one line: a line feed is shown as well.
 pub fn one_line(words: &str) -> Cow<'_, str> {
     without(words, is_harmful)
 }

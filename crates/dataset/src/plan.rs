@@ -1,13 +1,13 @@
-//! `plan.json`: the scenarios of a corpus, fully specified.
+//! `plan.json`: a corpus's scenarios, fully specified.
 //!
-//! The generator makes a plan from a sweep. It is written into the corpus and frozen there: a corpus can only be finished with the
-//! same plan, or with one that only adds scenarios.
+//! The generator makes a plan from a sweep. It is written into the corpus and frozen there: a corpus can only be finished with the same
+//! plan, or with one that only adds scenarios.
 
 mod camera;
 mod check;
 mod difference;
 mod hashes;
-mod picture;
+mod image_format;
 mod planned_scenarios;
 mod scenario;
 
@@ -30,17 +30,17 @@ pub use camera::{Aim, Jitter, PlannedCamera};
 pub use difference::{Change, Difference};
 pub use hashes::plan_hash;
 pub use hashes::{ConfigHasher, HashMismatch};
-pub use picture::Picture;
+pub use image_format::Picture;
 pub use planned_scenarios::PlannedScenarios;
 pub use scenario::{LiveStart, Parameters, PlannedScenario};
 
 /// Version of the file format of `plan.json`. Version 1 numbered its scenarios.
 pub(crate) const PLAN_VERSION: u32 = 2;
 
-/// Its name in messages.
+/// Description in messages.
 const WHAT: &str = "plan";
 
-/// All scenarios of a corpus, fully specified.
+/// All scenarios of the corpus, fully specified.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// [`PLAN_VERSION`] when this was written.
@@ -58,7 +58,7 @@ pub struct Plan {
     pub scenarios: Vec<PlannedScenario>,
 }
 
-/// Properties shared by all scenarios of a plan.
+/// Properties shared by all scenarios.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Common {
     /// Aircraft type.
@@ -67,7 +67,7 @@ pub struct Common {
     pub runway: Runway,
     /// Name of the camera rig.
     pub rig: String,
-    /// Its cameras.
+    /// Cameras of the rig.
     pub cameras: Vec<PlannedCamera>,
     /// Size and rate of the images.
     pub picture: Picture,
@@ -75,7 +75,7 @@ pub struct Common {
     pub video: VideoSettings,
 }
 
-/// The part of a plan that plans of all versions have.
+/// The part that plans of all versions have.
 #[derive(Deserialize)]
 struct Version {
     plan_version: Option<u32>,
@@ -89,8 +89,8 @@ impl Version {
 }
 
 impl Common {
-    /// The cameras of the rig with their identifiers: nominal poses and lenses, in straight light. The calibration of a scenario includes
-    /// its placement errors, aims and air.
+    /// The cameras of the rig with their identifiers: nominal poses and lenses, in straight light. A scenario's calibration includes its
+    /// placement errors, aims and air.
     pub fn cameras(&self) -> Vec<(String, CameraEntry)> {
         let camera = |camera: &PlannedCamera| {
             let imaging = Imaging {
@@ -106,7 +106,7 @@ impl Common {
 }
 
 impl Plan {
-    /// The plan of these scenarios, expanded from the text of a sweep.
+    /// A plan with these scenarios, expanded from a sweep's text.
     pub fn new(
         corpus: String,
         sweep: &str,
@@ -128,7 +128,7 @@ impl Plan {
         blake3::hash(sweep).to_string() == self.sweep_blake3
     }
 
-    /// The plan of a corpus; `None` if it has none.
+    /// A corpus's plan; `None` if it has none.
     ///
     /// # Errors
     /// It cannot be read, or is not a plan of this version.
@@ -147,7 +147,7 @@ impl Plan {
         Self::parse(&text, path)
     }
 
-    /// Reads the text of a `plan.json`; messages name it as `path`.
+    /// Reads a `plan.json` text; messages name it as `path`.
     pub fn parse(text: &[u8], path: &Path) -> Result<Self> {
         let advised = |error: Error| match error {
             Error::Json { source, .. } => Error::corpus(
@@ -174,10 +174,10 @@ impl Plan {
         }
     }
 
-    /// Reads the text of a `plan.json` that can be written again; `None` if it is damaged.
+    /// Reads a `plan.json` text that can be written again; `None` if it is damaged.
     ///
     /// # Errors
-    /// Another version of the command made it.
+    /// A different version of the command made it.
     pub fn parse_undamaged(text: &[u8], path: &Path) -> Result<Option<Self>> {
         let is_of_other_version = || {
             let found = Version::of(text, path);

@@ -1,7 +1,8 @@
-//! The Parquet tables of a scenario.
+//! A scenario's Parquet tables.
 
 pub mod columns;
 pub mod frames;
 pub mod health;
 pub mod pixel_box;
 pub mod registrations;
+pub(crate) mod row_parts;

@@ -1,11 +1,10 @@
 //! Videos: one image per tick, with exact timestamps, that preserve small targets.
 //!
-//! Images go in and come out as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and differs from the sky by
-//! a few grey levels, so the settings are chosen by what they preserve of such targets (`docs/video.md`): at the usual qualities
-//! H.264 takes a fifth of their contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them
-//! some players and editors shift every timestamp, and a killed process loses what waits in the encoder. While a video is written,
-//! every image is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file with an
-//! index. Images are BT.709, full range, and tagged so.
+//! Images go in and come out as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and differs from the sky by a few
+//! grey levels, so the settings are chosen to preserve such targets (`docs/video.md`): at the usual qualities H.264 takes a fifth of their
+//! contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them some players and editors shift every
+//! timestamp, and a killed process loses what waits in the encoder. While a video is written, every image is a fragment of the file that
+//! can be read at once; when it is finished, the fragments become a plain file with an index. Images are BT.709, full range, and tagged so.
 
 mod camera_stream;
 mod codec;
@@ -22,6 +21,7 @@ mod writer;
 use std::path::Path;
 use std::sync::Once;
 
+use ffmpeg_next::{format, media};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
@@ -40,11 +40,12 @@ pub use video_encoder::VideoEncoder;
 pub use writer::VideoWriter;
 
 use crate::error::{Error, Result};
+use crate::files::outside_file::{self, FileKind};
 
-/// Bytes of a pixel in memory: red, green, blue.
+/// Pixel bytes in memory: red, green, blue.
 pub const BYTES_PER_PIXEL: usize = 3;
 
-/// Settings of a recording. What is not given takes the default of the codec.
+/// Recording settings. What is not given takes the default of the codec.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "GivenSettings")]
 pub struct VideoSettings {
@@ -52,10 +53,10 @@ pub struct VideoSettings {
     pub codec: VideoCodec,
     /// Preset of the encoder, one of [`VideoCodec::presets`]: trades time for size.
     pub preset: String,
-    /// Constant rate factor, 0 to [`VideoCodec::largest_crf`]: lower means better quality and larger files. Every encoder has its
-    /// own scale. Ignored by lossless codecs.
+    /// Constant rate factor, 0 to [`VideoCodec::largest_crf`]: lower means better quality and larger files. Every encoder has its own
+    /// scale. Ignored by lossless codecs.
     pub crf: u32,
-    /// Threads of one encoder. Views are encoded in parallel, so 1 is best unless there are more cores than views.
+    /// Encoder threads. Views are encoded in parallel, so 1 is best unless there are more cores than views.
     pub threads: u32,
 }
 
@@ -72,7 +73,7 @@ struct GivenSettings {
     /// Constant rate factor: lower means better quality and larger files. Every codec has its own scale. Lossless codecs ignore it.
     #[schemars(transform = any_crf)]
     crf: Option<u32>,
-    /// Threads of one encoder. Views are encoded in parallel.
+    /// Encoder threads. Views are encoded in parallel.
     #[schemars(range(min = 1))]
     threads: Option<u32>,
 }
@@ -112,7 +113,7 @@ impl Default for VideoSettings {
 }
 
 impl VideoSettings {
-    /// The settings of a codec that keep a 10 NM aircraft, as measured.
+    /// A codec's settings that keep a 10 NM aircraft, as measured.
     pub fn of(codec: VideoCodec) -> Self {
         Self {
             codec,
@@ -122,7 +123,7 @@ impl VideoSettings {
         }
     }
 
-    /// The first invalid setting: its name, and what is wrong with it, as text.
+    /// The first invalid setting and its fault, as text.
     pub fn fault(&self) -> Option<(&'static str, String)> {
         if !self.codec.presets().contains(&self.preset.as_str()) {
             let known = self.codec.presets().join(", ");
@@ -153,7 +154,7 @@ impl VideoSettings {
     }
 }
 
-/// Starts FFmpeg: only what is fatal is logged, since errors are returned as values.
+/// Starts FFmpeg: only fatal errors are logged, since errors are returned as values.
 pub fn start_ffmpeg() {
     static START: Once = Once::new();
     START.call_once(|| {
@@ -164,7 +165,7 @@ pub fn start_ffmpeg() {
     });
 }
 
-/// A path as FFmpeg expects it. Without the prefix it reads `a:b/x.mp4` as a file of a protocol called `a`.
+/// A path as FFmpeg expects it. Without the prefix it reads `a:b/x.mp4` as a file in a protocol called `a`.
 fn ffmpeg_path(path: &Path) -> Result<String> {
     match path.to_str() {
         Some(text) => Ok(format!("file:{text}")),
@@ -174,6 +175,26 @@ fn ffmpeg_path(path: &Path) -> Result<String> {
             "its path is not UTF-8, which FFmpeg requires; rename it",
         )),
     }
+}
+
+/// Opens a video file; also returns the first video stream's index and time unit.
+fn open_stream(path: &Path) -> Result<(format::context::Input, usize, TimeBase)> {
+    start_ffmpeg();
+    let name = ffmpeg_path(path)?;
+    // FFmpeg would wait for a FIFO, and read a device endlessly.
+    outside_file::open(path, FileKind::VIDEO)?;
+    let input = format::input(&name).map_err(|e| fault(path, "open it", e))?;
+    let stream = input
+        .streams()
+        .best(media::Type::Video)
+        .ok_or_else(|| fault(path, "read it", "there is no video stream in it"))?;
+    let unit = stream.time_base();
+    let time_base = TimeBase::of_fraction(unit).ok_or_else(|| {
+        let cause = format!("its time base is {unit}, expected a positive fraction");
+        fault(path, "read it", cause)
+    })?;
+    let index = stream.index();
+    Ok((input, index, time_base))
 }
 
 fn fault(path: &Path, action: &str, cause: impl std::fmt::Display) -> Error {

@@ -5,7 +5,8 @@ use std::fs;
 
 use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written};
 use super::planned_cameras::PlannedCameras;
-use super::{Faults, VerifyOptions, VerifyReport};
+use super::{VerifyOptions, VerifyReport};
+use crate::faults::Faults;
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal;
@@ -19,7 +20,7 @@ const RECORD: &str = "scenario.json";
 const SCENARIOS: &str = "scenarios";
 
 /// The scenarios, with the records and calibrations that could be read.
-pub(super) struct Found<'a> {
+pub(super) struct ReadScenarios<'a> {
     pub(super) scenarios: &'a [ScenarioFolder],
     pub(super) records: &'a BTreeMap<String, ScenarioRecord>,
     pub(super) calibrations: &'a BTreeMap<String, Calibration>,
@@ -27,11 +28,11 @@ pub(super) struct Found<'a> {
 
 /// Checks the corpus's own files; adds the planned scenarios that are missing, and what could not be checked, to the report.
 ///
-/// A corpus that was made elsewhere has neither plan nor sweep, and need not have a split. That is no fault: the report names what was
-/// not checked. A corpus with a plan or a sweep was generated, and so has all three.
+/// A corpus that was made elsewhere has neither plan nor sweep, and need not have a split. That is no fault: the report names the unchecked
+/// items. A corpus with a plan or a sweep was generated, and so has all three.
 pub(super) fn check(
     corpus: &Corpus,
-    found: &Found<'_>,
+    found: &ReadScenarios<'_>,
     options: VerifyOptions,
     report: &mut VerifyReport,
     faults: &mut Faults,
@@ -61,7 +62,7 @@ pub(super) fn check(
 }
 
 /// Checks the plan, and that every scenario matches it; returns the planned scenarios that are missing.
-fn check_plan(plan: &PlanAsWritten, found: &Found<'_>, faults: &mut Faults) -> Vec<String> {
+fn check_plan(plan: &PlanAsWritten, found: &ReadScenarios<'_>, faults: &mut Faults) -> Vec<String> {
     let again = plan.hash_again();
     if plan.plan_hash.value() != Some(&again) {
         let message = format!(
@@ -89,12 +90,12 @@ fn check_plan(plan: &PlanAsWritten, found: &Found<'_>, faults: &mut Faults) -> V
     missing.map(|id| (*id).to_owned()).collect()
 }
 
-/// A scenario is what was planned.
+/// A scenario is as planned.
 fn check_scenario(
     id: &str,
     record: &ScenarioRecord,
     (plan, scenario): (&PlanAsWritten, &ScenarioAsWritten),
-    found: &Found<'_>,
+    found: &ReadScenarios<'_>,
     faults: &mut Faults,
 ) {
     let parameters = &scenario.parameters;
@@ -188,7 +189,7 @@ fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut F
             continue;
         }
         let known = scenarios.iter().any(|folder| folder.root() == path)
-            // Committed by another run since the scenarios were listed.
+            // Committed by a different run since the scenarios were listed.
             || matches!(seal::read_seal(&path), Ok(Some(_)));
         if known || name.ends_with(PARTIAL_SUFFIX) {
             continue;

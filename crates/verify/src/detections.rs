@@ -1,27 +1,26 @@
-//! Detections, registrations and health, if there are any: they were made from the current videos, their records and tables can be read
-//! and belong together, the counts and settings of the records are possible, every row refers to an image of the scenario, and no
-//! image has two rows of registration or of health.
+//! Detections, registrations and health, if there are any: they were made from the current videos, their records and tables can be read and
+//! belong together, the counts and settings of the records are possible, every row refers to an image of the scenario, and no image has two
+//! rows of registration or of health.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::path::PathBuf;
 
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::Faults;
+use crate::faults::Faults;
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::detections::{self, Detection, Row, read_rows_with_faults};
-use dataset::corpus::open_scenario::{
-    OpenScenario, fault_of, fault_of_health, fault_of_registration,
-};
+use dataset::corpus::open_scenario::{OpenScenario, RowFault, fault_of, fault_of_registration};
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::files::json_file::read_json;
 use dataset::files::own_path::own_path;
 use dataset::numbers::limits::{self, MAX_PICTURES};
-use dataset::tables::health::{ViewHealth, read_health_with_faults};
+use dataset::tables::health::read_health_with_faults;
 use dataset::tables::registrations::{Registration, read_registrations_with_faults};
 
-/// The rest of a record, besides the origin of its table. Other programs may write less.
+/// The record besides the table's origin. Other programs may write less.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Counts {
@@ -43,57 +42,151 @@ struct RegistrationCounts {
     seconds: Option<f64>,
 }
 
+/// A model's detections in a scenario.
+struct OfModel<'a> {
+    folder: &'a ScenarioFolder,
+    model: &'a str,
+    /// Missing if it cannot be opened.
+    scenario: Option<&'a OpenScenario>,
+    /// Missing if `scenario.json` cannot be read.
+    record: Option<&'a ScenarioRecord>,
+    pictures: u64,
+}
+
 /// Checks the detections of all models. `record` is missing if `scenario.json` cannot be read.
 pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, faults: &mut Faults) {
     // Faults of the scenario itself are reported elsewhere.
     let scenario = folder.open().ok();
-    let pictures = record.map_or(MAX_PICTURES, ScenarioRecord::pictures);
     let models = faults.keep(detections::FOLDER, detections::models_of(folder));
     let models = models.unwrap_or_default();
-    check_owners(folder, &models, faults);
-    for model in models {
-        let registered = check_registrations(folder, &model, scenario.as_ref(), record, faults);
-        check_health(folder, &model, scenario.as_ref(), record, faults);
+    for parent in [detections::REGISTRATIONS, detections::HEALTH] {
+        check_owners(folder, parent, &models, faults);
+    }
+    for model in &models {
+        let of_model = OfModel {
+            folder,
+            model,
+            scenario: scenario.as_ref(),
+            record,
+            pictures: record.map_or(MAX_PICTURES, ScenarioRecord::pictures),
+        };
+        of_model.check(faults);
+    }
+}
+
+impl OfModel<'_> {
+    fn check(&self, faults: &mut Faults) {
+        let Self { folder, model, .. } = *self;
+        let registered = self.check_registrations(faults);
+        self.check_health(faults);
         let file = format!("{}/{model}.parquet", detections::FOLDER);
-        let mut path = folder.detections_path(&model);
+        let mut path = folder.detections_path(model);
         let record_file = format!("{}/{model}.json", detections::FOLDER);
-        let provenance = faults.keep(&record_file, detections::provenance(folder, &model));
+        let provenance = faults.keep(&record_file, detections::provenance(folder, model));
         if provenance.is_some()
-            && let Some(scenario) = &scenario
-            && let Some((current, _)) = faults.keep(&file, scenario.detections_table(&model))
+            && let Some(scenario) = self.scenario
+            && let Some((current, _)) = faults.keep(&file, scenario.detections_table(model))
         {
             path = current;
         }
         if !path.exists() {
-            continue;
+            return;
         }
-        let read = read_rows_with_faults(&path, pictures);
+        let read = read_rows_with_faults(&path, self.pictures);
         let Some(found) = faults.keep_table(&file, read) else {
-            continue;
+            return;
         };
-        check_rows(&file, &found, record, faults);
-        let path = detections::record_path(folder, &model);
+        check_rows(&file, &found, self.record, faults);
+        let path = detections::record_path(folder, model);
         if matches!(provenance, Some(Some(_)))
             && let Some(counts) =
                 faults.keep(&record_file, read_json(&path, "record of detections"))
         {
-            check_counts(&record_file, &counts, &found, record, faults);
+            check_counts(&record_file, &counts, &found, self.record, faults);
             let said = counts.registration.unwrap_or_default();
             if let Some(rows) = registered {
                 check_registration_counts(&record_file, &said, &rows, faults);
             }
         }
     }
-}
 
-/// Every table of registrations or of health belongs to detections.
-fn check_owners(folder: &ScenarioFolder, models: &[String], faults: &mut Faults) {
-    for parent in [detections::REGISTRATIONS, detections::HEALTH] {
-        check_owners_in(folder, parent, models, faults);
+    fn check_registrations(&self, faults: &mut Faults) -> Option<Vec<Registration>> {
+        let (file, path) = self.table(detections::REGISTRATIONS, faults)?;
+        let read = read_registrations_with_faults(&path, self.pictures);
+        let rows = faults.keep_table(&file, read)?;
+        let keys = rows.iter().map(|row| {
+            let fault = self
+                .record
+                .and_then(|record| fault_of_registration(row, record));
+            (row.tick, row.view.as_str(), fault)
+        });
+        check_keys(&file, "registration", keys, faults);
+        Some(rows)
+    }
+
+    fn check_health(&self, faults: &mut Faults) {
+        if let Some((file, path)) = self.table(detections::HEALTH, faults)
+            && let Some(rows) =
+                faults.keep_table(&file, read_health_with_faults(&path, self.pictures))
+        {
+            let keys = rows.iter().map(|row| {
+                let fault = self
+                    .record
+                    .and_then(|record| fault_of(row.tick, &row.view, record));
+                (row.tick, row.view.as_str(), fault)
+            });
+            check_keys(&file, "health", keys, faults);
+        }
+    }
+
+    /// Name and path of the table that the record of the detections names.
+    fn table(&self, parent: &str, faults: &mut Faults) -> Option<(String, PathBuf)> {
+        let Self { folder, model, .. } = *self;
+        // Without a record of the detections there is a different fault.
+        let provenance = detections::provenance(folder, model).ok()??;
+        let file = format!("{parent}/{model}.parquet");
+        let mut path = folder.root().join(&file);
+        let tables = provenance.tables(model);
+        if !tables.iter().any(|table| table.name == file) {
+            if path.exists() {
+                let message =
+                    "is not named by the record of the detections; run `dtd detect` again";
+                faults.file(&file, message);
+            }
+            return None;
+        }
+        if let Some(scenario) = self.scenario
+            && let Some(Some((current, _))) = faults.keep(&file, scenario.table(parent, model))
+        {
+            path = current;
+        }
+        path.exists().then_some((file, path))
     }
 }
 
-fn check_owners_in(folder: &ScenarioFolder, parent: &str, models: &[String], faults: &mut Faults) {
+/// Each row belongs to an image of the scenario, and no two to the same.
+fn check_keys<'a>(
+    file: &str,
+    kind: &'static str,
+    rows: impl Iterator<Item = (u32, &'a str, Option<RowFault>)>,
+    faults: &mut Faults,
+) {
+    let mut known = BTreeSet::new();
+    for (row, (tick, view, fault)) in rows.enumerate() {
+        match fault {
+            Some((column @ "tick", message)) => faults.view_row(view, file, row, column, message),
+            Some((column, message)) => faults.row(file, row, column, message),
+            None if !known.insert((tick, view)) => {
+                let message = format!("tick {tick} of the view is there already");
+                faults.view_row(view, file, row, kind, message);
+            }
+            None => {}
+        }
+    }
+}
+
+/// Every table of registrations or of health belongs to detections.
+fn check_owners(folder: &ScenarioFolder, parent: &str, models: &[String], faults: &mut Faults) {
     let Some(path) = faults.keep(parent, own_path(folder.root(), parent)) else {
         return;
     };
@@ -112,101 +205,6 @@ fn check_owners_in(folder: &ScenarioFolder, parent: &str, models: &[String], fau
             );
         }
     }
-}
-
-/// The table of health is the one that the record names, and has at most one row of each image.
-fn check_health(
-    folder: &ScenarioFolder,
-    model: &str,
-    scenario: Option<&OpenScenario>,
-    record: Option<&ScenarioRecord>,
-    faults: &mut Faults,
-) {
-    // Without a record of the detections there is another fault.
-    let Ok(Some(provenance)) = detections::provenance(folder, model) else {
-        return;
-    };
-    let file = format!("{}/{model}.parquet", detections::HEALTH);
-    let mut path = folder.health_path(model);
-    if provenance.health_blake3.is_none() {
-        if path.exists() {
-            let message = "is not named by the record of the detections; run `dtd detect` again";
-            faults.file(&file, message);
-        }
-        return;
-    }
-    if let Some(scenario) = scenario
-        && let Some(Some((current, _))) = faults.keep(&file, scenario.health_table(model))
-    {
-        path = current;
-    }
-    if !path.exists() {
-        return;
-    }
-    let pictures = record.map_or(MAX_PICTURES, ScenarioRecord::pictures);
-    let Some(rows) = faults.keep_table(&file, read_health_with_faults(&path, pictures)) else {
-        return;
-    };
-    let mut seen = BTreeSet::new();
-    for (row, health) in rows.iter().enumerate() {
-        let ViewHealth { tick, view, .. } = health;
-        match record.and_then(|record| fault_of_health(health, record)) {
-            Some((kind @ "tick", message)) => faults.view_row(view, &file, row, kind, message),
-            Some((kind, message)) => faults.row(&file, row, kind, message),
-            None if !seen.insert((tick, view)) => {
-                let message = format!("tick {tick} of the view is there already");
-                faults.view_row(view, &file, row, "health", message);
-            }
-            None => {}
-        }
-    }
-}
-
-fn check_registrations(
-    folder: &ScenarioFolder,
-    model: &str,
-    scenario: Option<&OpenScenario>,
-    record: Option<&ScenarioRecord>,
-    faults: &mut Faults,
-) -> Option<Vec<Registration>> {
-    // Without a record of the detections there is another fault.
-    let Ok(Some(provenance)) = detections::provenance(folder, model) else {
-        return None;
-    };
-    let file = format!("{}/{model}.parquet", detections::REGISTRATIONS);
-    let mut path = folder.registrations_path(model);
-    if provenance.registrations_blake3.is_none() {
-        if path.exists() {
-            let message = "is not named by the record of the detections; run `dtd detect` again";
-            faults.file(&file, message);
-        }
-        return None;
-    }
-    if let Some(scenario) = scenario
-        && let Some(Some((current, _))) = faults.keep(&file, scenario.registrations_table(model))
-    {
-        path = current;
-    }
-    if !path.exists() {
-        return None;
-    }
-    let pictures = record.map_or(MAX_PICTURES, ScenarioRecord::pictures);
-    let read = read_registrations_with_faults(&path, pictures);
-    let rows = faults.keep_table(&file, read)?;
-    let mut seen = BTreeSet::new();
-    for (row, registration) in rows.iter().enumerate() {
-        let Registration { tick, view, .. } = registration;
-        match record.and_then(|record| fault_of_registration(registration, record)) {
-            Some((kind @ "tick", message)) => faults.view_row(view, &file, row, kind, message),
-            Some((kind, message)) => faults.row(&file, row, kind, message),
-            None if !seen.insert((tick, view)) => {
-                let message = format!("tick {tick} of the view is there already");
-                faults.view_row(view, &file, row, "registration", message);
-            }
-            None => {}
-        }
-    }
-    Some(rows)
 }
 
 fn check_registration_counts(
@@ -333,7 +331,7 @@ fn check_rows(file: &str, rows: &[Row], record: Option<&ScenarioRecord>, faults:
     }
     for (number, row) in rows.iter().enumerate() {
         let view = row.view().as_str();
-        match record.and_then(|record| fault_of(row, record)) {
+        match record.and_then(|record| fault_of(row.tick(), row.view(), record)) {
             Some((kind @ "view", message)) => faults.row(file, number, kind, message),
             Some((kind, message)) => faults.view_row(view, file, number, kind, message),
             None => {}

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::Faults;
+use crate::faults::Faults;
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::scenario::{Blocks, ScenarioRecord};
@@ -11,17 +11,17 @@ use dataset::numbers::units::SimTime;
 use dataset::tables::frames::{Frames, TickRow};
 
 const TABLE: &str = ScenarioFolder::FRAMES;
-/// Between two ticks the displacement may differ from the mean of the velocities by this part of it, for an aircraft that turns or
-/// brakes within the tick ...
+/// Between two ticks the displacement may differ from the mean of the velocities by this part, for an aircraft that turns or brakes within
+/// the tick ...
 const WAY_TOLERANCE: f64 = 0.1;
 /// ... and by this much, metres.
 const PLACE_TOLERANCE_M: f64 = 2.0;
 
-/// From one tick to the next the displacement may change by this much, metres ...
+/// Allowed change of the displacement from one tick to the next: metres ...
 const STEP_TOLERANCE_M: f64 = 0.05;
-/// ... by this part of it, where a recording has a knot ...
+/// ... a part of the displacement, where a recording has a knot ...
 const STEP_TOLERANCE: f64 = 0.25;
-/// ... and by the effect of three times the earth's gravity: a hard landing.
+/// ... and the effect of three times the earth's gravity: a hard landing.
 const HARDEST_MPS2: f64 = 30.0;
 
 /// Reads the table; all numbers outside their limits are faults.
@@ -66,7 +66,7 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
                     format!("pts_{view} is {}, expected {pts}", stamp.pts),
                 );
             }
-            // In the order of the requests, so that no image of another tick is between the views of one.
+            // In the order of the requests, so that no other tick's image is between a tick's views.
             let in_order = record.blocks.is_none();
             if let Some(last) = last_sim_frame.filter(|last| in_order && stamp.sim_frame <= *last) {
                 let message = format!(
@@ -93,7 +93,7 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
     }
 }
 
-/// Checks that no frame has two ticks, all frames of a block and view come before the frames of the next, and within a block the ticks are
+/// Checks that no frame has two ticks, all frames per block and view come before the frames of the next, and within a block the ticks are
 /// drawn in their order, except for ticks that were lost and shown again after later ones (`scenario.json` has their number).
 fn check_blocks(blocks: &Blocks, frames: &Frames, faults: &mut Faults) {
     let block_ticks = blocks.ticks.max(1) as usize;
@@ -138,7 +138,7 @@ fn check_blocks(blocks: &Blocks, frames: &Frames, faults: &mut Faults) {
 
 /// The smallest number of values without which the others grow.
 fn out_of_order(values: &[u64]) -> usize {
-    // The smallest last value of a growing subsequence of each length.
+    // Smallest last value among growing subsequences of each length.
     let mut lasts: Vec<u64> = Vec::new();
     for value in values {
         let at = lasts.partition_point(|last| last < value);
@@ -214,7 +214,7 @@ fn check_continuity(row: usize, before: &TickRow, after: &TickRow, faults: &mut 
     }
 }
 
-/// Each step follows from the previous one. At high rates this finds what the velocities, which need not match to the millimetre,
+/// Each step follows from the previous one. At high rates this finds faults that the velocities, which need not match to the millimetre,
 /// hide: one pose that belongs to the next tick.
 fn check_steadiness(row: usize, frames: [&TickRow; 3], faults: &mut Faults) {
     let [first, second, third] = frames.map(|frame| frame.pose.position().to_ecef());

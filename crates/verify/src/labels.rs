@@ -1,11 +1,11 @@
-//! Labels, if there are any: distances recomputed from the poses, boxes where the camera sees the aircraft. The size of the
-//! aircraft is not checked here: that is left to the pixels.
+//! Labels, if there are any: distances recomputed from the poses, boxes where the camera sees the aircraft. The size of the aircraft is not
+//! checked here: that is left to the pixels.
 
 use std::collections::BTreeSet;
 
 use glam::DVec2;
 
-use super::{Faults, close};
+use crate::faults::{Faults, LENGTH_TOLERANCE_M, close};
 use dataset::conditions::transmission;
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::calibration::Calibration;
@@ -15,16 +15,12 @@ use dataset::numbers::limits;
 use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::pixel_box::{TruthBox, read_truth_boxes_with_faults};
 
-/// Labels agree with a computation on another machine to far below this, metres.
-const LENGTH_TOLERANCE_M: f64 = 1e-4;
-/// Time to touchdown agrees with the clock to below this, seconds.
-const TIME_TOLERANCE_S: f64 = 1e-6;
-
+/// Tolerance of recomputed times in seconds, and of recomputed shares.
+const TIME_AND_SHARE_TOLERANCE: f64 = 1e-6;
 /// A distance to touchdown may grow by this much between ticks before the target is passed, metres: hardly more than rounding.
 const GROWTH_TOLERANCE_M: f64 = 0.01;
-const SHARE_TOLERANCE: f64 = 1e-6;
 
-/// Checks the distances of a scenario; returns whether it has any.
+/// Checks a scenario's distances; returns whether it has any.
 pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Faults) -> bool {
     for (row, frame) in frames.rows.iter().enumerate() {
         check_row(record, row, frame, faults);
@@ -98,7 +94,7 @@ fn check_countdown(frames: &Frames, faults: &mut Faults) {
                 let step_s =
                     dataset::numbers::units::SimTime(after.time_ns.saturating_sub(before.time_ns))
                         .seconds();
-                if !close(earlier - later, step_s, TIME_TOLERANCE_S) {
+                if !close(earlier - later, step_s, TIME_AND_SHARE_TOLERANCE) {
                     let message = format!(
                         "is {later}, expected {} from the row before",
                         earlier - step_s
@@ -112,7 +108,7 @@ fn check_countdown(frames: &Frames, faults: &mut Faults) {
                 };
                 if !passed(before)
                     && passed(after)
-                    && !(earlier >= 0.0 && later <= TIME_TOLERANCE_S)
+                    && !(earlier >= 0.0 && later <= TIME_AND_SHARE_TOLERANCE)
                 {
                     let message = format!(
                         "goes from {earlier} to {later} where the target is passed, expected 0 between"
@@ -180,7 +176,7 @@ pub(super) fn check_boxes(
         let range_m = centre_ecef_m.distance(camera.center_ecef_m);
         let visibility_m = record.conditions.weather.visibility_m;
         let transmission = transmission(range_m, visibility_m);
-        if !close(truth.transmission, transmission, SHARE_TOLERANCE) {
+        if !close(truth.transmission, transmission, TIME_AND_SHARE_TOLERANCE) {
             let message = format!(
                 "is {}, distance and visibility give {transmission}",
                 truth.transmission

@@ -1,15 +1,16 @@
 //! Verifies a corpus and names every fault by scenario, file, row and view.
 //!
-//! Input: a corpus folder. Output: a [`VerifyReport`]. No earlier check and no correct hash is trusted: hashes are recomputed,
-//! every image is decoded again, echoed poses and cameras are compared with the poses and the calibration, labels are recomputed
-//! from the poses, and the ground-truth boxes are compared with the pixels ([`pixels`]): is the aircraft in them, at the time that the
-//! table states, and does it move when it should?
+//! Input: a corpus folder. Output: a [`VerifyReport`]. No earlier check and no correct hash is trusted: hashes are recomputed, every image
+//! is decoded again, echoed poses and cameras are compared with the poses and the calibration, labels are recomputed from the poses, and
+//! the ground-truth boxes are compared with the pixels ([`pixels`]): is the aircraft in them, at the time that the table states, and does
+//! it move when it should?
 //!
-//! Pixels cannot decide everything; the seal covers the rest: whether an image in which fog hides the aircraft is the right one,
-//! and whether an image was doubled while the aircraft moved by less than a pixel.
+//! Pixels cannot decide everything; the seal covers the rest: whether an image whose aircraft is hidden by fog is the right one, and
+//! whether an image was doubled while the aircraft moved by less than a pixel.
 
 mod corpus_files;
 mod detections;
+mod faults;
 mod frames;
 mod labels;
 pub mod pixels;
@@ -20,7 +21,6 @@ mod videos;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::Path;
 
 use serde::Serialize;
 
@@ -29,17 +29,12 @@ use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::error::{Error, Result};
-use dataset::numbers::limits::FieldOutOfLimits;
-use dataset::plain::one_line;
-use dataset::tables::columns::ColumnOutOfLimits;
 use dataset::work::watch::{Silent, Stopped, Watch};
+use faults::Faults;
+pub use faults::Finding;
 use pixels::{PairProof, ViewProof};
 
-/// Maximum number of listed rows per kind of fault; the others are counted.
-const ROWS_LISTED: usize = 3;
-
-/// Thoroughness of a verification.
+/// Thoroughness of the verification.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VerifyOptions {
     /// Decode the videos. Without it everything else is checked, in a fraction of the time.
@@ -57,44 +52,7 @@ impl Default for VerifyOptions {
     }
 }
 
-/// One fault.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Finding {
-    /// Identifier of the scenario; missing if the fault concerns the whole corpus.
-    pub scenario: Option<String>,
-    /// File, relative to the scenario's folder or to the corpus.
-    pub file: String,
-    /// Row of the table or image of the video, from 0.
-    pub row: Option<u64>,
-    /// Identifier of the view, if the fault concerns one.
-    pub view: Option<String>,
-    /// Found and expected values.
-    pub message: String,
-}
-
-impl fmt::Display for Finding {
-    /// Names of files and folders are on one line, whatever a foreign corpus calls them.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let file = one_line(&self.file);
-        match self.scenario.as_deref().map(one_line) {
-            // A file of the whole corpus: no such file is in the scenario's folder.
-            Some(scenario) if Corpus::FILES.contains(&self.file.as_str()) => {
-                write!(f, "{file} scenario {scenario}")?;
-            }
-            Some(scenario) => write!(f, "{scenario}/{file}")?,
-            None => write!(f, "{file}")?,
-        }
-        if let Some(row) = self.row {
-            write!(f, " row {row}")?;
-        }
-        if let Some(view) = &self.view {
-            write!(f, " view {}", one_line(view))?;
-        }
-        write!(f, ": {}", self.message)
-    }
-}
-
-/// Counts of what was checked, and the findings.
+/// Counts of checked items, and the findings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct VerifyReport {
     /// Number of scenarios checked.
@@ -103,7 +61,7 @@ pub struct VerifyReport {
     pub missing: Vec<String>,
     /// Checks for which the corpus has no file, with that file.
     pub not_checked: Vec<String>,
-    /// Ticks of all of them.
+    /// Ticks of all scenarios.
     pub ticks: u64,
     /// Images decoded.
     pub pictures: u64,
@@ -113,7 +71,7 @@ pub struct VerifyReport {
     pub views: Vec<ViewProof>,
     /// Lags between the views, per scenario and pair of views.
     pub pairs: Vec<PairProof>,
-    /// By name of the planned weather, what was reported at the aircraft. A marked scenario is no fault: its record says what was drawn.
+    /// Weather reported at the aircraft, by the planned weather's name. A marked scenario is no fault: its record states the drawn weather.
     pub weather: BTreeMap<String, ReportedWeather>,
     /// All faults; empty if the corpus is valid.
     pub findings: Vec<Finding>,
@@ -125,7 +83,7 @@ impl VerifyReport {
         self.findings.is_empty()
     }
 
-    /// The scenarios that were drawn under another weather than planned, with what differs.
+    /// The scenarios that were drawn under a different weather than planned, with the differences.
     pub fn marked(&self) -> impl Iterator<Item = (&str, &[String])> {
         let marked = self.weather.values().flat_map(|weather| &weather.marked);
         marked.map(|(id, differences)| (id.as_str(), differences.as_slice()))
@@ -165,7 +123,7 @@ pub struct Verification<'w> {
     options: VerifyOptions,
     watch: &'w dyn Watch,
     report: VerifyReport,
-    /// Of the corpus's own files.
+    /// Faults of the corpus's own files.
     faults: Faults,
     scenarios: Vec<ScenarioFolder>,
     records: BTreeMap<String, ScenarioRecord>,
@@ -206,7 +164,7 @@ impl<'w> Verification<'w> {
         Ok(())
     }
 
-    /// Records a scenario that could not even be read, with the faults of its files.
+    /// Records a scenario that could not even be read, with its files' faults.
     pub fn add_unreadable<'a>(
         &mut self,
         id: &str,
@@ -218,7 +176,7 @@ impl<'w> Verification<'w> {
         }
     }
 
-    /// Records a fault of a scenario's file that was found elsewhere, such as on the way here.
+    /// Records a file's fault that was found elsewhere, such as on the way here.
     pub fn add_fault(&mut self, id: &str, file: &str, reason: impl fmt::Display) {
         let mut faults = Faults::of_scenario(id);
         faults.file(file, reason);
@@ -228,7 +186,7 @@ impl<'w> Verification<'w> {
     /// Verifies the files of the whole corpus.
     pub fn finish(mut self, corpus: &Corpus) -> VerifyReport {
         self.report.weather = ReportedWeather::by_name(self.records.values());
-        let found = corpus_files::Found {
+        let found = corpus_files::ReadScenarios {
             scenarios: &self.scenarios,
             records: &self.records,
             calibrations: &self.calibrations,
@@ -310,162 +268,6 @@ fn verify_scenario(
         report.pairs.extend(proofs.pairs);
     }
     Some((record, calibration))
-}
-
-/// True if two numbers are equal except for rounding; false if one of them is NaN.
-fn close(a: f64, b: f64, tolerance: f64) -> bool {
-    (a - b).abs() <= tolerance
-}
-
-/// Collects the faults of one scenario or of the corpus's own files.
-#[derive(Default)]
-struct Faults {
-    scenario: Option<String>,
-    findings: Vec<Finding>,
-    /// Number of rows per file and kind of fault.
-    rows: BTreeMap<(String, &'static str), usize>,
-}
-
-impl Faults {
-    fn of_scenario(id: &str) -> Self {
-        Self {
-            scenario: Some(id.to_owned()),
-            ..Self::default()
-        }
-    }
-
-    /// A fault of a whole file.
-    fn file(&mut self, file: &str, message: impl ToString) {
-        self.push(file, None, None, message.to_string());
-    }
-
-    /// A file that cannot be read.
-    fn error(&mut self, file: &str, error: &Error) {
-        let path = Path::new(self.scenario.as_deref().unwrap_or_default()).join(file);
-        self.file(file, error.beside(&path));
-    }
-
-    /// A fault of a file that concerns one scenario, where many are checked together.
-    fn of(&mut self, scenario: &str, file: &str, message: impl ToString) {
-        self.findings.push(Finding {
-            scenario: Some(scenario.to_owned()),
-            file: file.to_owned(),
-            row: None,
-            view: None,
-            message: message.to_string(),
-        });
-    }
-
-    /// The same for one view.
-    fn of_view(&mut self, scenario: &str, file: &str, view: &str, message: impl ToString) {
-        self.findings.push(Finding {
-            scenario: Some(scenario.to_owned()),
-            file: file.to_owned(),
-            row: None,
-            view: Some(view.to_owned()),
-            message: message.to_string(),
-        });
-    }
-
-    /// A fault of one whole view.
-    fn view(&mut self, file: &str, view: &str, message: impl ToString) {
-        self.push(file, None, Some(view), message.to_string());
-    }
-
-    /// A fault of a row. `kind` groups faults that tend to occur in large numbers.
-    fn row(&mut self, file: &str, row: usize, kind: &'static str, message: impl fmt::Display) {
-        self.row_of(None, file, row, kind, message);
-    }
-
-    /// A fault of a row that concerns one view.
-    fn view_row(
-        &mut self,
-        view: &str,
-        file: &str,
-        row: usize,
-        kind: &'static str,
-        message: impl fmt::Display,
-    ) {
-        self.row_of(Some(view), file, row, kind, message);
-    }
-
-    fn row_of(
-        &mut self,
-        view: Option<&str>,
-        file: &str,
-        row: usize,
-        kind: &'static str,
-        message: impl fmt::Display,
-    ) {
-        let count = self.rows.entry((file.to_owned(), kind)).or_default();
-        *count += 1;
-        if *count <= ROWS_LISTED {
-            self.push(file, Some(row as u64), view, format!("{kind}: {message}"));
-        }
-    }
-
-    /// The value, or a fault of the file that should contain it.
-    fn keep<T>(&mut self, file: &str, read: Result<T>) -> Option<T> {
-        read.map_err(|error| self.error(file, &error)).ok()
-    }
-
-    /// The same for a record that was read with the fields outside their limits.
-    fn keep_with<T>(&mut self, file: &str, read: Result<(T, Vec<FieldOutOfLimits>)>) -> Option<T> {
-        let (value, outside) = self.keep(file, read)?;
-        outside.iter().for_each(|fault| self.file(file, fault));
-        Some(value)
-    }
-
-    /// The same for a table with numbers outside their limits.
-    fn keep_table<T>(
-        &mut self,
-        file: &str,
-        read: Result<(T, Vec<ColumnOutOfLimits>)>,
-    ) -> Option<T> {
-        let (value, outside) = self.keep(file, read)?;
-        for ColumnOutOfLimits {
-            column,
-            first,
-            count,
-        } in outside
-        {
-            for (row, number) in &first {
-                self.push(file, Some(*row as u64), None, format!("{column} {number}"));
-            }
-            if count > first.len() {
-                let more = count - first.len();
-                self.file(
-                    file,
-                    format!("{column} is out of range in {more} more rows"),
-                );
-            }
-        }
-        Some(value)
-    }
-
-    fn push(&mut self, file: &str, row: Option<u64>, view: Option<&str>, message: String) {
-        self.findings.push(Finding {
-            scenario: self.scenario.clone(),
-            file: file.to_owned(),
-            row,
-            view: view.map(str::to_owned),
-            message,
-        });
-    }
-
-    fn into_findings(mut self) -> Vec<Finding> {
-        for ((file, kind), count) in std::mem::take(&mut self.rows) {
-            if count > ROWS_LISTED {
-                self.push(
-                    &file,
-                    None,
-                    None,
-                    format!("{kind}: {} more rows", count - ROWS_LISTED),
-                );
-            }
-        }
-        self.findings
-    }
 }
 
 #[cfg(test)]

@@ -1,21 +1,20 @@
 //! Compares the ground-truth boxes with the pixels: does every image show the aircraft where and when the tables say?
 //!
-//! Input: the decoded images of a view, one by one, and the ground-truth boxes of the scenario. Each box that is clear enough is examined
-//! ([`sight`]). Then all of them are judged together:
+//! Input: a view's decoded images, one by one, and the ground-truth boxes of the scenario. Each box that is clear enough is examined
+//! ([`sight`]). Then all boxes are judged together:
 //!
-//! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its images belong to another
+//! - **Filled**: something stands out from the sky in the box. If most boxes in a view are empty, its images belong to a different
 //!   view or flight; if single ones are, those images are wrong.
 //! - **In step**: what stands out is in the centre of the box. A part of the offset that is proportional to the speed in the image is a
 //!   time shift: a late view, which the outline of the aircraft shows ([`lag`]), or images of other ticks ([`timing`]).
 //! - **Moving**: an image that equals an earlier one is frozen if the aircraft moved by a pixel in between.
-//! - **Not elsewhere**: an image with an empty box that shows the aircraft where another tick or view has it is of that one
+//! - **Not elsewhere**: an image with an empty box that shows the aircraft at a different tick's or view's place is from there
 //!   ([`elsewhere`]).
-//! - **Of one scene**: outside the aircraft an image equals the others of its view, and no image is noise ([`scene`]).
+//! - **The same scene**: outside the aircraft an image equals the view's others, and no image is noise ([`scene`]).
 //! - **Before a sky**: behind an aircraft in the air the background is smooth. If it is rough in most places, the images show no sky.
 //!
-//! A box is clear enough if it is complete, above the ground, below all clouds, in front of a smooth background, and has at least a
-//! transmission of [`MIN_TRANSMISSION`]: there an aircraft is visible in any weather. A view without clear boxes proves little; the
-//! report lists it.
+//! A box is clear enough if it is complete, above the ground, below all clouds, before a smooth background, and has at least a transmission
+//! of [`MIN_TRANSMISSION`]: there an aircraft is visible in any weather. A view without clear boxes proves little; the report lists it.
 
 mod elsewhere;
 mod lag;
@@ -28,9 +27,10 @@ mod timing;
 
 use serde::Serialize;
 
-use super::Faults;
+use crate::faults::Faults;
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::scenario::ScenarioRecord;
+use dataset::numbers::spread::median_of;
 use dataset::tables::frames::Frames;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use elsewhere::{Other, Suspect};
@@ -40,33 +40,33 @@ use lag::{Lag, MeasuredView, Offset};
 use moving_image::MovingImage;
 use repeated::Reference;
 use scene::CoarsePicture;
-use sight::{DecodedPicture, Sight, look};
+use sight::{BoxContent, DecodedPicture, look};
 
 /// Minimum transmission. With 50 grey levels of scene contrast this leaves 10, twice that of the noisiest background that counts as
 /// smooth.
 const MIN_TRANSMISSION: f64 = 0.2;
 /// Part of the silhouette that must be visible.
 const MIN_VISIBLE: f64 = 0.99;
-/// Below this height over the target the aircraft is in front of ground, buildings and lights, metres.
+/// Minimum height over the target, metres: below it the aircraft is in front of ground, buildings and lights.
 const MIN_HEIGHT_M: f64 = 30.0;
-/// With fewer clear boxes than this the share of filled ones says nothing about a view; single images are judged all the same.
+/// Minimum number of clear boxes: with fewer the share of filled ones says nothing about a view; single images are judged all the same.
 const MIN_BOXES: usize = 5;
-/// At least this part of the clear boxes is filled in the images of the right view; sometimes paint and sky have the same grey,
-/// in the worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
+/// At least this part of the clear boxes is filled in the images of the right view; sometimes paint and sky have the same grey, in the
+/// worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
 const MIN_FILLED: f64 = 0.3;
 /// An empty box is a fault only if its contrast, by the other boxes and the air, is this many times the visible minimum.
-const SURE: f64 = 3.0;
-/// The images show no sky if less than this part of the boxes that would be clear is in front of a smooth background ...
+const MIN_TIMES_VISIBLE: f64 = 3.0;
+/// The images show no sky if less than this part of the boxes that would be clear has a smooth background ...
 const MIN_SMOOTH: f64 = 0.3;
 /// ... and the noise of the background is this many grey levels. In the measured scenarios it is below 4.
 const MIN_ROUGH: f64 = 20.0;
 
-/// What is known about a scenario before its videos are read.
+/// Facts about a scenario before its videos are read.
 pub(super) struct Scenario<'a> {
     pub(super) record: &'a ScenarioRecord,
     pub(super) frames: Option<&'a Frames>,
     pub(super) boxes: &'a [TruthBox],
-    /// Its cameras, if they can be read.
+    /// Cameras of the scenario, if they can be read.
     pub(super) calibration: Option<&'a Calibration>,
 }
 
@@ -76,7 +76,7 @@ impl Scenario<'_> {
     }
 }
 
-/// Evidence from the images of a view.
+/// Evidence from a view's images.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ViewProof {
     /// Identifier of the scenario.
@@ -87,34 +87,34 @@ pub struct ViewProof {
     pub pictures: u64,
     /// Ground-truth boxes that are clear enough to show the aircraft.
     pub clear_boxes: usize,
-    /// Those that would be clear, but have no smooth background.
+    /// Boxes that would be clear, but have no smooth background.
     pub rough_boxes: usize,
-    /// Those with something that stands out.
+    /// Clear boxes with something that stands out.
     pub filled_boxes: usize,
     /// Ticks of the others.
     pub not_filled: Vec<u32>,
-    /// Median distance between the centre of what stands out and the centre of the box, pixels.
+    /// Median distance between the visible object's centre and the box's centre, pixels.
     pub offset_px: Option<f64>,
-    /// Time by which the images show an earlier aircraft than the tables, milliseconds.
+    /// Lag of the images behind the tables, milliseconds.
     pub lag_ms: Option<f64>,
     /// Standard error of the lag, milliseconds.
     pub lag_error_ms: Option<f64>,
 }
 
-/// Examines the images of one view as they are decoded.
+/// Examines a view's images as they are decoded.
 pub(super) struct Watcher<'a> {
     view: &'a str,
     scenario: &'a Scenario<'a>,
     /// Ground-truth boxes of this view by tick, with their rows.
     boxes: Vec<Option<(usize, &'a TruthBox)>>,
-    /// Their places in the images, which air and mast may move, by tick.
+    /// Places of the boxes in the images, which air and mast may move, by tick.
     places: Vec<Option<PixelBox>>,
-    /// The same for the other views.
+    /// Places in the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
-    seen: Vec<Seen>,
+    seen: Vec<ImageSighting>,
     /// All images, coarsely.
     coarse: Vec<CoarsePicture>,
-    /// Images that seem to be of another tick or view.
+    /// Images that seem to be from a different tick or view.
     suspects: Vec<Suspect>,
     /// The image that later ones must differ from.
     reference: Reference,
@@ -122,8 +122,8 @@ pub(super) struct Watcher<'a> {
 
 /// Observations in one image.
 #[derive(Default)]
-struct Seen {
-    sight: Option<Sight>,
+struct ImageSighting {
+    sight: Option<BoxContent>,
     /// The earlier image that this one repeats, though the aircraft moved by this many pixels.
     repeats: Option<(usize, f64)>,
     /// For each other view, whether its box, outside this view's, is filled.
@@ -135,7 +135,7 @@ struct ClearBox<'a> {
     tick: usize,
     row: usize,
     truth: &'a TruthBox,
-    sight: Sight,
+    sight: BoxContent,
 }
 
 impl<'a> Watcher<'a> {
@@ -183,7 +183,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Whether there is anything to check.
+    /// True if there is anything to check.
     pub(super) fn is_needed(&self) -> bool {
         !self.scenario.boxes.is_empty()
     }
@@ -193,7 +193,7 @@ impl<'a> Watcher<'a> {
         let tick = self.seen.len();
         let picture = DecodedPicture::new(rgb, width_px, height_px);
         let own = self.places.get(tick).copied().flatten();
-        let mut seen = Seen::default();
+        let mut seen = ImageSighting::default();
         self.coarse.push(CoarsePicture::of(&picture, own.as_ref()));
         if let Some(own) = own {
             seen.sight = look(&picture, &own);
@@ -299,7 +299,7 @@ impl<'a> Watcher<'a> {
             .collect();
         let period_s = self.scenario.record.frame_rate.period_s();
         timing::check(&points, period_s, file, self.view, faults);
-        proof.offset_px = timing::median(points.iter().map(|point| point.offset_px.length()));
+        proof.offset_px = median_of(points.iter().map(|point| point.offset_px.length()));
         let offsets: Vec<Offset> = (filled.iter())
             .filter_map(|found| self.offsets(found, period_s))
             .flatten()
@@ -316,7 +316,7 @@ impl<'a> Watcher<'a> {
         (proof, measured)
     }
 
-    /// Whether the box of a tick is complete, and neither air nor clouds hide the aircraft.
+    /// True if a tick's box is complete, and neither air nor clouds hide the aircraft.
     fn would_be_seen(&self, tick: usize) -> bool {
         let truth = self.boxes.get(tick).copied().flatten();
         let (Some((_, truth)), Some(altitude_m)) = (truth, self.altitude_msl_m(tick)) else {
@@ -329,7 +329,7 @@ impl<'a> Watcher<'a> {
             && (weather.clouds.iter()).all(|layer| altitude_m < layer.base_msl_m)
     }
 
-    /// Whether the background is the sky.
+    /// True if the background is the sky.
     fn is_above_ground(&self, tick: usize) -> bool {
         let target_m = self.scenario.record.touchdown.altitude_msl_m;
         let altitude_m = self.altitude_msl_m(tick);
@@ -361,7 +361,7 @@ impl<'a> Watcher<'a> {
     /// Missing evidence is a fault if no sky of any weather would hide it.
     fn check_sky(&self, clear: &[ClearBox], rough: &[ClearBox], file: &str, faults: &mut Faults) {
         let all = clear.len() + rough.len();
-        let noise = timing::median(rough.iter().map(|found| found.sight.noise)).unwrap_or(0.0);
+        let noise = median_of(rough.iter().map(|found| found.sight.noise)).unwrap_or(0.0);
         let are_few = (clear.len() as f64) < MIN_SMOOTH * all as f64;
         if all >= MIN_BOXES && are_few && noise >= MIN_ROUGH {
             let message = format!(
@@ -372,7 +372,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// A hint for a message if the images would match another view.
+    /// A hint for a message if the images would match a different view.
     fn hint(&self) -> String {
         for (index, (other, _)) in self.others.iter().enumerate() {
             let looked = || self.seen.iter().filter_map(|seen| seen.others[index]);
@@ -394,7 +394,7 @@ impl<'a> Watcher<'a> {
         file: &str,
         faults: &mut Faults,
     ) {
-        let typical = timing::median(
+        let typical = median_of(
             filled
                 .iter()
                 .map(|found| found.sight.contrast / found.truth.transmission),
@@ -402,7 +402,7 @@ impl<'a> Watcher<'a> {
         let Some(typical) = typical else { return };
         for empty in clear.iter().filter(|b| b.sight.is_empty()) {
             let expected = typical * empty.truth.transmission;
-            if expected >= SURE * empty.sight.least_to_be_filled() {
+            if expected >= MIN_TIMES_VISIBLE * empty.sight.least_to_be_filled() {
                 let message = format!(
                     "in the ground-truth box (row {} of boxes_truth.parquet) nothing stands out by more than {:.1} grey levels, expected {expected:.0}",
                     empty.row, empty.sight.contrast
@@ -444,7 +444,7 @@ impl<'a> Watcher<'a> {
         }))
     }
 
-    /// What a filled box implies about time; missing at the ends of a flight.
+    /// Time information from a filled box; missing at the flight's ends.
     fn point(&self, found: &ClearBox) -> Option<timing::Point> {
         let at = |tick: usize| {
             let (_, truth) = self.boxes.get(tick).copied().flatten()?;

@@ -1,4 +1,4 @@
-//! `plan.json` as it is written, by this version of dtd or another, whole or damaged: each value is read for itself, so that one
+//! `plan.json` as it is written, by this version of dtd or a different one, whole or damaged: each value is read for itself, so that one
 //! that cannot be read hides no other.
 
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub(super) struct CommonAsWritten {
     pub(super) picture: Written<Picture>,
 }
 
-/// One scenario.
+/// A planned scenario.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ScenarioAsWritten {
@@ -46,7 +46,7 @@ pub(super) struct ScenarioAsWritten {
     pub(super) parameters: ParametersAsWritten,
 }
 
-/// Its own parameters.
+/// A scenario's own parameters.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ParametersAsWritten {
@@ -76,7 +76,7 @@ impl PlanAsWritten {
     }
 }
 
-/// A value of a plan, or the invalid value in its place; null if it is missing.
+/// A planned value, or the invalid value in its place; null if it is missing.
 pub(super) enum Written<T> {
     Value(T),
     Odd { found: Value, fault: String },

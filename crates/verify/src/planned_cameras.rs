@@ -1,13 +1,12 @@
 //! Compares `calibration.json` with `plan.json`: are the cameras placed, aimed and configured as planned?
 //!
-//! The plan has masts, the aim of a scenario, the placement error of each mast, and the lens, air and sensor; together they determine each
-//! camera and the quality of its images. A calibration that is consistent with itself, the tables and the labels may still belong to
-//! another rig.
+//! The plan has masts, a scenario's aim, the placement error of each mast, and the lens, air and sensor; together they determine each
+//! camera and its image quality. A calibration that is consistent with itself, the tables and the labels may still belong to another rig.
 
 use std::collections::BTreeMap;
 
 use super::plan_as_written::{CommonAsWritten, ParametersAsWritten, Unreadable};
-use super::{Faults, close};
+use crate::faults::{Faults, LENGTH_TOLERANCE_M, RELATIVE_TOLERANCE, close};
 use dataset::corpus::calibration::{Calibration, CameraEntry};
 use dataset::geometry::imaging::Imaging;
 use dataset::geometry::runway::Runway;
@@ -15,12 +14,8 @@ use dataset::numbers::units::Degrees;
 use dataset::plan::{Aim, Jitter, Picture, PlannedCamera};
 
 const CALIBRATION: &str = "calibration.json";
-/// Trigonometry differs in its last digits between machines: nanometres on the earth's surface ...
-const LENGTH_TOLERANCE_M: f64 = 1e-5;
-/// ... and as much at the far end of a long lens.
-const ANGLE_TOLERANCE_DEG: f64 = 1e-9;
 
-/// A plan's statements about the cameras of one scenario.
+/// A plan's statements about a scenario's cameras.
 pub(super) struct PlannedCameras<'a> {
     runway: &'a Runway,
     cameras: &'a [PlannedCamera],
@@ -49,7 +44,7 @@ impl<'a> PlannedCameras<'a> {
         })
     }
 
-    /// Compares the cameras of a scenario with it. The set of cameras is checked with `scenario.json`.
+    /// Compares a scenario's cameras with it. The set of cameras is checked with `scenario.json`.
     pub(super) fn check(&self, id: &str, calibration: &Calibration, faults: &mut Faults) {
         for camera in self.cameras {
             if let Some(found) = calibration.cameras.get(&camera.id) {
@@ -100,7 +95,7 @@ impl<'a> PlannedCameras<'a> {
             ("hfov_deg", a.hfov_deg, b.hfov_deg),
         ] {
             let off_deg = Degrees(found - planned).wrapped_180().0;
-            if !close(off_deg, 0.0, ANGLE_TOLERANCE_DEG) {
+            if !close(off_deg.to_radians(), 0.0, RELATIVE_TOLERANCE) {
                 differs(what, planned.to_string(), found.to_string());
             }
         }

@@ -2,7 +2,7 @@
 
 use glam::DMat3;
 
-use super::{Faults, close};
+use crate::faults::{Faults, LENGTH_TOLERANCE_M, RELATIVE_TOLERANCE, close};
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::calibration::{Calibration, CameraEntry};
 use dataset::corpus::scenario::{
@@ -13,10 +13,6 @@ use dataset::geometry::runway::RunwayCoordinates;
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
-/// Trigonometry differs in its last digits between machines: nanometres on the earth's surface.
-const LENGTH_TOLERANCE_M: f64 = 1e-5;
-/// The same for elements of rotations and relative to focal lengths.
-const RELATIVE_TOLERANCE: f64 = 1e-10;
 
 /// Reads `scenario.json`; all numbers outside their limits are faults.
 pub(super) fn read(folder: &ScenarioFolder, faults: &mut Faults) -> Option<ScenarioRecord> {
@@ -142,7 +138,7 @@ pub(super) fn check_calibration(
     }
 }
 
-/// Name of the part of an entry that does not follow from its placement.
+/// Name of the entry's part that does not follow from the placement.
 fn difference(entry: &CameraEntry) -> Option<&'static str> {
     let again = CameraEntry::from_pose(entry.placed, entry.width_px, entry.height_px);
     let [ours, theirs] = [&again, entry].map(|entry| entry.camera());

@@ -476,7 +476,7 @@ fn swapped_views_are_found_by_their_cameras_and_frame_numbers() {
     );
 }
 
-/// Changes the frames of a recording in one block of five ticks, of which some were shown again, and returns the findings.
+/// Changes a recording's frames in a block of five ticks, some of them shown again, and returns the findings.
 fn with_block(repeated_ticks: u32, change: impl FnOnce(&mut Vec<TickRow>)) -> String {
     Example::with(|example| {
         let mut record = record(IDS[0]);
@@ -837,7 +837,7 @@ fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
         view: view.into(),
         state: HealthState::Steady,
         motion: None,
-        state_live: None,
+        state_live: HealthState::Steady,
         lag: None,
         vertical_px: None,
     };

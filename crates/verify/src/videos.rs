@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::thread;
 
-use super::Faults;
 use super::pixels::{PairProof, Scenario, ViewProof, Watcher, judge_lags};
+use crate::faults::Faults;
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::seal::sealed::Sealed;
 use dataset::video::{TimeBase, VideoReader};
 use dataset::work::watch::Watch;
 
-/// Evidence from the videos of a scenario.
+/// Evidence from a scenario's videos.
 #[derive(Default)]
 pub(super) struct Proofs {
     /// Images decoded.
@@ -19,7 +19,7 @@ pub(super) struct Proofs {
     pub(super) pairs: Vec<PairProof>,
 }
 
-/// Checks all videos of a scenario, in parallel.
+/// Checks all videos, in parallel.
 pub(super) fn check(
     folder: &ScenarioFolder,
     scenario: &Scenario,
@@ -33,7 +33,7 @@ pub(super) fn check(
             .views
             .iter()
             .map(|view| {
-                // The sealed video, if the seal can be read; a stray file with another extension is reported as such.
+                // The sealed video, if the seal can be read; a stray file with a different extension is reported as such.
                 let sealed = sealed.as_ref().and_then(|sealed| sealed.video_of(view));
                 let path =
                     sealed.map_or_else(|| folder.video_path(view), |name| folder.root().join(name));
@@ -77,7 +77,7 @@ pub(super) fn check(
     proofs
 }
 
-/// The content of a video file.
+/// Content of the video file.
 #[derive(Default)]
 struct Decoded<'a> {
     size_px: Option<(u32, u32)>,
@@ -89,11 +89,11 @@ struct Decoded<'a> {
     watcher: Option<Watcher<'a>>,
 }
 
-/// Decodes a video, or a part of it if the watch stops the work: the caller then drops what was found.
+/// Decodes a video, or a part if the watch stops the work: the caller then drops the result.
 fn decode<'a>(path: &Path, mut watcher: Watcher<'a>, watch: &dyn Watch) -> Decoded<'a> {
     let mut decoded = Decoded::default();
     let mut rgb = Vec::new();
-    let mut read = |watcher: &mut Watcher| -> crate::Result<()> {
+    let mut read = |watcher: &mut Watcher| -> dataset::error::Result<()> {
         let mut reader = VideoReader::open(path)?;
         let (width_px, height_px) = (reader.width(), reader.height());
         decoded.size_px = Some((width_px, height_px));
@@ -118,8 +118,8 @@ fn decode<'a>(path: &Path, mut watcher: Watcher<'a>, watch: &dyn Watch) -> Decod
     decoded
 }
 
-/// Compares images that seem to be of another tick or view with all others.
-fn look_again(path: &Path, watcher: &mut Watcher, watch: &dyn Watch) -> crate::Result<()> {
+/// Compares images that seem to be of a different tick or view with all others.
+fn look_again(path: &Path, watcher: &mut Watcher, watch: &dyn Watch) -> dataset::error::Result<()> {
     if !watcher.wants_second_look() {
         return Ok(());
     }

@@ -130,7 +130,7 @@ mod tests {
                     view: (*view).to_owned(),
                     state,
                     motion: None,
-                    state_live: None,
+                    state_live: state,
                     lag: None,
                     vertical_px: (*view == "right")
                         .then(|| off * shake_px(tick) + 0.05 * f64::from(tick % 2)),

@@ -304,7 +304,7 @@ mod tests {
                         HealthState::Steady
                     },
                     motion: None,
-                    state_live: None,
+                    state_live: HealthState::Steady,
                     lag: None,
                     vertical_px: None,
                 });

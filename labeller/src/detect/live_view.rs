@@ -197,7 +197,7 @@ mod tests {
         let mut health = scenario.health(MODEL).unwrap().unwrap();
         health.sort_by(|a, b| a.view.cmp(&b.view).then(a.tick.cmp(&b.tick)));
         let written: Vec<_> = (health.into_iter())
-            .map(|row| (row.tick, row.view, row.state_live.unwrap()))
+            .map(|row| (row.tick, row.view, row.state_live))
             .collect();
         assert_eq!(states, written);
         let registered: Vec<Registration> = scenario.registrations(MODEL).unwrap().unwrap();

@@ -170,7 +170,7 @@ fn health_of(
         view: view.to_owned(),
         state,
         motion,
-        state_live: Some(state_live),
+        state_live,
         lag: None,
         vertical_px: None,
     })

@@ -250,7 +250,7 @@ mod tests {
                 HealthState::Unknown
             },
             motion: None,
-            state_live: None,
+            state_live: HealthState::Unknown,
             lag: None,
             vertical_px: off_px.filter(|_| view == "right"),
         };

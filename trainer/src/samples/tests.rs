@@ -425,7 +425,7 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
                 view,
                 state,
                 motion,
-                state_live: Some(state),
+                state_live: state,
                 lag: None,
                 vertical_px: None,
             })

@@ -1,8 +1,8 @@
-//! Visibility of the aircraft of a ground-truth box, as far as the corpus's data determine it.
+//! Visibility of a ground-truth box's aircraft, as far as the corpus's data determine it.
 //!
-//! Haze leaves `exp(-3.912 r / V)` of an aircraft's contrast at the distance r (`transmission` in `boxes_truth.parquet`). Below 2 %, the
-//! contrast by which the visibility V is defined, it is invisible. Clouds hide it where it flies in or above them: their exact shape is not
-//! stored, so everything from the base of the lowest layer upwards is classified separately.
+//! Haze leaves `exp(-3.912 r / V)` of the contrast at the distance r (`transmission` in `boxes_truth.parquet`). Below 2 %, the contrast
+//! that defines the visibility V, it is invisible. Clouds hide it where it flies in or above them: their exact shape is not stored, so
+//! everything from the base of the lowest layer upwards is classified separately.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,18 +20,18 @@ pub enum Sight {
     Open,
     /// Haze or fog: the aircraft is beyond the visibility.
     Haze,
-    /// Perhaps a cloud: the aircraft is not below all of them.
+    /// Perhaps a cloud: the aircraft is not below all clouds.
     Cloud,
 }
 
-/// The lowest clouds of a weather.
+/// A weather's lowest clouds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CloudBase {
     msl_m: Option<f64>,
 }
 
 impl CloudBase {
-    /// Of the layers that cover anything.
+    /// Only layers that cover something count.
     pub fn of(weather: &Weather) -> Self {
         let layers = weather.clouds.iter();
         let covering = layers.filter(|layer| layer.cover_ratio > 0.0);
@@ -40,7 +40,7 @@ impl CloudBase {
         }
     }
 
-    /// The medium between a camera and an aircraft at this altitude, given the part of its contrast that arrives.
+    /// The medium between a camera and an aircraft at this altitude, given the contrast that arrives.
     pub fn sight(&self, altitude_msl_m: f64, transmission: f64) -> Sight {
         if transmission < MIN_TRANSMISSION {
             Sight::Haze

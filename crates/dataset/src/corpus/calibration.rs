@@ -1,4 +1,4 @@
-//! `calibration.json`: the cameras of a scenario.
+//! `calibration.json`: a scenario's cameras.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,9 +12,9 @@ use crate::files::json_file::{parse_json, read_json, write_json};
 use crate::geometry::camera::{Camera, CameraPose};
 use crate::geometry::distortion::Distortion;
 use crate::geometry::imaging::{Degradation, Imaging, is_zero};
-use crate::numbers::limits::{self, Check, FieldOutOfLimits};
+use crate::numbers::limits::{self, Check, FieldOutOfLimits, check_fields};
 
-/// All cameras of a scenario by their identifiers, in the order of the identifiers.
+/// A scenario's cameras by their identifiers, in the order of the identifiers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The meaning of the numbers, for readers without the documentation.
@@ -44,7 +44,7 @@ impl Default for Conventions {
     }
 }
 
-/// One camera.
+/// A calibrated camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraEntry {
     /// Width of the image, pixels.
@@ -55,8 +55,8 @@ pub struct CameraEntry {
     pub k: [[f64; 3]; 3],
     /// OpenCV distortion coefficients k1, k2, p1, p2, k3; empty for a pure pinhole.
     pub distortion: Vec<f64>,
-    /// Coefficient of terrestrial refraction: an object at a distance d appears lifted by `k d^2 / (2 R)`, with R = 6,371,008.8 m.
-    /// Missing if light travels straight.
+    /// Coefficient of terrestrial refraction: an object at a distance d appears lifted by `k d^2 / (2 R)`, with R = 6,371,008.8 m. Missing
+    /// if light travels straight.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub refraction_coefficient: f64,
     /// Blur, seeing and noise of the images; they do not affect geometry. Missing if there are none.
@@ -64,7 +64,7 @@ pub struct CameraEntry {
     pub degradation: Option<Degradation>,
     /// Extrinsics.
     pub ecef_from_camera: RigidTransform,
-    /// The same placement as requested from the simulator.
+    /// Placement as requested from the simulator.
     pub placed: CameraPose,
 }
 
@@ -78,7 +78,7 @@ pub struct RigidTransform {
 }
 
 impl CameraEntry {
-    /// The entry of a placed camera.
+    /// A placed camera's entry.
     pub fn from_pose(placed: CameraPose, width_px: u32, height_px: u32) -> Self {
         let camera = Camera::from_pose(&placed, width_px, height_px);
         Self {
@@ -96,7 +96,7 @@ impl CameraEntry {
         }
     }
 
-    /// The entry with the lens, the air and the sensor of its images.
+    /// The entry with this lens, air and sensor.
     #[must_use]
     pub fn with_imaging(self, imaging: &Imaging) -> Self {
         Self {
@@ -109,7 +109,7 @@ impl CameraEntry {
         }
     }
 
-    /// Lens, air and sensor of its images.
+    /// Lens, air and sensor of the camera's images.
     pub fn imaging(&self) -> Imaging {
         Imaging {
             distortion: Distortion::from_coefficients(&self.distortion),
@@ -139,9 +139,10 @@ impl CameraEntry {
 
     /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
-        for (name, side_px) in [("width_px", self.width_px), ("height_px", self.height_px)] {
-            check.number(name, side_px, limits::PICTURE_SIDE_PX);
-        }
+        check_fields!(check, self, {
+            width_px: limits::PICTURE_SIDE_PX,
+            height_px: limits::PICTURE_SIDE_PX,
+        });
         check.part("k", |check| {
             let k = &self.k;
             for (name, value, limits) in [
@@ -218,8 +219,7 @@ impl Calibration {
         }
     }
 
-    /// Version of the file format for a scenario with these cameras: version 1, unless a version 1 reader would project
-    /// incorrectly.
+    /// Version of the file format for a scenario with these cameras: version 1, unless a version 1 reader would project incorrectly.
     pub fn schema_version(&self) -> u32 {
         if self.cameras.values().any(CameraEntry::bends_light) {
             LENS_SCHEMA_VERSION
@@ -323,7 +323,7 @@ mod tests {
         let [bent, straight] = [&back, &plain].map(|c| c.cameras["left"].camera());
         let corner = DVec2::new(20.0, 30.0);
         let point = bent.center_ecef_m + bent.ray(corner) * 100.0;
-        // Refraction of a tenth of a millimetre over the distance.
+        // Refraction by 0.1 mm over the distance.
         assert!(bent.project(point).unwrap().distance(corner) < 0.01);
         assert!(straight.project(point).unwrap().distance(corner) > 30.0);
     }

@@ -1,9 +1,9 @@
 //! Exclusive write access when several processes, on one or several machines, work on one corpus.
 //!
-//! A process that records or changes a scenario holds its claim, whatever the verb; readers need none. A claim is a file
-//! `claims/<name>` of the corpus, locked by the operating system: the lock ends with the process, however that ends. The file names
-//! the holder. It is outside the folders that are filled, cleared and renamed, and its holder deletes it on release; so a lock
-//! counts only if the file is still the one at that path.
+//! A process that records or changes a scenario holds its claim, whatever the verb; readers need none. A claim is a file `claims/<name>` of
+//! the corpus, locked by the operating system: the lock ends with the process, however that ends. The file names the holder. It is outside
+//! the folders that are filled, cleared and renamed, and its holder deletes it on release; so a lock counts only if the file is still the
+//! one at that path.
 //!
 //! Across machines this needs a file system with shared locks: NFS 4, Lustre with `flock`, CephFS, GPFS.
 
@@ -18,19 +18,18 @@ use std::{process, thread};
 use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 
-use crate::corpus::Corpus;
 use crate::error::{Error, Result};
+pub use crate::files::corpus_names::WHOLE_CORPUS;
 use crate::files::file_name;
 use crate::files::json_file::read_json;
 use crate::files::new_file::is_named_by;
 use crate::files::own_path::refuse_link;
 
-/// Name of the claim on the files that belong to the whole corpus.
-pub const WHOLE_CORPUS: &str = "corpus";
-const FOLDER: &str = "claims";
+/// Folder of the corpus's claims.
+pub(crate) const CLAIMS: &str = "claims";
 /// Attempts to open and lock a claim's file, which may be deleted in between.
 const ATTEMPTS: u32 = 100;
-/// Interval for checking a claim that another process holds.
+/// Interval for checking a held claim.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// A claim's file contains a name and a number. Anything larger is not a claim.
 const MAX_BYTES: u64 = 512;
@@ -50,7 +49,7 @@ pub struct Claim {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder(Option<Process>);
 
-/// Content of a claim's file.
+/// Claim file content.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Process {
     host: String,
@@ -71,12 +70,12 @@ impl fmt::Display for Holder {
 pub enum Claimed {
     /// It is ours.
     Mine(Claim),
-    /// Another process has it.
+    /// A different process has it.
     Theirs(Holder),
 }
 
 impl Claimed {
-    /// The claim, or an error that names its holder. `held` is what it protects.
+    /// The claim, or an error that names its holder. `held` is the protected path.
     ///
     /// # Errors
     /// [`Error::Held`].
@@ -93,21 +92,10 @@ impl Claimed {
 }
 
 impl Claim {
-    /// Takes a claim; waits up to `patience` for the current holder.
+    /// Takes a claim on `held` in a folder of claims; waits up to `patience` for the current holder.
     ///
     /// # Errors
     /// It is still held ([`Error::Held`]), or its file cannot be created.
-    pub fn wait(corpus: &Corpus, name: &str, patience: Duration) -> Result<Self> {
-        let scenario = corpus.scenario(name);
-        let held = if name == WHOLE_CORPUS {
-            corpus.root()
-        } else {
-            scenario.root()
-        };
-        Self::wait_in(&corpus.root().join(FOLDER), name, held, patience)
-    }
-
-    /// The same for a claim in any folder, on `held`.
     pub(crate) fn wait_in(
         folder: &Path,
         name: &str,
@@ -136,18 +124,13 @@ impl Claim {
         }
     }
 
-    /// Takes a claim, or names its holder.
-    pub fn take(corpus: &Corpus, name: &str) -> Result<Claimed> {
-        Self::take_in(&corpus.root().join(FOLDER), name)
-    }
-
-    /// The same for folders that are not a corpus. The folder is created, and removed with the last claim unless it has other entries.
+    /// Takes a claim, or names its holder. The folder is created, and removed with the last claim unless it has other entries.
     pub fn take_in(folder: &Path, name: &str) -> Result<Claimed> {
         let path = folder.join(name);
         for _ in 0..ATTEMPTS {
             match fs::create_dir_all(folder) {
                 Ok(()) => refuse_link(folder)?,
-                // Another holder deleted it at that moment; opening the file shows whether it exists now.
+                // A different holder deleted it at that moment; opening the file shows whether it exists now.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(Error::io("create", folder)(error)),
             }
@@ -203,9 +186,9 @@ impl Claim {
             .map_err(Error::io("write", path))
     }
 
-    /// Deletes the claims of killed processes, and no other files there.
-    pub fn tidy(corpus: &Corpus) {
-        let Ok(left) = fs::read_dir(corpus.root().join(FOLDER)) else {
+    /// Deletes the claims of killed processes in a folder, and no other files there.
+    pub(crate) fn tidy_in(folder: &Path) {
+        let Ok(left) = fs::read_dir(folder) else {
             return;
         };
         for entry in left.flatten() {
@@ -215,7 +198,7 @@ impl Claim {
                 .filter(|name| file_name::check_id(name).is_ok())
             {
                 // Taking and releasing it deletes it.
-                let _ = Self::take(corpus, name);
+                let _ = Self::take_in(folder, name);
             }
         }
     }
@@ -223,8 +206,8 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // The file is still locked, so no process can have created another one of this name. A file that cannot be deleted does no harm: it
-        // is not locked.
+        // The file is still locked, so no process can have created a second one of this name. A file that cannot be deleted does no harm:
+        // it is not locked.
         let _ = fs::remove_file(&self.path);
         if let Some(folder) = self.path.parent()
             && !self.keeps_folder
@@ -273,6 +256,7 @@ fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::corpus::Corpus;
     use std::sync::atomic::{AtomicU32, Ordering};
     use std::thread;
 
@@ -297,13 +281,13 @@ mod tests {
             Claimed::Mine(_)
         ));
         drop(mine);
-        assert!(!folder.path().join(FOLDER).exists());
+        assert!(!folder.path().join(CLAIMS).exists());
     }
 
     #[test]
     fn what_a_killed_process_left_is_no_claim_and_is_tidied_away() {
         let (folder, corpus) = corpus();
-        let left = folder.path().join(FOLDER);
+        let left = folder.path().join(CLAIMS);
         fs::create_dir(&left).unwrap();
         let killed = serde_json::to_string(&Process::this()).unwrap();
         fs::write(left.join("0001"), killed).unwrap();
@@ -319,7 +303,7 @@ mod tests {
     #[test]
     fn what_is_no_claim_is_neither_overwritten_nor_tidied_away() {
         let (folder, corpus) = corpus();
-        let left = folder.path().join(FOLDER);
+        let left = folder.path().join(CLAIMS);
         fs::create_dir(&left).unwrap();
         let plan = folder.path().join("plan.json");
         fs::write(&plan, "{}").unwrap();

@@ -1,9 +1,9 @@
-//! `detections/`, `registrations/` and `health/`: what a model detected in the videos of a scenario, where the same aircraft is in two
-//! views, and the condition of the cameras.
+//! `detections/`, `registrations/` and `health/`: a model's detections in a scenario's videos, where the same aircraft is in two views, and
+//! the condition of the cameras.
 //!
 //! They are not sealed: each model with its settings has its own. `detections/<model>.json`, where `<model>` is the start of the hash of
 //! both ([`ModelIdentity`]), records the detector, its videos, and the hashes of the table next to it and of the tables of the same name in
-//! the other folders, if there are any, so a reader can check that they belong together ([`Provenance`]). They change together like the
+//! the other folders, if there are any, so a reader can check that they belong together ([`Provenance`]). They change together like sealed
 //! files of a seal: each table is written as `<model>.parquet.new`, the record takes effect, and readers look for the tables by their
 //! hashes under both names.
 
@@ -21,7 +21,7 @@ use crate::corpus::ScenarioFolder;
 use crate::corpus::claim::Claim;
 use crate::corpus::model_identity::{ModelIdentity, NamedDetections};
 use crate::corpus::open_scenario::OpenScenario;
-use crate::corpus::seal::sealed::{ATTEMPTS, Found, find};
+use crate::corpus::seal::sealed::{ATTEMPTS, FileState, find};
 use crate::corpus::seal::{SealedFile, hash_file, with_new_suffix};
 use crate::error::{Error, Result};
 use crate::files::json_file::write_json;
@@ -31,21 +31,15 @@ use crate::files::own_path::own_path;
 use crate::tables::health::{ViewHealth, write_health};
 use crate::tables::registrations::{Registration, write_registrations};
 
+pub use crate::files::corpus_names::{
+    DETECTIONS as FOLDER, HEALTH, MODEL_FOLDERS as FOLDERS, REGISTRATIONS,
+};
 pub use choice::{NoChoice, choose};
 pub use table::{
     Detection, Detections, Miss, MissReason, SearchMode, detection_columns, parse_detections,
     write_detections,
 };
 pub use table::{Row, parse_rows, read_rows_with_faults};
-
-/// Folder of the detections within a scenario.
-pub const FOLDER: &str = "detections";
-/// Folder of the registrations that belong to them.
-pub const REGISTRATIONS: &str = "registrations";
-/// Folder of the tables of the cameras' health that belong to them.
-pub const HEALTH: &str = "health";
-/// All folders with tables of a model.
-pub const FOLDERS: [&str; 3] = [FOLDER, REGISTRATIONS, HEALTH];
 
 /// The part of the record of detections that every reader needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -62,7 +56,7 @@ pub struct Provenance {
     /// BLAKE3 hash of the table of registrations; missing if there is none, as with one view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registrations_blake3: Option<String>,
-    /// BLAKE3 hash of the table of health; missing if there is none: an earlier version of this software.
+    /// BLAKE3 hash of the table of health; missing if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub health_blake3: Option<String>,
 }
@@ -70,27 +64,32 @@ pub struct Provenance {
 impl Provenance {
     /// The tables that belong to it, named within the scenario, with their hashes.
     pub fn tables(&self, model: &str) -> Vec<SealedFile> {
-        let file = |folder: &str, blake3: &String| SealedFile {
-            name: table_name(folder, model),
-            blake3: blake3.clone(),
+        let table = |parent| {
+            Some(SealedFile {
+                name: table_name(parent, model),
+                blake3: self.hash_of(parent)?.clone(),
+            })
         };
-        let registrations = self.registrations_blake3.iter();
-        let health = self.health_blake3.iter();
-        [file(FOLDER, &self.table_blake3)]
-            .into_iter()
-            .chain(registrations.map(|blake3| file(REGISTRATIONS, blake3)))
-            .chain(health.map(|blake3| file(HEALTH, blake3)))
-            .collect()
+        FOLDERS.into_iter().filter_map(table).collect()
+    }
+
+    /// The hash of the table in one of [`FOLDERS`].
+    fn hash_of(&self, parent: &str) -> Option<&String> {
+        match parent {
+            REGISTRATIONS => self.registrations_blake3.as_ref(),
+            HEALTH => self.health_blake3.as_ref(),
+            _ => Some(&self.table_blake3),
+        }
     }
 }
 
-/// The cameras that the views of a scenario were registered with.
+/// The cameras that a scenario's views were registered with.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RegisteredWith {
-    /// Those of `calibration.json`.
+    /// The cameras of `calibration.json`.
     Calibration,
-    /// Those that the run with this BLAKE3 hash has fitted.
+    /// Cameras fitted by the run with this BLAKE3 hash.
     Run(String),
 }
 
@@ -106,7 +105,7 @@ impl fmt::Display for RegisteredWith {
     }
 }
 
-/// The registration's part of a record.
+/// The part of the record about registrations.
 #[derive(Deserialize)]
 struct RecordedRegistration {
     registration: Option<RegistrationCameras>,
@@ -124,9 +123,9 @@ fn table_name(folder: &str, model: &str) -> String {
 /// A table that a model's record names, as a reader found it: its current path and its content.
 pub type FoundTable = (PathBuf, Vec<u8>);
 
-/// Path of the record of a model's detections.
+/// Path of the record of the model's detections.
 pub fn record_path(folder: &ScenarioFolder, model: &str) -> PathBuf {
-    folder.detections_folder().join(format!("{model}.json"))
+    folder.root().join(FOLDER).join(format!("{model}.json"))
 }
 
 /// The models with detections in this scenario, by the names of their files; sorted.
@@ -150,7 +149,7 @@ pub fn models_of(folder: &ScenarioFolder) -> Result<Vec<String>> {
     Ok(models)
 }
 
-/// Reads the provenance of a model's detections, if there are any.
+/// Reads the provenance of the model's detections, if there are any.
 ///
 /// # Errors
 /// The record lacks something that a reader needs.
@@ -176,7 +175,7 @@ pub fn registered_with(folder: &ScenarioFolder, model: &str) -> Result<Option<Re
     }))
 }
 
-/// The file name of the model and the name of its detections, as shown to users. The model is missing if the record cannot be read.
+/// The model's file name and the name of the detections, as shown to users. The model is missing if the record cannot be read.
 pub fn named(folder: &ScenarioFolder, name: &str) -> NamedDetections {
     let provenance = provenance(folder, name).ok().flatten();
     NamedDetections {
@@ -185,57 +184,16 @@ pub fn named(folder: &ScenarioFolder, name: &str) -> NamedDetections {
     }
 }
 
-/// The table of a model's detections. `is_source` checks whether they were made from the current files.
+/// The table in one of [`FOLDERS`] with the hash that a model's record names; `None` if there is no record or it names none. `is_source`
+/// checks whether it was made from the current files.
 ///
 /// # Errors
-/// There is none, it was made from something else, or it does not match its record.
+/// It was made from other files, or does not match its record.
 pub(crate) fn table(
-    folder: &ScenarioFolder,
-    model: &str,
-    is_source: impl Fn(&Provenance) -> bool,
-) -> Result<FoundTable> {
-    let hash = |provenance: &Provenance| Some(provenance.table_blake3.clone());
-    named_table(folder, model, FOLDER, is_source, hash)?.ok_or_else(|| {
-        Error::corpus(
-            &record_path(folder, model),
-            "is missing: run `dtd detect` on the corpus with that model first",
-        )
-    })
-}
-
-/// The table of the registrations that belong to a model's detections; `None` if these have none.
-///
-/// # Errors
-/// See [`table`].
-pub(crate) fn registrations_table(
-    folder: &ScenarioFolder,
-    model: &str,
-    is_source: impl Fn(&Provenance) -> bool,
-) -> Result<Option<FoundTable>> {
-    let hash = |provenance: &Provenance| provenance.registrations_blake3.clone();
-    named_table(folder, model, REGISTRATIONS, is_source, hash)
-}
-
-/// The table of the cameras' health that belongs to a model's detections; `None` if these have none.
-///
-/// # Errors
-/// See [`table`].
-pub(crate) fn health_table(
-    folder: &ScenarioFolder,
-    model: &str,
-    is_source: impl Fn(&Provenance) -> bool,
-) -> Result<Option<FoundTable>> {
-    let hash = |provenance: &Provenance| provenance.health_blake3.clone();
-    named_table(folder, model, HEALTH, is_source, hash)
-}
-
-/// The table with the hash that a model's record names; `None` if there is no record or it names none.
-fn named_table(
     folder: &ScenarioFolder,
     model: &str,
     parent: &str,
     is_source: impl Fn(&Provenance) -> bool,
-    hash: impl Fn(&Provenance) -> Option<String>,
 ) -> Result<Option<FoundTable>> {
     let name = table_name(parent, model);
     let table = folder.root().join(&name);
@@ -245,7 +203,7 @@ fn named_table(
             return Ok(None);
         };
         let provenance = parse(&bytes, folder, model)?;
-        let Some(hash) = hash(&provenance) else {
+        let Some(hash) = provenance.hash_of(parent) else {
             return Ok(None);
         };
         if !is_source(&provenance) {
@@ -254,16 +212,16 @@ fn named_table(
                 format!("was made from other videos than the scenario has now; {again}"),
             ));
         }
-        let found = find(folder.root(), &name, &hash, |path| {
+        let found = find(folder.root(), &name, hash, |path| {
             let bytes = outside_file::read(path, FileKind::TABLE.unlinked())?;
             Ok((blake3::hash(&bytes).to_string(), (path.to_owned(), bytes)))
         })?;
         let fault = match found {
-            Found::Whole(table) => return Ok(Some(table)),
-            // Another process replaced them in the meantime.
+            FileState::Whole(table) => return Ok(Some(table)),
+            // A different process replaced them in the meantime.
             _ if record(folder, model)?.as_ref() != Some(&bytes) => continue,
-            Found::Missing => "is missing, though there is a record of it",
-            Found::Other => "is not what its record says: its hash differs",
+            FileState::Missing => "is missing, though there is a record of it",
+            FileState::Other => "is not what its record says: its hash differs",
         };
         return Err(Error::corpus(&table, format!("{fault}; {again}")));
     }
@@ -319,20 +277,22 @@ pub fn replace<R: Serialize>(
         fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
         clear_leftovers(parent);
     }
-    // Readers may still need the tables of a committed change that a killed process left.
+    // Readers may still need tables that a killed process committed.
     settle(folder, model)?;
     let path = |parent| folder.root().join(table_name(parent, model));
     let [table, registered, health] = FOLDERS.map(path);
     write_detections(&with_new_suffix(&table), tables.detections)?;
-    let mut written = vec![&table];
     if let Some(rows) = tables.registrations {
         write_registrations(&with_new_suffix(&registered), rows)?;
-        written.push(&registered);
     }
     if let Some(rows) = tables.health {
         write_health(&with_new_suffix(&health), rows)?;
-        written.push(&health);
     }
+    let is_written = [
+        true,
+        tables.registrations.is_some(),
+        tables.health.is_some(),
+    ];
     let hash = |table: &Path, is_written: bool| {
         let hash = || hash_file(&with_new_suffix(table));
         is_written.then(hash).transpose()
@@ -342,13 +302,13 @@ pub fn replace<R: Serialize>(
         config_hash: source.seal().config_hash.clone(),
         videos_blake3: source.videos_blake3(),
         table_blake3: hash_file(&with_new_suffix(&table))?,
-        registrations_blake3: hash(&registered, tables.registrations.is_some())?,
-        health_blake3: hash(&health, tables.health.is_some())?,
+        registrations_blake3: hash(&registered, is_written[1])?,
+        health_blake3: hash(&health, is_written[2])?,
     };
     // This file commits the change.
     write_json(&record_path(folder, model), &record(provenance))?;
-    for table in [&table, &registered, &health] {
-        if written.contains(&table) {
+    for (table, is_written) in [&table, &registered, &health].into_iter().zip(is_written) {
+        if is_written {
             let new = with_new_suffix(table);
             fs::rename(new, table).map_err(Error::io("rename into place", table))?;
         } else if table.exists() {
@@ -363,7 +323,7 @@ fn settle(folder: &ScenarioFolder, model: &str) -> Result<()> {
     let provenance = match provenance(folder, model) {
         Ok(Some(provenance)) => provenance,
         Ok(None) => return Ok(()),
-        // The tables of a damaged record are unreadable, so they may be replaced. If the record cannot be read for now, they may not.
+        // Tables with a damaged record are unreadable, so they may be replaced. If the record cannot be read for now, they may not.
         Err(error) if error.is_bad_content() => return Ok(()),
         Err(error) => return Err(error),
     };

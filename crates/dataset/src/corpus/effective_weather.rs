@@ -1,11 +1,11 @@
-//! The effective weather: what a simulator reported at the aircraft once the written weather had had time to show.
+//! The effective weather: the simulator's report at the aircraft once the written weather had had time to show.
 //!
-//! Input: the planned [`Weather`] and the reported values. Output: the quantities that differ from the plan. A simulator may store what is
-//! written, read it back, and draw something else; what it reports at the aircraft is the only statement about what was drawn.
-//! X-Plane 12 reports these quantities; no tolerance is zero, because haze, gusts and a cloud's edge contribute to what is reported.
+//! Input: the planned [`Weather`] and the reported values. Output: the quantities that differ from the plan. A simulator may store written
+//! values, return them on reading, and draw something else; only its report at the aircraft states the drawn weather. X-Plane 12 reports
+//! these quantities; no tolerance is zero, because haze, gusts and a cloud's edge contribute to the report.
 //!
-//! If a quantity that was measured to follow what is written differs, the attempt fails; any other marks the scenario, because it may mean
-//! something else than its name says.
+//! If a quantity that was measured to follow the written value differs, the attempt fails; any other marks the scenario, because it may
+//! mean something else than its name says.
 
 mod reported;
 
@@ -15,7 +15,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::conditions::Weather;
-use crate::numbers::limits::{self, Check, Limits};
+use crate::numbers::limits::{self, Check, Limits, check_fields};
 
 pub use reported::{Range, ReportedWeather};
 
@@ -26,9 +26,8 @@ const WIND_RATIO: f64 = 0.25;
 /// ... and at least this much. A lighter wind has no direction worth comparing.
 const MIN_WIND_MPS: f64 = 2.5;
 const WIND_FROM_DEG: f64 = 20.0;
-const RAIN_RATIO: f64 = 0.15;
-/// A cloud's edge.
-const COVER_RATIO: f64 = 0.15;
+/// Tolerance of rain and of cover, which changes at a cloud's edge.
+const RATIO_TOLERANCE: f64 = 0.15;
 
 /// A quantity that a simulator reports at the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -47,7 +46,7 @@ pub enum EffectiveQuantity {
 }
 
 impl EffectiveQuantity {
-    /// All of them.
+    /// All quantities.
     pub const ALL: [Self; 5] = [
         Self::Visibility,
         Self::WindSpeed,
@@ -66,8 +65,7 @@ impl EffectiveQuantity {
                 let around = off.rem_euclid(360.0);
                 around.min(360.0 - around) <= WIND_FROM_DEG
             }
-            Self::Rain => off <= RAIN_RATIO,
-            Self::CloudCover => off <= COVER_RATIO,
+            Self::Rain | Self::CloudCover => off <= RATIO_TOLERANCE,
         }
     }
 
@@ -111,7 +109,7 @@ impl fmt::Display for EffectiveQuantity {
 /// The weather that a simulator reported at the aircraft, and the quantities that are not as planned.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct EffectiveWeather {
-    /// Meteorological visibility, metres; null if it was not reported, as with all of these.
+    /// Meteorological visibility, metres; null if it was not reported, as everywhere here.
     pub visibility_m: Option<f64>,
     /// Wind speed, metres per second. Null where its unit is unknown.
     pub wind_speed_mps: Option<f64>,
@@ -153,41 +151,34 @@ impl fmt::Display for WeatherDifference {
 
 impl EffectiveWeather {
     /// The quantities that are worth comparing under a planned weather, with their planned and reported values: cloud cover layer by layer.
-    fn compared(
-        &self,
-        planned: &Weather,
-    ) -> impl Iterator<Item = (EffectiveQuantity, f64, Option<f64>)> {
+    fn compared(&self, planned: &Weather) -> Vec<(EffectiveQuantity, f64, Option<f64>)> {
         use EffectiveQuantity as Quantity;
-        let cover = |layer: usize| {
-            planned
-                .clouds
-                .get(layer)
-                .map_or(0.0, |cloud| cloud.cover_ratio)
-        };
-        let covers = (self.cloud_cover_ratios.into_iter().enumerate())
-            .map(|(layer, found)| (Quantity::CloudCover, cover(layer), found))
-            .collect::<Vec<_>>();
-        [
-            Some((
-                Quantity::Visibility,
-                planned.visibility_m,
-                self.visibility_m,
-            )),
-            Some((
-                Quantity::WindSpeed,
-                planned.wind_speed_mps,
-                self.wind_speed_mps,
-            )),
-            has_direction(planned).then_some((
+        let mut compared = Vec::new();
+        let mut compare = |quantity, planned, found| compared.push((quantity, planned, found));
+        compare(
+            Quantity::Visibility,
+            planned.visibility_m,
+            self.visibility_m,
+        );
+        compare(
+            Quantity::WindSpeed,
+            planned.wind_speed_mps,
+            self.wind_speed_mps,
+        );
+        if has_direction(planned) {
+            compare(
                 Quantity::WindDirection,
                 planned.wind_from_true_deg,
                 self.wind_from_true_deg,
-            )),
-            Some((Quantity::Rain, planned.rain_ratio, self.rain_ratio)),
-        ]
-        .into_iter()
-        .flatten()
-        .chain(covers)
+            );
+        }
+        compare(Quantity::Rain, planned.rain_ratio, self.rain_ratio);
+        for (layer, found) in self.cloud_cover_ratios.into_iter().enumerate() {
+            let cloud = planned.clouds.get(layer);
+            let cover = cloud.map_or(0.0, |cloud| cloud.cover_ratio);
+            compare(Quantity::CloudCover, cover, found);
+        }
+        compared
     }
 
     /// The quantities whose reported values differ from the planned weather, each once, by its first value that does.
@@ -197,7 +188,7 @@ impl EffectiveWeather {
         })
     }
 
-    /// The quantities that mark the scenario, with what was reported instead.
+    /// The quantities that mark the scenario, with their reported values.
     pub fn marks(&self, planned: &Weather) -> Vec<WeatherDifference> {
         self.those(planned, |quantity, planned, found| {
             self.differing.contains(&quantity)
@@ -229,7 +220,7 @@ impl EffectiveWeather {
         found_ones
     }
 
-    /// With the quantities that differ only in a later reading, as read then.
+    /// Adds the quantities that differ only in a later reading, as read then.
     #[must_use]
     pub fn with_new_differences(mut self, later: &Self) -> Self {
         for quantity in later.differing.iter().copied() {
@@ -254,7 +245,7 @@ impl EffectiveWeather {
         !self.differing.is_empty()
     }
 
-    /// The reported value of a quantity; of the clouds, the largest cover.
+    /// A quantity's reported value; for clouds, the largest cover.
     pub fn value(&self, quantity: EffectiveQuantity) -> Option<f64> {
         match quantity {
             EffectiveQuantity::Visibility => self.visibility_m,
@@ -271,26 +262,20 @@ impl EffectiveWeather {
 
     /// Checks for numbers outside their limits.
     pub(crate) fn check(&self, check: &mut Check) {
-        use EffectiveQuantity as Quantity;
-        let numbers = [
-            ("visibility_m", Quantity::Visibility, self.visibility_m),
-            ("wind_speed_mps", Quantity::WindSpeed, self.wind_speed_mps),
-            (
-                "wind_from_true_deg",
-                Quantity::WindDirection,
-                self.wind_from_true_deg,
-            ),
-            ("rain_ratio", Quantity::Rain, self.rain_ratio),
-        ];
-        for (field, quantity, value) in numbers {
-            if let Some(value) = value {
-                check.number(field, value, quantity.limits());
+        check_fields!(
+            check,
+            self,
+            optional {
+                visibility_m: limits::REPORTED_VISIBILITY_M,
+                wind_speed_mps: limits::REPORTED_WIND_SPEED_MPS,
+                wind_from_true_deg: limits::REPORTED_WIND_FROM_DEG,
+                rain_ratio: limits::REPORTED_RATIO,
             }
-        }
+        );
         for (layer, cover) in self.cloud_cover_ratios.into_iter().enumerate() {
             if let Some(cover) = cover {
                 let field = format!("cloud_cover_ratios[{layer}]");
-                check.number(&field, cover, Quantity::CloudCover.limits());
+                check.number(&field, cover, limits::REPORTED_RATIO);
             }
         }
     }

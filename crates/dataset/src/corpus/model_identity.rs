@@ -8,7 +8,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Digits of an identity's hash that name its detections.
+/// Digits of the identity's hash that name the detections.
 const NAME_DIGITS: usize = 16;
 
 /// A model and the settings beside it.
@@ -36,7 +36,7 @@ impl ModelIdentity {
         }
     }
 
-    /// Name of its detections: the first 16 digits of [`ModelIdentity::blake3`].
+    /// Name of the detections: the first 16 digits of [`ModelIdentity::blake3`].
     pub fn name(&self) -> String {
         self.blake3().chars().take(NAME_DIGITS).collect()
     }
@@ -59,7 +59,7 @@ impl ModelIdentity {
 pub struct NamedDetections {
     /// File name of the model.
     pub model: Option<String>,
-    /// Name of the detections, the start of a hash.
+    /// Name of the detections, the start of the hash.
     pub hash: String,
 }
 

@@ -1,8 +1,8 @@
-//! The only place that opens the files of a sealed scenario.
+//! The only place that opens a sealed scenario's files.
 //!
-//! Records and tables are read completely, checked against the sealed hash, and decoded from those very bytes, all in one state of
-//! the folder: a concurrent change is seen completely or not at all. A video is hashed before it is opened for decoding. Only
-//! `dtd verify`, which must name every fault, reads files unchecked.
+//! Records and tables are read completely, checked against the sealed hash, and decoded from those very bytes, all in one state of the
+//! folder: a concurrent change is seen completely or not at all. A video is hashed before it is opened for decoding. Only `dtd verify`,
+//! which must name every fault, reads files unchecked.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,12 +11,13 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::corpus::calibration::Calibration;
-use crate::corpus::detections::{self, Detections, FoundTable, Provenance, Row, parse_rows};
+use crate::corpus::detections::{self, Detections, FoundTable, Provenance, parse_rows};
 use crate::corpus::scenario::ScenarioRecord;
 use crate::corpus::seal::sealed::{ATTEMPTS, Sealed};
 use crate::corpus::seal::{DONE, Seal, hash_file, view_of};
 use crate::corpus::{PARTIAL_SUFFIX, ScenarioFolder};
 use crate::error::{Error, Result};
+use crate::files::corpus_names::{CALIBRATION, FILES, RECORD};
 use crate::files::json_file::parse_json;
 use crate::files::outside_file::FileKind;
 use crate::tables::frames::Frames;
@@ -25,9 +26,6 @@ use crate::tables::pixel_box::{TruthBox, parse_truth_boxes};
 use crate::tables::registrations::{Registration, parse_registrations};
 use crate::video::{PacketReader, RgbPicture, VideoReader};
 
-const RECORD: &str = "scenario.json";
-const CALIBRATION: &str = "calibration.json";
-
 /// The identity in a scenario's record.
 #[derive(Deserialize)]
 struct Identity {
@@ -35,7 +33,7 @@ struct Identity {
     config_hash: String,
 }
 
-/// Rejects another scenario's files, or a copy under another name: `content` is the sealed `scenario.json`.
+/// Rejects a different scenario's files, or a renamed copy: `content` is the sealed `scenario.json`.
 ///
 /// # Errors
 /// Its identifier or parameters differ from the seal's, or it is not a record.
@@ -60,7 +58,7 @@ pub fn check_identity(id: &str, seal: &Seal, content: &[u8], path: &Path) -> Res
     ))
 }
 
-/// A scenario in one state of its folder.
+/// A consistent state of a scenario's folder.
 #[derive(Debug)]
 pub struct OpenScenario {
     folder: ScenarioFolder,
@@ -70,7 +68,7 @@ pub struct OpenScenario {
 }
 
 impl ScenarioFolder {
-    /// Rejects a sealed folder with another scenario's files, or a copy under another name.
+    /// Rejects a sealed folder with a different scenario's files, or a renamed copy.
     ///
     /// # Errors
     /// See [`check_identity`]; also fails if the record does not match the seal.
@@ -91,7 +89,7 @@ impl ScenarioFolder {
     /// Opens the scenario as it was sealed.
     ///
     /// # Errors
-    /// It has no seal, a record or table does not match the seal, or a part of it is a symbolic link.
+    /// It has no seal, a record or table does not match the seal, or some part is a symbolic link.
     pub fn open(&self) -> Result<OpenScenario> {
         for _ in 0..ATTEMPTS {
             match self.open_at_once() {
@@ -113,7 +111,7 @@ impl ScenarioFolder {
             )
         })?;
         let mut contents = BTreeMap::new();
-        for name in [RECORD, CALIBRATION, Self::FRAMES, Self::TRUTH_BOXES] {
+        for name in FILES {
             if let Some(content) = sealed.content(name, kind_of(name))? {
                 contents.insert(name, content);
             }
@@ -130,7 +128,7 @@ impl ScenarioFolder {
 }
 
 impl OpenScenario {
-    /// Its folder.
+    /// Folder of the scenario.
     pub fn folder(&self) -> &ScenarioFolder {
         &self.folder
     }
@@ -181,47 +179,37 @@ impl OpenScenario {
         })
     }
 
-    /// The detections of one model, made from the videos that this scenario has.
+    /// A model's detections, made from the videos that this scenario has.
     ///
     /// # Errors
     /// There are none, they were made from other videos or do not record which, or the table is not the one that was written.
     pub fn detections(&self, model: &str) -> Result<Detections> {
         let (path, content) = self.detections_table(model)?;
         let record = self.record()?;
-        let found = parse_rows(content, &path, record.pictures())?;
-        let mut rows = found.iter().enumerate();
-        match rows.find_map(|(number, row)| Some((number, fault_of(row, &record)?))) {
-            None => Ok(found.into()),
-            Some((row, (column, fault))) => Err(Error::corpus(
-                &path,
-                format!(
-                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
-                ),
-            )),
-        }
+        let rows = parse_rows(content, &path, record.pictures())?;
+        let faults = rows
+            .iter()
+            .map(|row| fault_of(row.tick(), row.view(), &record));
+        refuse_faults(&path, faults)?;
+        Ok(rows.into())
     }
 
-    /// Shifts of the aircraft between each view and the reference view, tick by tick, for the detections of one model; `None` if these have
-    /// no registrations: the scenario has one view, or `dtd detect` was run before it registered.
+    /// Shifts of the aircraft between each view and the reference view, tick by tick, for a model's detections; `None` if these have no
+    /// registrations: the scenario has one view, or `dtd detect` was run before it registered.
     ///
     /// # Errors
     /// They were made from other videos, or the table is not the one that was written.
     pub fn registrations(&self, model: &str) -> Result<Option<Vec<Registration>>> {
-        let Some((path, content)) = self.registrations_table(model)? else {
+        let Some((path, content)) = self.table(detections::REGISTRATIONS, model)? else {
             return Ok(None);
         };
         let record = self.record()?;
-        let registrations = parse_registrations(content, &path, record.pictures())?;
-        let mut rows = registrations.iter().enumerate();
-        match rows.find_map(|(row, found)| Some((row, fault_of_registration(found, &record)?))) {
-            None => Ok(Some(registrations)),
-            Some((row, (column, fault))) => Err(Error::corpus(
-                &path,
-                format!(
-                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
-                ),
-            )),
-        }
+        let rows = parse_registrations(content, &path, record.pictures())?;
+        refuse_faults(
+            &path,
+            rows.iter().map(|row| fault_of_registration(row, &record)),
+        )?;
+        Ok(Some(rows))
     }
 
     /// The condition of the cameras, tick by tick, from the images that a model's detections were made from; `None` if `dtd detect` was run
@@ -230,40 +218,37 @@ impl OpenScenario {
     /// # Errors
     /// It was measured in other videos, or the table is not the one that was written.
     pub fn health(&self, model: &str) -> Result<Option<Vec<ViewHealth>>> {
-        let Some((path, content)) = self.health_table(model)? else {
+        let Some((path, content)) = self.table(detections::HEALTH, model)? else {
             return Ok(None);
         };
         let record = self.record()?;
-        let health = parse_health(content, &path, record.pictures())?;
-        let mut rows = health.iter().enumerate();
-        match rows.find_map(|(row, found)| Some((row, fault_of_health(found, &record)?))) {
-            None => Ok(Some(health)),
-            Some((row, (column, fault))) => Err(Error::corpus(
-                &path,
-                format!(
-                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
-                ),
-            )),
-        }
+        let rows = parse_health(content, &path, record.pictures())?;
+        let faults = rows
+            .iter()
+            .map(|row| fault_of(row.tick, &row.view, &record));
+        refuse_faults(&path, faults)?;
+        Ok(Some(rows))
     }
 
-    /// The current path of the table of health that belongs to a model's detections, and its content.
-    pub fn health_table(&self, model: &str) -> Result<Option<FoundTable>> {
-        detections::health_table(&self.folder, model, |provenance| {
-            self.is_source_of(provenance)
-        })
-    }
-
-    /// The current path of the table of a model's registrations, and its content.
-    pub fn registrations_table(&self, model: &str) -> Result<Option<FoundTable>> {
-        detections::registrations_table(&self.folder, model, |provenance| {
-            self.is_source_of(provenance)
-        })
-    }
-
-    /// The current path of the table of a model's detections, and its content.
+    /// Current path and content of the table of the model's detections.
+    ///
+    /// # Errors
+    /// There is none, or see [`Self::table`].
     pub fn detections_table(&self, model: &str) -> Result<FoundTable> {
-        detections::table(&self.folder, model, |provenance| {
+        self.table(detections::FOLDER, model)?.ok_or_else(|| {
+            Error::corpus(
+                &detections::record_path(&self.folder, model),
+                "is missing: run `dtd detect` on the corpus with that model first",
+            )
+        })
+    }
+
+    /// Current path and content of the model's table in one of [`detections::FOLDERS`]; `None` if the model's record names none.
+    ///
+    /// # Errors
+    /// It was made from other videos, or is not the table that was written.
+    pub fn table(&self, parent: &str, model: &str) -> Result<Option<FoundTable>> {
+        detections::table(&self.folder, model, parent, |provenance| {
             self.is_source_of(provenance)
         })
     }
@@ -282,10 +267,10 @@ impl OpenScenario {
             .collect()
     }
 
-    /// Opens a view's video after reading all of it and checking it against the seal. Timestamps are in the unit of the tables' `pts`.
+    /// Reads the whole video of the view, checks it against the seal, and opens it. Timestamps are in the unit of the tables' `pts`.
     ///
     /// # Errors
-    /// There is none, it does not match the seal, it cannot be decoded, or its images have another size than the calibrated camera's.
+    /// There is none, it does not match the seal, it cannot be decoded, or its images differ in size from the calibrated camera's.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
         let path = self.video_path(view)?;
         let reader = VideoReader::open_ticks(&path, self.record()?.frame_rate)?;
@@ -312,7 +297,7 @@ impl OpenScenario {
         ))
     }
 
-    /// The image of a view at a tick, from its sealed video.
+    /// A view's image at a tick, from its sealed video.
     ///
     /// # Errors
     /// The video cannot be opened or decoded, or has no such image.
@@ -326,7 +311,7 @@ impl OpenScenario {
         })
     }
 
-    /// The file of a view's video, after reading all of it and checking it against the seal.
+    /// The file of the view's video, after reading and checking it against the seal.
     ///
     /// # Errors
     /// There is none, or it does not match the seal.
@@ -334,7 +319,7 @@ impl OpenScenario {
         self.sealed.check(self.video_name(view)?)
     }
 
-    /// Rejects a scenario in which the video of a view is missing or has another size than the sealed one, without reading it.
+    /// Rejects a scenario whose video of the view is missing or differs in size from the sealed one, without reading it.
     ///
     /// # Errors
     /// There is none, or it differs.
@@ -364,7 +349,7 @@ impl OpenScenario {
         Err(Error::corpus(&from, "changed while it was copied"))
     }
 
-    /// The name of a view's video within the scenario.
+    /// Name of the view's video within the scenario.
     ///
     /// # Errors
     /// There is none.
@@ -396,16 +381,32 @@ fn kind_of(name: &'static str) -> FileKind {
     kind.unlinked()
 }
 
-/// The column that shows that a row of detections belongs to no image of the scenario, and why.
-pub fn fault_of(row: &Row, record: &ScenarioRecord) -> Option<(&'static str, String)> {
-    fault_of_picture(row.tick(), "view", row.view(), record)
+/// Column and text of a row fault.
+pub type RowFault = (&'static str, String);
+
+fn refuse_faults(path: &Path, faults: impl Iterator<Item = Option<RowFault>>) -> Result<()> {
+    let mut rows = faults.enumerate();
+    match rows.find_map(|(row, fault)| Some((row, fault?))) {
+        None => Ok(()),
+        Some((row, (column, fault))) => Err(Error::corpus(
+            path,
+            format!(
+                "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
+            ),
+        )),
+    }
 }
 
-/// The same for a registration: also if it compares a view with itself.
+/// Fault of rows outside the scenario's images.
+pub fn fault_of(tick: u32, view: &String, record: &ScenarioRecord) -> Option<RowFault> {
+    fault_of_picture(tick, "view", view, record)
+}
+
+/// Fault of registrations outside the scenario's images, or between a view and itself.
 pub fn fault_of_registration(
     registration: &Registration,
     record: &ScenarioRecord,
-) -> Option<(&'static str, String)> {
+) -> Option<RowFault> {
     let Registration {
         tick,
         view,
@@ -420,20 +421,12 @@ pub fn fault_of_registration(
         })
 }
 
-/// The same for a row of health.
-pub fn fault_of_health(
-    row: &ViewHealth,
-    record: &ScenarioRecord,
-) -> Option<(&'static str, String)> {
-    fault_of_picture(row.tick, "view", &row.view, record)
-}
-
 fn fault_of_picture(
     tick: u32,
     column: &'static str,
     view: &String,
     record: &ScenarioRecord,
-) -> Option<(&'static str, String)> {
+) -> Option<RowFault> {
     if tick >= record.ticks {
         let message = format!("is {tick}, expected below {}", record.ticks);
         return Some(("tick", message));

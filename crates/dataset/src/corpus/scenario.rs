@@ -1,4 +1,4 @@
-//! `scenario.json`: all parameters of one scenario, and the versions that made it.
+//! `scenario.json`: all parameters of a scenario, and the versions that made it.
 
 pub mod other_flight;
 
@@ -19,14 +19,14 @@ use crate::numbers::limits::{self, Check, FieldOutOfLimits};
 /// Latest version of the file format. Readers reject a larger one.
 pub const SCHEMA_VERSION: u32 = MARKED_SCHEMA_VERSION;
 /// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
-/// [`crate::corpus::calibration::Calibration::schema_version`] returns the version of a scenario.
+/// [`crate::corpus::calibration::Calibration::schema_version`] returns a scenario's version.
 pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
 /// The version of scenarios with lens distortion or refraction, which readers of version 1 would overlook.
 pub(crate) const LENS_SCHEMA_VERSION: u32 = 2;
-/// The version of scenarios that were drawn under another weather than planned, which readers of version 2 would overlook.
+/// The version of scenarios that were drawn under a different weather than planned, which readers of version 2 would overlook.
 pub const MARKED_SCHEMA_VERSION: u32 = 3;
 
-/// Source of a flight.
+/// Flight source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "source", rename_all = "lowercase")]
 pub enum Flight {
@@ -57,7 +57,7 @@ impl Flight {
     }
 }
 
-/// The record of one scenario.
+/// A scenario's record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScenarioRecord {
     /// Version of the file format; see [`Self::required_version`].
@@ -104,17 +104,17 @@ pub struct ScenarioRecord {
     pub versions: Versions,
 }
 
-/// A recording in blocks: the camera of a view rests for a block of ticks, while the aircraft moves from drawn frame to drawn frame; then
-/// the next view shows the same ticks.
+/// A recording in blocks: a view's camera rests for a block of ticks, while the aircraft moves from drawn frame to drawn frame; then the
+/// next view shows the same ticks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Blocks {
     /// Ticks in a block; the last one may be shorter.
     pub ticks: u32,
-    /// By how many drawn frames the scene was behind the number of its frame: every value that occurred.
+    /// Lag of the scene behind its frame number, in drawn frames: every value that occurred.
     pub frames_behind: Vec<u32>,
     /// Blocks of all views.
     pub count: u32,
-    /// Blocks in which a probe measured that. In the others the aircraft could not be seen, and the last value was kept.
+    /// Blocks where a probe measured that. In the others the aircraft could not be seen, and the last value was kept.
     pub measured: u32,
     /// Ticks that were held until their image had settled, because no value was known.
     pub held_ticks: u32,
@@ -166,8 +166,7 @@ impl ScenarioRecord {
         }
     }
 
-    /// Reads `scenario.json`. A number outside its limits is an error, and so is everything that [`Self::read_with_faults`]
-    /// rejects.
+    /// Reads `scenario.json`. A number outside its limits is an error, and so is everything that [`Self::read_with_faults`] rejects.
     pub fn read(path: &Path) -> Result<Self> {
         Self::sound(read_json(path, "scenario record")?, path)
     }
@@ -232,7 +231,7 @@ impl ScenarioRecord {
         check.into_found()
     }
 
-    /// The reason why this record cannot be used, as text: its meaning is unknown, or the names of its files are invalid.
+    /// The reason why this record cannot be used, as text: its meaning is unknown, or file names are invalid.
     fn unreadable(&self) -> Option<String> {
         if self.schema_version > SCHEMA_VERSION {
             return Some(format!(

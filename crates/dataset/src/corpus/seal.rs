@@ -1,12 +1,12 @@
-//! Atomic commit of a scenario folder, and of later changes to it.
+//! Atomic commit of scenario folders, and of later changes.
 //!
-//! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of
-//! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
-//! [`replace_files`], holding the scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last.
-//! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::corpus::seal::sealed`]) see the complete old state
-//! before that moment and the complete new one after it, and never write. If a process is killed or the disk fails, the next writer
-//! completes a committed change and drops an uncommitted one. An error after the commit, e.g. of a sync, does not undo it: the files alone
-//! determine the state, and removing what the new seal names would destroy the scenario.
+//! A folder is filled under a temporary name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of `b3sum`,
+//! and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through [`replace_files`], holding the
+//! scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last. `DONE.json.new` commits the change; all
+//! that remains is renaming. Readers ([`crate::corpus::seal::sealed`]) see the complete old state before that moment and the complete new
+//! one after it, and never write. If a process is killed or the disk fails, the next writer completes a committed change and drops an
+//! uncommitted one. An error after the commit, e.g. from a sync, does not undo it: the files alone determine the state, and removing what
+//! the new seal names would destroy the scenario.
 
 pub mod sealed;
 
@@ -17,26 +17,23 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::corpus::ScenarioFolder;
 use crate::corpus::claim::Claim;
-use crate::corpus::detections;
 use crate::error::{Error, Result};
+use crate::files::corpus_names::{FILES, MODEL_FOLDERS};
 use crate::files::file_name;
 use crate::files::json_file::{read_json, write_atomically, write_json};
 use crate::files::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
 use crate::files::own_path::{own_path, refuse_link};
 use crate::video::VideoCodec;
-use sealed::{Found, Sealed};
+use sealed::{FileState, Sealed};
 
-/// Hashes of all files of a folder.
+/// Hashes of all files in the folder.
 pub const MANIFEST: &str = "MANIFEST.b3";
 /// The seal itself.
 pub const DONE: &str = "DONE.json";
 const NEW_SUFFIX: &str = ".new";
 const NEVER_FINISHED: &str = "DONE.json is missing: the folder was never finished";
-/// Written by later steps, versioned separately and not part of the seal.
-const UNSEALED_FOLDERS: [&str; 3] = detections::FOLDERS;
 /// Folder of the videos.
 const VIDEOS: &str = "views/";
 
@@ -47,8 +44,7 @@ pub struct Seal {
     pub config_hash: String,
     /// BLAKE3 hash of `MANIFEST.b3`.
     pub manifest_blake3: String,
-    /// Sizes of the videos by name, in bytes: a check that does not read them still detects a truncated one. Empty if there
-    /// are no videos.
+    /// Sizes of the videos by name, in bytes: a check that does not read them still detects a truncated one. Empty if there are no videos.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub video_bytes: BTreeMap<String, u64>,
 }
@@ -65,7 +61,7 @@ pub struct SealedFile {
 /// Reasons why a manifest cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BadManifest {
-    /// Not the one that was sealed.
+    /// Its hash differs from the seal.
     #[error("{MANIFEST} does not match the hash in {DONE}")]
     OtherHash,
     /// It becomes a path under the folder, and may come from anyone.
@@ -74,13 +70,13 @@ pub enum BadManifest {
         /// The name.
         name: String,
     },
-    /// Not in the format of `b3sum`.
+    /// A line that is not in the format of `b3sum`.
     #[error("{MANIFEST} has a line that is not `hash  name`: {line}")]
     BadLine {
         /// The line.
         line: String,
     },
-    /// One file with two hashes.
+    /// A file with two hashes.
     #[error("{MANIFEST} has two lines for {name}, expected one")]
     TwoLines {
         /// The file.
@@ -92,14 +88,14 @@ pub enum BadManifest {
         /// The file.
         name: String,
     },
-    /// Two videos of one view.
+    /// A view with two videos.
     #[error("{MANIFEST} names two videos of view {view}, {one} and {other}; expected one")]
     TwoVideos {
         /// The view.
         view: String,
         /// A video.
         one: String,
-        /// Another one.
+        /// The second one.
         other: String,
     },
 }
@@ -152,7 +148,7 @@ fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest>
     Ok(files)
 }
 
-/// The view of a video, by its name within the folder.
+/// A video's view, by its name within the folder.
 pub(crate) fn view_of(name: &str) -> Option<&str> {
     let (view, ending) = name.strip_prefix(VIDEOS)?.rsplit_once('.')?;
     let is_video = VideoCodec::ALL
@@ -161,9 +157,9 @@ pub(crate) fn view_of(name: &str) -> Option<&str> {
     (is_video && file_name::check(view).is_ok()).then_some(view)
 }
 
-/// True if a name within the folder has the form of a scenario's file.
+/// True if a name within the folder is a scenario file's.
 pub fn is_scenario_file(name: &str) -> bool {
-    ScenarioFolder::FILES.contains(&name) || view_of(name).is_some()
+    FILES.contains(&name) || view_of(name).is_some()
 }
 
 /// True if a relative name stays within its folder.
@@ -172,17 +168,17 @@ pub fn is_within(name: &Path) -> bool {
     parts.peek().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// BLAKE3 hash of the content of a file, in hexadecimal.
+/// BLAKE3 hash of this content, in hexadecimal.
 pub fn hash_bytes(content: &[u8]) -> String {
     blake3::hash(content).to_string()
 }
 
-/// BLAKE3 hash of a file, in hexadecimal digits.
+/// BLAKE3 hash of the file, in hexadecimal digits.
 pub fn hash_file(path: &Path) -> Result<String> {
     hash_opened(outside_file::open(path, FileKind::VIDEO)?, path)
 }
 
-/// The same for the current content of a sealed file: a file that is far too large is rejected unread.
+/// Like [`hash_file`] for a sealed file's current content: a file that is far too large is rejected unread.
 pub(crate) fn hash_sealed(name: &str, path: &Path) -> Result<String> {
     let kind = if name.starts_with(VIDEOS) {
         FileKind::VIDEO
@@ -227,7 +223,7 @@ pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
     Ok(seal)
 }
 
-/// Sizes of the videos of a folder, by name.
+/// Video sizes in the folder, by name.
 fn video_bytes(folder: &Path) -> Result<BTreeMap<String, u64>> {
     let videos = files_of(folder)?
         .into_iter()
@@ -247,7 +243,7 @@ pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
     sync(committed.parent().unwrap_or(committed))
 }
 
-/// The seal of a folder, if it has one: the seal of a committed change takes precedence.
+/// A folder's seal, if it has one: a committed change's seal takes precedence.
 pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     // In this order: the first is renamed to the second.
     for path in [decision(folder), folder.join(DONE)] {
@@ -289,7 +285,7 @@ pub fn faults(folder: &Path) -> Result<Vec<String>> {
     })
 }
 
-/// Missing or changed files, without reading the videos, of which only the sizes are compared: fast enough to run before every run.
+/// Missing or changed files, without reading the videos: only their sizes are compared: fast enough to run before every run.
 pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
     while_it_stays(folder, || {
         let Some(sealed) = Sealed::read(folder)? else {
@@ -299,7 +295,7 @@ pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
     })
 }
 
-/// Missing files and videos of another size: what shows without reading any file but the seal.
+/// Missing files and videos of a wrong size: found by reading the seal alone.
 pub fn faults_at_a_glance(folder: &Path) -> Result<Vec<String>> {
     while_it_stays(folder, || {
         let Some(sealed) = Sealed::read(folder)? else {
@@ -343,9 +339,9 @@ fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<St
             sealed.find_unread(name)
         };
         match found {
-            Ok(Found::Whole(_)) => None,
-            Ok(Found::Missing) => Some(format!("{name} is missing")),
-            Ok(Found::Other) => Some(format!(
+            Ok(FileState::Whole(_)) => None,
+            Ok(FileState::Missing) => Some(format!("{name} is missing")),
+            Ok(FileState::Other) => Some(format!(
                 "{name} does not match its seal: its hash differs from {MANIFEST}"
             )),
             Err(error) => Some(error.to_string()),
@@ -354,7 +350,7 @@ fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<St
     sealed.files().iter().filter_map(fault).collect()
 }
 
-/// Replaces or adds files of a sealed folder as one change: `write` receives the path for each file.
+/// Replaces or adds sealed files as one change: `write` receives the path for each file.
 pub fn replace_files(
     claim: &Claim,
     folder: &Path,
@@ -396,7 +392,7 @@ pub fn replace_files(
     complete(folder)
 }
 
-/// Completes a committed change, drops the remains of an uncommitted one.
+/// Completes a committed change, drops an uncommitted one.
 pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
     clear_leftovers(folder);
     if decision(folder)
@@ -409,7 +405,7 @@ pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
     complete(folder)
 }
 
-/// Renames the files of a committed change, drops the remains of an uncommitted one.
+/// Renames a committed change's files, drops an uncommitted one.
 fn complete(folder: &Path) -> Result<()> {
     let Some(sealed) = Sealed::read(folder)? else {
         return Ok(());
@@ -444,7 +440,7 @@ fn drop_undecided<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) {
     }
 }
 
-/// The current path of a file of the folder: `<name>.new` if a change is committed but not renamed yet.
+/// Current path of a file in the folder: `<name>.new` if a change is committed but not renamed yet.
 ///
 /// # Errors
 /// It is a symbolic link.
@@ -465,14 +461,14 @@ fn decision(folder: &Path) -> PathBuf {
     with_new_suffix(&folder.join(DONE))
 }
 
-/// The temporary name of a file that will replace another.
+/// Temporary name of the replacement for this file.
 pub(crate) fn with_new_suffix(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(NEW_SUFFIX);
     name.into()
 }
 
-/// Manifest of all files of a folder.
+/// Manifest of all files in the folder.
 fn manifest_of(folder: &Path) -> Result<String> {
     let mut manifest = String::new();
     for name in files_of(folder)? {
@@ -482,8 +478,8 @@ fn manifest_of(folder: &Path) -> Result<String> {
     Ok(manifest)
 }
 
-/// The sealed manifest with the `.new` form of `replaced` files instead of the old. All other lines stay as sealed: hashing those
-/// files again would accept any damage since.
+/// The sealed manifest with the `.new` form of `replaced` files instead of the old. All other lines stay as sealed: hashing those files
+/// again would accept any damage since.
 fn manifest_with(sealed: &Sealed, replaced: &[&str]) -> Result<String> {
     let mut lines: Vec<(String, String)> = sealed
         .files()
@@ -509,7 +505,8 @@ fn files_of(folder: &Path) -> Result<Vec<String>> {
             let entry = entry.map_err(Error::io("list", folder))?;
             let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
             if entry.path().is_dir() {
-                if !UNSEALED_FOLDERS.contains(&name.as_str()) {
+                // Tables of models are written by later steps and versioned separately.
+                if !MODEL_FOLDERS.contains(&name.as_str()) {
                     walk(&entry.path(), &format!("{name}/"), names)?;
                 }
             } else if ![MANIFEST, DONE].contains(&name.as_str())

@@ -19,19 +19,19 @@ pub const FOLDER: &str = "failed";
 /// Attempts to write the record while other processes remove the folder.
 const ATTEMPTS: u32 = 100;
 
-/// The record of a scenario that was set aside.
+/// Record of the scenario that was set aside.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SetAside {
     /// Identifier of the scenario.
     pub id: String,
-    /// Hash of its parameters.
+    /// Hash of the scenario's parameters.
     pub config_hash: String,
     /// Reasons why each attempt failed, in order.
     pub reasons: Vec<String>,
 }
 
 impl SetAside {
-    /// The record of a scenario, if there is a readable one: it is informational, and no result depends on it.
+    /// A scenario's record, if there is a readable one: it is informational, and no result depends on it.
     pub fn read(corpus: &Corpus, id: &str) -> Option<Self> {
         let path = own_path(corpus.root(), Self::name(id)).ok()?;
         if !path.exists() {
@@ -42,7 +42,7 @@ impl SetAside {
             .ok()
     }
 
-    /// All readable records of a corpus, by identifier.
+    /// All readable records, by identifier.
     ///
     /// # Errors
     /// The folder cannot be listed.
@@ -81,8 +81,8 @@ impl SetAside {
         outside_file::read(&path, FileKind::json("record of a failed scenario"))
     }
 
-    /// Adopts a record that was written elsewhere, unless the local one has more reasons: another machine may have continued, or not have
-    /// this record.
+    /// Adopts a record that was written elsewhere, unless the local one has more reasons: a different machine may have continued, or not
+    /// have this record.
     pub fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> Result<()> {
         let count = |record: Option<Self>| record.map_or(0, |record| record.reasons.len());
         let there: Option<Self> = serde_json::from_slice(text).ok();
@@ -107,7 +107,7 @@ impl SetAside {
     }
 }
 
-/// Writes into the folder of the records, which is removed with the last record: another process may do that at any moment.
+/// Writes into the folder of the records, which is removed with the last record: other processes may do that at any moment.
 fn in_folder(corpus: &Corpus, write: impl Fn() -> Result<()>) -> Result<()> {
     let folder = own_path(corpus.root(), FOLDER)?;
     let mut written = Ok(());

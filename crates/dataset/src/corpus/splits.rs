@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::files::json_file::{parse_json, read_json, write_json};
 
-/// The side of a split.
+/// Sides of the split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
@@ -45,7 +45,7 @@ pub struct Assignment {
     pub side: Side,
 }
 
-/// A trajectory on two sides: what is learned from it would be tested on it.
+/// A trajectory on two sides: training on it would leak into the test.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("trajectory {trajectory} is on two sides: {} is on the {} side, {} on the {} side", one.0, one.1, other.0, other.1)]
 pub struct Leak {
@@ -53,11 +53,11 @@ pub struct Leak {
     pub trajectory: String,
     /// A scenario that flies it, and its side.
     pub one: (String, Side),
-    /// Another one, on another side.
+    /// The second one, on a different side.
     pub other: (String, Side),
 }
 
-/// The split of a corpus.
+/// A corpus's split.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Splits {
     /// The unit that is kept together: always `trajectory`.
@@ -79,7 +79,7 @@ impl Splits {
         }
     }
 
-    /// Scenarios of one side, sorted.
+    /// The side's scenarios, sorted.
     pub fn side(&self, side: Side) -> impl Iterator<Item = &str> {
         self.scenarios
             .iter()

@@ -4,12 +4,12 @@
 //! NAME             the finished folder
 //! NAME.partial/    its workshop, on the same file system
 //!   claim          locked by the process that works on NAME
-//!   new/           the folder in the making, renamed to NAME when all of it is on disk
+//!   new/           the folder in the making, renamed to NAME when complete on disk
 //!   ..             further files of the maker, e.g. a checkpoint
 //! ```
 //!
-//! A killed process leaves its workshop to the next one, which resumes or drops what it finds there. A workshop with foreign
-//! entries is rejected, and left as it is; what lies in `new/` is the maker's.
+//! A killed process leaves its workshop to the next one, which resumes or drops the work found there. A workshop with foreign entries is
+//! rejected, and left as it is; what lies in `new/` is the maker's.
 
 pub mod new_folder;
 
@@ -30,7 +30,7 @@ use crate::files::own_path::resolved;
 pub const CLAIM: &str = "claim";
 /// Name of the folder in the making.
 pub const NEW: &str = "new";
-/// Errors of a rename to a place in which something has appeared.
+/// Errors of renaming to a place where something has appeared.
 const TAKEN: [ErrorKind; 3] = [
     ErrorKind::DirectoryNotEmpty,
     ErrorKind::AlreadyExists,
@@ -39,7 +39,7 @@ const TAKEN: [ErrorKind; 3] = [
 /// Maximum number of foreign files that an error names.
 const MAX_NAMED: usize = 20;
 
-/// The workshop of a place, locked until this is dropped, and then removed if it is empty.
+/// A place's workshop, locked until this is dropped, and then removed if it is empty.
 #[derive(Debug)]
 pub struct Workshop {
     place: PathBuf,
@@ -48,18 +48,18 @@ pub struct Workshop {
 }
 
 impl Workshop {
-    /// Path of the workshop of a place.
+    /// Path of the place's workshop.
     pub fn beside(place: &Path) -> PathBuf {
         let mut name = place.file_name().unwrap_or_default().to_owned();
         name.push(PARTIAL_SUFFIX);
         place.with_file_name(name)
     }
 
-    /// Locks the workshop of a [`resolve`]d place; waits up to `patience` for another process. Missing folders are created. `own` names the
-    /// maker's entries besides [`NEW`].
+    /// Locks the workshop of the [`resolve`]d place; waits up to `patience` for other processes. Missing folders are created. `own` names
+    /// the maker's entries besides [`NEW`].
     ///
     /// # Errors
-    /// Another process works there ([`Error::Held`]), the place is a mount point, or its workshop cannot be made or has foreign entries.
+    /// A different process works there ([`Error::Held`]), the place is a mount point, or the workshop has foreign entries.
     pub fn enter(place: &Path, own: &[&str], patience: Duration) -> Result<Self> {
         refuse_mount_point(place)?;
         let folder = Self::beside(place);
@@ -81,7 +81,7 @@ impl Workshop {
         &self.place
     }
 
-    /// Path of an entry of the workshop.
+    /// Path of the workshop's entry.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
@@ -139,11 +139,11 @@ pub fn rename(from: &Path, to: &Path) -> Result<()> {
     sync(parent_of(to))
 }
 
-/// Locks a folder for work on `place`; waits up to `patience` for another process. The folder is created, and removed
-/// with the lock if it is empty.
+/// Locks a folder for work on `place`; waits up to `patience` for other processes. The folder is created, and removed with the lock if it
+/// is empty.
 ///
 /// # Errors
-/// Another process has the lock ([`Error::Held`]), or the folder cannot be made.
+/// A different process has the lock ([`Error::Held`]), or the folder cannot be made.
 pub fn lock(folder: &Path, place: &Path, patience: Duration) -> Result<Claim> {
     match Claim::wait_in(folder, CLAIM, place, patience) {
         Err(error) if error.is_of_disk() => Err(error),
@@ -152,10 +152,10 @@ pub fn lock(folder: &Path, place: &Path, patience: Duration) -> Result<Claim> {
     }
 }
 
-/// The absolute path of a folder to be made, with links resolved: a link to a folder is as good as the folder.
+/// Absolute path for a folder to be made, with links resolved: a link to a folder is as good as the folder.
 ///
 /// # Errors
-/// Something else than a folder is there, it has no name, or it is reserved for files of a corpus.
+/// Something else than a folder is there, it has no name, or it is reserved for corpus files.
 pub fn resolve(path: &Path) -> Result<PathBuf> {
     // A slash at the end would follow a link, and put the workshop into the folder.
     let path: PathBuf = path.components().collect();
@@ -214,7 +214,7 @@ pub fn refuse_strangers(
     refuse_named(folder, what, strangers)
 }
 
-/// The same for foreign entries that the maker has found itself.
+/// Rejects foreign entries that the maker has found itself.
 pub(crate) fn refuse_named(
     folder: &Path,
     what: &'static str,
@@ -234,7 +234,7 @@ pub(crate) fn refuse_named(
     ))
 }
 
-/// Temporary files of a killed process are no foreign entries.
+/// Temporary files that a killed process left are no foreign entries.
 fn refuse_foreign(folder: &Path, own: &[&str]) -> Result<()> {
     let what = "is where a folder is made, but";
     refuse_strangers(folder, what, |name| {

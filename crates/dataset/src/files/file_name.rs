@@ -2,10 +2,10 @@
 //!
 //! Portable POSIX file names, slightly restricted, because a corpus is copied to other systems and into object stores.
 
-/// Longest name. Scenario names contain several of them, and file systems allow 255 bytes.
+/// Longest name. Scenario names contain several names, and file systems allow 255 bytes.
 pub(crate) const MAX_NAME_BYTES: usize = 64;
 
-/// Longest identifier of a scenario, which contains several names; suffixes such as `.partial` are added to it.
+/// Longest scenario identifier, which contains several names; suffixes such as `.partial` are added to it.
 pub(crate) const MAX_ID_BYTES: usize = 200;
 
 /// Names that Windows reserves for devices, whatever their extension.
@@ -24,7 +24,7 @@ pub fn check(name: &str) -> Result<(), BadFileName> {
     check_up_to(MAX_NAME_BYTES, name)
 }
 
-/// Rejects strings that cannot be the identifier of a scenario.
+/// Rejects strings that cannot be a scenario's identifier.
 pub fn check_id(id: &str) -> Result<(), BadFileName> {
     check_up_to(MAX_ID_BYTES, id)
 }
@@ -42,7 +42,7 @@ fn check_up_to(most_bytes: usize, name: &str) -> Result<(), BadFileName> {
     } else {
         return Ok(());
     };
-    // A message must not contain a name of a megabyte.
+    // A message must not contain a megabyte-long name.
     let name = name.chars().take(most_bytes + 8).collect();
     Err(BadFileName { name, expected })
 }

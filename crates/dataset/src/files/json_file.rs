@@ -16,7 +16,7 @@ pub fn read_json<T: DeserializeOwned>(path: &Path, what: &'static str) -> Result
     parse_json(&text, path, what)
 }
 
-/// Reads the content of a JSON file; messages name it as `path` and its content as `what`.
+/// Reads JSON content; messages name it as `path` and its content as `what`.
 pub fn parse_json<T: DeserializeOwned>(text: &[u8], path: &Path, what: &'static str) -> Result<T> {
     if text.iter().all(u8::is_ascii_whitespace) {
         return Err(Error::corpus(path, format!("is empty, expected a {what}")));

@@ -1,8 +1,8 @@
 //! Files that appear atomically, whatever exists at their path.
 //!
-//! A file is written next to its destination under an unpredictable name, and only if that name is free; so no planted link
-//! redirects the content, and two processes that write the same file never interfere. Renaming it into place replaces a link, never
-//! the link's target. Leftovers of killed processes are cleared by the next writer ([`clear_leftovers`]).
+//! A file is written next to its destination under an unpredictable name, and only if that name is free; so no planted link redirects the
+//! content, and two processes that write the same file never interfere. Renaming it into place replaces a link, never the link's target.
+//! Leftovers of killed processes are cleared by the next writer ([`clear_leftovers`]).
 
 use std::collections::hash_map::RandomState;
 use std::fs::{self, File, OpenOptions};
@@ -16,9 +16,9 @@ use rustix::io::Errno;
 
 use crate::error::{Error, Result};
 
-/// Suffix of a file that is still being written.
+/// Suffix of files that are still being written.
 pub(crate) const TEMPORARY_SUFFIX: &str = ".tmp";
-/// Hexadecimal digits of its name.
+/// Hexadecimal digits of the name.
 const RANDOM_DIGITS: usize = 16;
 
 /// A file that is being written; deleted unless it is committed.
@@ -84,8 +84,8 @@ impl NewFile {
         })
     }
 
-    /// Moves the file into place without syncing, so a power failure may undo it: for folders that are sealed afterwards, which
-    /// syncs all their files at once.
+    /// Moves the file into place without syncing, so a power failure may undo it: for folders that are sealed afterwards, which syncs all
+    /// their files at once.
     ///
     /// # Errors
     /// The destination cannot be written.
@@ -232,7 +232,7 @@ fn temporary_beside(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// True for the name of a file that is written before it is renamed.
+/// True for names of temporary files, which are written before they are renamed.
 pub(crate) fn is_temporary(name: &str) -> bool {
     let random = || {
         name.strip_prefix('.')?

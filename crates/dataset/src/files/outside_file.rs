@@ -1,7 +1,7 @@
 //! Files from untrusted sources: opened only if they are regular files, read only up to a size limit.
 //!
-//! A FIFO, a terminal or an endless device in the place of a file is rejected at once and never waited for: the file is opened
-//! without blocking, and its type and size are queried from the open handle, so that it cannot be swapped in between.
+//! A FIFO, a terminal or an endless device in a file's place is rejected at once and never waited for: the file is opened without blocking,
+//! and its type and size are queried from the open handle, so that it cannot be swapped in between.
 
 use std::fs::{File, OpenOptions};
 use std::io::Read;
@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 const MIB: u64 = 1 << 20;
 const GIB: u64 = 1 << 30;
 
-/// Content of a file and its maximum size, which is far above any real file: a plan takes two kilobytes per scenario.
+/// File content and its maximum size, which is far above any real file: a plan takes two kilobytes per scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileKind {
     what: &'static str,
@@ -26,13 +26,13 @@ pub struct FileKind {
 impl FileKind {
     /// A sweep.
     pub const SWEEP: Self = Self::new("sweep", 16 * MIB);
-    /// A plan, of a million scenarios at most.
+    /// A plan, with a million scenarios at most.
     pub const PLAN: Self = Self::new("plan", 4 * GIB);
     /// A recorded flight. It is not read into memory.
     pub const RECORDING: Self = Self::new("recording", 1 << 40);
-    /// Settings of a training or of a program.
+    /// Settings of trainings and programs.
     pub const SETTINGS: Self = Self::new("settings", 16 * MIB);
-    /// The hashes of a scenario's files.
+    /// Hashes of scenario files.
     pub const MANIFEST: Self = Self::new("manifest", 16 * MIB);
     /// A Parquet table.
     pub const TABLE: Self = Self::new("table", 2 * GIB);
@@ -62,7 +62,7 @@ impl FileKind {
         self.most_bytes
     }
 
-    /// The same, but rejecting a symbolic link in the place of the file.
+    /// This kind of file, where a symbolic link is rejected.
     #[must_use]
     pub const fn unlinked(self) -> Self {
         Self {
@@ -75,7 +75,7 @@ impl FileKind {
 /// Opens a file for reading.
 ///
 /// # Errors
-/// It cannot be opened, is not a regular file, or exceeds the size limit of its kind.
+/// It cannot be opened, is not a regular file, or exceeds the size limit for this content.
 pub fn open(path: &Path, kind: FileKind) -> Result<File> {
     let mut flags = OFlags::NONBLOCK | OFlags::NOCTTY;
     if !kind.follows_links {
@@ -164,7 +164,7 @@ fn not_regular(path: &Path, kind: FileKind, found: &'static str) -> Error {
     }
 }
 
-/// Type of an entry of a folder, for messages.
+/// Type of a folder entry, for messages.
 pub(crate) fn name_of(file_type: std::fs::FileType) -> &'static str {
     if file_type.is_file() {
         "a file"

@@ -1,5 +1,5 @@
-//! Paths of a corpus' own files. Symbolic links below the corpus may lead out of it, to files that a reader or `dtd push` would
-//! mistake for the corpus' and a writer would change: they are rejected wherever one could be followed.
+//! Paths of the corpus's own files. Symbolic links below the corpus may lead outside, to files that a reader or `dtd push` would mistake
+//! for the corpus' and a writer would change: they are rejected wherever one could be followed.
 
 use std::fs;
 use std::path::{self, Path, PathBuf};
@@ -36,7 +36,7 @@ pub fn refuse_link(path: &Path) -> Result<()> {
     }
 }
 
-/// A path without links and `..`; if it does not exist, the part of it that does is resolved.
+/// A path without links and `..`; if it does not exist, the existing part is resolved.
 ///
 /// # Errors
 /// The current folder is unknown.

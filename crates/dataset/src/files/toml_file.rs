@@ -14,7 +14,7 @@ use toml::de::{DeTable, DeValue};
 /// Longer lines are cut around the mistake.
 const COLUMNS: usize = 140;
 
-/// The text of a TOML file.
+/// Text of the TOML file.
 #[derive(Debug, Clone, Copy)]
 pub struct TomlFile<'a> {
     path: &'a Path,
@@ -30,7 +30,7 @@ impl<'a> TomlFile<'a> {
     /// Reads the text as a value.
     ///
     /// # Errors
-    /// Invalid syntax, unknown or missing keys, values of a wrong type.
+    /// Invalid syntax, unknown or missing keys, values with a wrong type.
     pub fn parse<T: DeserializeOwned>(self) -> Result<T, TomlError> {
         toml::from_str(self.text).map_err(|error| {
             let span = error.span();
@@ -59,8 +59,8 @@ impl<'a> TomlFile<'a> {
             .is_ok_and(|root| root.get_ref().values().any(|value| is_within(value, span)))
     }
 
-    /// The error for a value that was parsed, but that a check rejects. A key such as `grid.times.2` names it; if it is not in the
-    /// file, the error points to the nearest table around it.
+    /// The error for a value that was parsed, but that a check rejects. A key such as `grid.times.2` names it; if it is not in the file,
+    /// the error points to the nearest table around it.
     pub fn rejected(self, dotted_key: &str, message: &str) -> TomlError {
         self.error_at(span_of(self.text, dotted_key), message)
     }
@@ -92,7 +92,7 @@ fn in_words_of_toml(message: &str) -> String {
     words.unwrap_or_else(|| message.to_owned())
 }
 
-/// A mistake in a TOML file. It prints as `scenarios.toml:12:9: what was found and what was expected`, followed by the underlined line.
+/// A mistake in a TOML file. It prints as `scenarios.toml:12:9: found and expected values`, followed by the underlined line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct TomlError {
     /// The file.
@@ -117,7 +117,7 @@ impl fmt::Display for TomlError {
     }
 }
 
-/// The part of one line to underline.
+/// The part of the line to underline.
 struct Mistake<'a> {
     /// Number of the line, from 1.
     number: usize,
@@ -127,7 +127,7 @@ struct Mistake<'a> {
 }
 
 impl<'a> Mistake<'a> {
-    /// Of a span over several lines, such as a whole table, the first line counts.
+    /// If a span has several lines, such as a whole table, the first line counts.
     fn in_text(text: &'a str, span: Range<usize>) -> Option<Self> {
         let (before, after) = text.split_at_checked(span.start)?;
         let begin = before.rfind('\n').map_or(0, |newline| newline + 1);

@@ -1,11 +1,11 @@
-//! The vertical profile of an approach, as a sweep defines it, a plan fixes it and a simulator flies it.
+//! The vertical approach profile, as a sweep defines it, a plan fixes it and a simulator flies it.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::numbers::units::{METERS_PER_FOOT, METERS_PER_NAUTICAL_MILE};
 
-/// The vertical profile of an approach. Laterally all of them follow the localizer.
+/// The vertical approach profile. Laterally all profiles follow the localizer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum ApproachProfile {
@@ -14,8 +14,8 @@ pub enum ApproachProfile {
         /// Altitude of the level segment above mean sea level, metres.
         level_altitude_msl_m: f64,
     },
-    /// Level at the upper altitude until a fix, down to the lower altitude faster than the glide path, level there until the
-    /// glide path is met. The defaults are the chart of WSSS 02L: 2500 ft until D7.6, 1500 ft until D4.4.
+    /// Level at the upper altitude until a fix, down to the lower altitude faster than the glide path, level there until the glide path is
+    /// met. The defaults are the chart of WSSS 02L: 2500 ft until D7.6, 1500 ft until D4.4.
     StepDown {
         /// Upper level above mean sea level, metres.
         #[serde(default = "chart_upper_msl_m")]
@@ -56,7 +56,7 @@ impl ApproachProfile {
         }
     }
 
-    /// A step-down approach; what is not given is as in the chart of WSSS 02L.
+    /// A step-down approach; omitted values are as in the chart of WSSS 02L.
     pub fn step_down(
         upper_altitude_msl_m: Option<f64>,
         step_from_threshold_m: Option<f64>,
@@ -70,7 +70,7 @@ impl ApproachProfile {
         }
     }
 
-    /// Altitude above mean sea level at which a flight of this profile begins, metres.
+    /// Altitude above mean sea level where flights of this profile begin, metres.
     pub fn start_altitude_msl_m(&self) -> f64 {
         match *self {
             Self::GlidePath {

@@ -1,8 +1,8 @@
 //! Cameras: where they are, and where a point of the world appears in their image. Pinholes, unless a calibration specifies lens
 //! distortion or refraction.
 //!
-//! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so an image
-//! covers -0.5 to width - 0.5.
+//! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so an image covers -0.5 to
+//! width - 0.5.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use schemars::JsonSchema;
@@ -23,7 +23,7 @@ pub struct CameraPose {
     pub hfov_deg: f64,
 }
 
-/// Intrinsics and extrinsics of a camera.
+/// Camera intrinsics and extrinsics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// Width of the image, pixels.
@@ -74,7 +74,7 @@ impl Camera {
         }
     }
 
-    /// The apparent position of an ECEF point, in camera axes (right, down, forward), metres: its true position unless there is refraction.
+    /// Apparent position of the ECEF point, in camera axes (right, down, forward), metres: its true position unless there is refraction.
     pub fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
         let seen_m = ecef_m - self.center_ecef_m;
         let appears_m = match self.refraction {
@@ -84,7 +84,7 @@ impl Camera {
         self.ecef_from_camera.transpose() * appears_m
     }
 
-    /// The pixel at which an ECEF point appears; `None` if it is not in front of the camera. The pixel may be outside the image.
+    /// The pixel where an ECEF point appears; `None` if it is not in front of the camera. The pixel may be outside the image.
     pub fn project(&self, ecef_m: DVec3) -> Option<DVec2> {
         let point = self.to_camera(ecef_m);
         (point.z > 0.0).then(|| self.pixel_of(point))
@@ -99,7 +99,7 @@ impl Camera {
             .is_some_and(|at| inside(at.x, self.width_px) && inside(at.y, self.height_px))
     }
 
-    /// The pixel at which a point in camera axes appears; the point must be in front of the camera.
+    /// The pixel where a point in camera axes appears; the point must be in front of the camera.
     pub fn pixel_of(&self, camera_m: DVec3) -> DVec2 {
         match self.distortion {
             None => {
@@ -113,7 +113,7 @@ impl Camera {
         }
     }
 
-    /// The undistorted direction of a pixel: right and down of the optical axis per unit of depth.
+    /// A pixel's undistorted direction: right and down of the optical axis per unit of depth.
     pub fn image_of(&self, pixel: DVec2) -> DVec2 {
         let seen = (pixel - self.principal_px) / self.focal_px;
         match self.distortion {
@@ -122,7 +122,7 @@ impl Camera {
         }
     }
 
-    /// Unit vector in ECEF from the camera through a pixel: the direction from which light arrives.
+    /// Unit vector in ECEF from the camera through a pixel: the direction that light comes from.
     pub fn ray(&self, pixel: DVec2) -> DVec3 {
         (self.ecef_from_camera * self.image_of(pixel).extend(1.0)).normalize()
     }

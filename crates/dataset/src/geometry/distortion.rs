@@ -1,14 +1,14 @@
-//! Lens distortion: the Brown-Conrady model (D. C. Brown, "Close-Range Camera Calibration", Photogrammetric Engineering 37, 1971)
-//! with OpenCV's formulation and coefficients.
+//! Lens distortion: the Brown-Conrady model (D. C. Brown, "Close-Range Camera Calibration", Photogrammetric Engineering 37, 1971) with
+//! OpenCV's formulation and coefficients.
 //!
-//! Input and output are image coordinates: right and down of the optical axis, divided by depth. A real lens does not fold a
-//! image over; [`Distortion::check`] rejects coefficients that do.
+//! Input and output are image coordinates: right and down of the optical axis, divided by depth. A real lens does not fold a image over;
+//! [`Distortion::check`] rejects coefficients that do.
 
 use glam::{DMat2, DVec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Coefficients of a lens, each 0 by default; all 0 is a pinhole.
+/// Lens coefficients, each 0 by default; all 0 is a pinhole.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Distortion {
@@ -48,7 +48,7 @@ pub enum BadLens {
          coefficients"
     )]
     EmptyCorners {
-        /// Radius at which the rim is drawn, relative to the half diagonal.
+        /// Radius where the rim is drawn, relative to the half diagonal.
         rim: f64,
     },
 }
@@ -57,20 +57,20 @@ pub enum BadLens {
 pub(crate) const FIELD_OVER_HALF_DIAGONAL: f64 = 1.5;
 /// A lens that shrinks areas below this share is close to folding.
 const MIN_AREA: f64 = 0.05;
-/// Directions and radii at which a lens is checked.
+/// Directions and radii where lenses are checked.
 const CHECKED: (u32, u32) = (72, 60);
 /// Steps of Newton's method; four suffice for any lens that passes the check well inside its field.
 const MAX_STEPS: u32 = 40;
-/// Image coordinates closer than this are equal: a billionth of a pixel.
-const SAME: f64 = 1e-14;
+/// Image coordinates closer than this are equal: 1e-9 px.
+const EQUAL_COORDINATES: f64 = 1e-14;
 
 impl Distortion {
-    /// In OpenCV's order: k1, k2, p1, p2, k3.
+    /// The coefficients in OpenCV's order: k1, k2, p1, p2, k3.
     pub fn coefficients(&self) -> [f64; 5] {
         [self.k1, self.k2, self.p1, self.p2, self.k3]
     }
 
-    /// From OpenCV's order; `None` unless there are five coefficients.
+    /// A lens from coefficients in OpenCV's order; `None` unless there are five coefficients.
     pub(crate) fn from_coefficients(coefficients: &[f64]) -> Option<Self> {
         let &[k1, k2, p1, p2, k3] = coefficients else {
             return None;
@@ -112,8 +112,8 @@ impl Distortion {
         )
     }
 
-    /// [`Self::distort`] inside a field of this radius; beyond it the mapping continues linearly, so that points far outside the
-    /// image stay outside, which polynomials do not guarantee.
+    /// [`Self::distort`] inside a field of this radius; beyond it the mapping continues linearly, so that points far outside the image stay
+    /// outside, which polynomials do not guarantee.
     pub(crate) fn distort_within(&self, ideal: DVec2, field: f64) -> DVec2 {
         let rim = ideal.clamp_length_max(field);
         self.distort(rim) + (ideal - rim)
@@ -139,15 +139,15 @@ impl Distortion {
         for _ in 0..MAX_STEPS {
             let off = self.distort_within(ideal, field) - seen;
             ideal -= self.derivative_within(ideal, field).inverse() * off;
-            if off.abs().max_element() < SAME {
+            if off.abs().max_element() < EQUAL_COORDINATES {
                 break;
             }
         }
         ideal
     }
 
-    /// Rejects invalid lenses for an image whose corners are at this radius: coefficients that are not finite, fold the image
-    /// over or leave its corners empty.
+    /// Rejects invalid lenses for an image whose corners are at this radius: coefficients that are not finite, fold the image over or leave
+    /// its corners empty.
     ///
     /// # Errors
     /// See [`BadLens`].
@@ -184,7 +184,7 @@ impl Distortion {
 mod tests {
     use super::*;
 
-    /// Typical of a cheap wide-angle lens.
+    /// Typical for cheap wide-angle lenses.
     const BARREL: Distortion = Distortion {
         k1: -0.28,
         k2: 0.08,

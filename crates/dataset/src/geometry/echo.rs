@@ -1,9 +1,9 @@
-//! Tolerance between the requested and the drawn pose of a simulator, shared by recording and verification.
+//! Tolerance between the requested pose and the one that a simulator drew, shared by recording and verification.
 //!
-//! An echo is a simulator's report of where aircraft and camera were when it drew an image. X-Plane places both in 32-bit floats,
-//! in metres from an origin that may be 50 km away, and rotates them in 32-bit degrees. So an echo matches only approximately. The
-//! tolerance is the rounding of those floats with a margin, and far less than a pixel: at a field of view of 10 degrees on 1920
-//! pixels, 0.0002 degrees are 0.04 pixels. The next tick is metres away and never within tolerance.
+//! An echo is a simulator's report of the places of aircraft and camera when it drew an image. X-Plane places both in 32-bit floats, in
+//! metres from an origin that may be 50 km away, and rotates them in 32-bit degrees. So an echo matches only approximately. The tolerance
+//! is the rounding of those floats with a margin, and far less than a pixel: at a field of view of 10 degrees on 1920 pixels, 0.0002
+//! degrees are 0.04 pixels. The next tick is metres away and never within tolerance.
 
 use std::fmt;
 
@@ -17,7 +17,7 @@ pub(crate) const AIRCRAFT_ANGLE_TOLERANCE_DEG: f64 = 0.001;
 /// Maximum error of the camera's heading, pitch, roll or field of view, degrees.
 pub(crate) const CAMERA_ANGLE_TOLERANCE_DEG: f64 = 0.0002;
 
-/// The first value of an echo that differs from the request.
+/// The first echoed value that differs from the request.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EchoMismatch {
     /// A different position.
@@ -151,7 +151,7 @@ mod tests {
     fn what_32_bit_floats_lose_within_fifty_kilometres_is_allowed() {
         let expected = camera();
         let mut drawn = expected;
-        // Half a step of an f32 at 50 km is 2 mm; 1 degree of latitude is 110.6 km here.
+        // Half an f32 step at 50 km is 2 mm; 1 degree of latitude is 110.6 km here.
         drawn.pose.latitude_deg += 0.002 / 110_600.0;
         drawn.pose.altitude_msl_m -= 0.002;
         drawn.pose.heading_true_deg = 359.9999;

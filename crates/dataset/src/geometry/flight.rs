@@ -1,8 +1,7 @@
 //! Interpolation of flights between their states.
 //!
-//! Positions between two states follow a cubic Hermite curve through both positions with both velocities, in earth-centred metres,
-//! so that path and speed are continuous and a 5 Hz recording is reproduced within millimetres. Angles are interpolated along the
-//! shorter way.
+//! Positions between two states follow a cubic Hermite curve through both positions with both velocities, in earth-centred metres, so that
+//! path and speed are continuous and a 5 Hz recording is reproduced within millimetres. Angles are interpolated along the shorter way.
 
 use glam::DVec3;
 
@@ -27,8 +26,8 @@ impl FlightState {
     }
 }
 
-/// The state of a flight at a time in seconds. States are in order of time; before the first and after the last that state is held.
-/// `None` for a flight without states.
+/// A flight's state at a time in seconds. States are in order of time; before the first and after the last that state is held. `None` for a
+/// flight without states.
 pub fn state_at(states: &[FlightState], time_s: f64) -> Option<FlightState> {
     let after = states.partition_point(|state| state.time_s <= time_s);
     let before = after.checked_sub(1).and_then(|index| states.get(index));

@@ -1,8 +1,8 @@
 //! Positions on and above the WGS-84 ellipsoid.
 //!
 //! Distances over ground are geodesics (Karney 2013, through the `geo` crate); everything that a camera sees uses earth-centred,
-//! earth-fixed (ECEF) metres. Heights above mean sea level are taken as heights above the ellipsoid: X-Plane has no geoid. A corpus
-//! that uses one must name it in `scenario.json`.
+//! earth-fixed (ECEF) metres. Heights above mean sea level are taken as heights above the ellipsoid: X-Plane has no geoid. A corpus that
+//! uses one must name it in `scenario.json`.
 
 use geo::{Bearing, Destination, Distance, Geodesic, Point};
 use glam::{DMat3, DVec3};
@@ -103,8 +103,8 @@ impl Geodetic {
         )
     }
 
-    /// The point with these ECEF coordinates (fixed-point iteration on the latitude; exact to below a nanometre for heights
-    /// within +-100 km of the surface, away from the poles).
+    /// The point with these ECEF coordinates (fixed-point iteration on the latitude; exact to below a nanometre for heights within +-100 km
+    /// of the surface, away from the poles).
     pub fn from_ecef(ecef: DVec3) -> Self {
         let p = ecef.x.hypot(ecef.y);
         let longitude = ecef.y.atan2(ecef.x);

@@ -1,8 +1,7 @@
 //! The differences between an ideal image and a real one: lens, refraction and turbulence of the air, mast, sensor, the camera's encoder.
 //!
-//! All of it is off by default, because X-Plane has none of it. Lens and refraction move objects, so they belong to the calibration
-//! and every projection includes them. The others degrade the image: calibration and ground-truth boxes assume still air and a
-//! still mast.
+//! Everything is off by default, because X-Plane draws ideal images. Lens and refraction move objects, so they belong to the calibration
+//! and every projection includes them. The others degrade the image: calibration and ground-truth boxes assume still air and a still mast.
 //!
 //! Only the stand-in can draw it; a simulator reports whether it can before a scenario is flown. The camera's encoder is ours, so its
 //! stream is available with every simulator.
@@ -12,9 +11,9 @@ pub mod image_motion;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::distortion::Distortion;
-use crate::numbers::limits::{self, Check};
+use crate::numbers::limits::{self, Check, check_fields};
 
-/// Imaging properties of a camera.
+/// Imaging properties of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Imaging {
@@ -56,7 +55,7 @@ pub struct Degradation {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
-    /// Electrons of a white pixel (255).
+    /// Electrons per white pixel (255).
     pub full_well_electrons: f64,
     /// Standard deviation of the read noise, electrons.
     pub read_noise_electrons: f64,
@@ -71,7 +70,7 @@ pub struct Sensor {
 pub struct Seeing {
     /// Root mean square of the image's motion along one axis over 10 km, arcseconds; grows with the square root of the distance.
     pub tilt_rms_arcsec: f64,
-    /// Standard deviation of the blur of one image over 10 km, arcseconds; grows with the distance to the power 3/5.
+    /// Standard deviation of an image's blur over 10 km, arcseconds; grows with the distance to the power 3/5.
     pub blur_sigma_arcsec: f64,
     /// The motion's autocorrelation falls to 1/e in this time, seconds. Either this or `crosswind`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -86,13 +85,13 @@ pub struct Seeing {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Crosswind {
-    /// Its speed, metres per second.
+    /// Wind speed, metres per second.
     pub wind_mps: f64,
     /// Aperture of the lens, metres.
     pub aperture_m: f64,
 }
 
-/// Motion of a whole image, because its mast sways.
+/// Motion of the whole image, because the mast sways.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sway {
@@ -118,8 +117,7 @@ impl Crosswind {
 }
 
 impl Imaging {
-    /// Checks for numbers outside their limits. Whether a lens folds the image over depends on the image:
-    /// [`Distortion::check`].
+    /// Checks for numbers outside their limits. Whether a lens folds the image over depends on the image: [`Distortion::check`].
     pub fn check(&self, check: &mut Check) {
         check.number(
             "refraction_coefficient",
@@ -145,7 +143,7 @@ impl Imaging {
         }
     }
 
-    /// True for ideal images of a pinhole in a vacuum, as X-Plane draws them.
+    /// True for ideal pinhole images in a vacuum, as X-Plane draws them.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
     }
@@ -170,72 +168,45 @@ impl Degradation {
     }
 
     fn check(&self, check: &mut Check) {
-        check.number("blur_sigma_px", self.blur_sigma_px, limits::BLUR_SIGMA_PX);
-        if let Some(Sensor {
-            full_well_electrons,
-            read_noise_electrons,
-            exposure_ev,
-        }) = self.sensor
-        {
-            check.number("sensor.exposure_ev", exposure_ev, limits::EXPOSURE_EV);
-            check.number(
-                "sensor.full_well_electrons",
-                full_well_electrons,
-                limits::FULL_WELL_ELECTRONS,
-            );
-            check.number(
-                "sensor.read_noise_electrons",
-                read_noise_electrons,
-                limits::READ_NOISE_ELECTRONS,
-            );
+        check_fields!(check, self, { blur_sigma_px: limits::BLUR_SIGMA_PX });
+        if let Some(sensor) = self.sensor {
+            check.part("sensor", |check| {
+                check_fields!(check, sensor, {
+                    exposure_ev: limits::EXPOSURE_EV,
+                    full_well_electrons: limits::FULL_WELL_ELECTRONS,
+                    read_noise_electrons: limits::READ_NOISE_ELECTRONS,
+                });
+            });
         }
-        if let Some(Seeing {
-            tilt_rms_arcsec,
-            blur_sigma_arcsec,
-            correlation_s,
-            crosswind,
-        }) = self.seeing
-        {
-            check.number(
-                "seeing.tilt_rms_arcsec",
-                tilt_rms_arcsec,
-                limits::TILT_RMS_ARCSEC,
-            );
-            check.number(
-                "seeing.blur_sigma_arcsec",
-                blur_sigma_arcsec,
-                limits::SEEING_BLUR_ARCSEC,
-            );
-            match (correlation_s, crosswind) {
-                (
-                    _,
-                    Some(Crosswind {
-                        wind_mps,
-                        aperture_m,
+        if let Some(seeing) = self.seeing {
+            check.part("seeing", |check| {
+                check_fields!(check, seeing, {
+                    tilt_rms_arcsec: limits::TILT_RMS_ARCSEC,
+                    blur_sigma_arcsec: limits::SEEING_BLUR_ARCSEC,
+                });
+                match seeing.crosswind {
+                    Some(crosswind) => check.part("crosswind", |check| {
+                        check_fields!(check, crosswind, {
+                            wind_mps: limits::CROSSWIND_MPS,
+                            aperture_m: limits::APERTURE_M,
+                        });
                     }),
-                ) => {
-                    check.number("seeing.crosswind.wind_mps", wind_mps, limits::CROSSWIND_MPS);
-                    check.number(
-                        "seeing.crosswind.aperture_m",
-                        aperture_m,
-                        limits::APERTURE_M,
-                    );
+                    // NaN, a number that is in no range, if both are missing.
+                    None => check.number(
+                        "correlation_s",
+                        seeing.correlation_s.unwrap_or(f64::NAN),
+                        limits::CORRELATION_S,
+                    ),
                 }
-                // NaN, a number that is in no range, if both are missing.
-                (correlation_s, None) => check.number(
-                    "seeing.correlation_s",
-                    correlation_s.unwrap_or(f64::NAN),
-                    limits::CORRELATION_S,
-                ),
-            }
+            });
         }
-        if let Some(Sway {
-            rms_px,
-            frequency_hz,
-        }) = self.sway
-        {
-            check.number("sway.rms_px", rms_px, limits::SWAY_RMS_PX);
-            check.number("sway.frequency_hz", frequency_hz, limits::SWAY_FREQUENCY_HZ);
+        if let Some(sway) = self.sway {
+            check.part("sway", |check| {
+                check_fields!(check, sway, {
+                    rms_px: limits::SWAY_RMS_PX,
+                    frequency_hz: limits::SWAY_FREQUENCY_HZ,
+                });
+            });
         }
         if let Some(Stream { mbit_per_s }) = self.stream {
             check.number("stream.mbit_per_s", mbit_per_s, limits::STREAM_MBIT_PER_S);

@@ -1,16 +1,16 @@
-//! Position and orientation of an aircraft or a camera.
+//! Position and orientation of aircraft and cameras.
 //!
-//! Angles follow aviation (and X-Plane): heading clockwise from true north, pitch nose up, roll right wing down, applied in
-//! that order. Body axes are x forward, y right, z down.
+//! Angles follow aviation (and X-Plane): heading clockwise from true north, pitch nose up, roll right wing down, applied in that order.
+//! Body axes are x forward, y right, z down.
 
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::geodesy::Geodetic;
-use crate::numbers::limits::{self, Check, Limits};
+use crate::numbers::limits::{self, Check, Limits, check_fields};
 
-/// Position and attitude of a body.
+/// Position and attitude.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Pose {
     /// Geodetic latitude (WGS-84), degrees.
@@ -28,25 +28,23 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Checks for numbers outside the limits of an aircraft.
+    /// Checks for numbers outside an aircraft's limits.
     pub fn check_aircraft(&self, check: &mut Check) {
         self.check((limits::PITCH_DEG, limits::ROLL_DEG), check);
     }
 
-    /// Checks for numbers outside the limits of a camera.
+    /// Checks for numbers outside a camera's limits.
     pub(crate) fn check_camera(&self, check: &mut Check) {
         self.check((limits::CAMERA_PITCH_DEG, limits::CAMERA_ROLL_DEG), check);
     }
 
     fn check(&self, (pitch, roll): (Limits, Limits), check: &mut Check) {
         self.position().check(limits::ALTITUDE_MSL_M, check);
-        check.number(
-            "heading_true_deg",
-            self.heading_true_deg,
-            limits::HEADING_TRUE_DEG,
-        );
-        check.number("pitch_deg", self.pitch_deg, pitch);
-        check.number("roll_deg", self.roll_deg, roll);
+        check_fields!(check, self, {
+            heading_true_deg: limits::HEADING_TRUE_DEG,
+            pitch_deg: pitch,
+            roll_deg: roll,
+        });
     }
 
     /// The position only.
@@ -70,7 +68,7 @@ impl Pose {
         self.position().ecef_from_ned() * self.ned_from_body()
     }
 
-    /// ECEF coordinates of a point given in body axes (metres).
+    /// ECEF coordinates of the point given in body axes (metres).
     pub fn body_point_to_ecef(&self, body_m: DVec3) -> DVec3 {
         self.position().to_ecef() + self.ecef_from_body() * body_m
     }
@@ -85,7 +83,7 @@ pub struct Controls {
     pub gear_ratio: f64,
 }
 
-/// One instant of a flight: the 4D trajectory is a list of these.
+/// An instant of the flight: the 4D trajectory is a list of instants.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FlightState {
     /// Seconds since the flight started.
@@ -109,30 +107,18 @@ pub struct FlightState {
 impl FlightState {
     /// Checks for numbers that are impossible for an airliner on approach.
     pub fn check(&self, check: &mut Check) {
-        check.number("time_s", self.time_s, limits::FLIGHT_TIME_S);
+        check_fields!(check, self, { time_s: limits::FLIGHT_TIME_S });
         self.pose.check_aircraft(check);
-        check.number(
-            "velocity_north_mps",
-            self.velocity_north_mps,
-            limits::VELOCITY_MPS,
-        );
-        check.number(
-            "velocity_east_mps",
-            self.velocity_east_mps,
-            limits::VELOCITY_MPS,
-        );
-        check.number(
-            "velocity_down_mps",
-            self.velocity_down_mps,
-            limits::VELOCITY_DOWN_MPS,
-        );
-        check.number(
-            "true_airspeed_mps",
-            self.true_airspeed_mps,
-            limits::TRUE_AIRSPEED_MPS,
-        );
-        check.number("flap_ratio", self.controls.flap_ratio, limits::RATIO);
-        check.number("gear_ratio", self.controls.gear_ratio, limits::RATIO);
+        check_fields!(check, self, {
+            velocity_north_mps: limits::VELOCITY_MPS,
+            velocity_east_mps: limits::VELOCITY_MPS,
+            velocity_down_mps: limits::VELOCITY_DOWN_MPS,
+            true_airspeed_mps: limits::TRUE_AIRSPEED_MPS,
+        });
+        check_fields!(check, self.controls, {
+            flap_ratio: limits::RATIO,
+            gear_ratio: limits::RATIO,
+        });
     }
 }
 

@@ -26,20 +26,20 @@ impl Ray {
         }
     }
 
-    /// Position of a point along the ray, metres; negative behind its origin.
+    /// Position of the point along the ray, metres; negative behind its origin.
     pub fn along_m(&self, point_m: DVec3) -> f64 {
         (point_m - self.origin_m).dot(self.direction)
     }
 
-    /// Distance of a point from the ray's line, metres.
+    /// Distance of the point from the ray's line, metres.
     pub fn off_m(&self, point_m: DVec3) -> f64 {
         (point_m - self.origin_m).cross(self.direction).length()
     }
 }
 
 /// The point with the smallest sum of squared distances to the rays, weighted by the inverse square of the distance along them, which makes
-/// it the smallest sum of squared angles. `None` for fewer than two rays, for parallel ones, and where the lines meet behind the origin of
-/// a ray, which a camera cannot see.
+/// it the smallest sum of squared angles. `None` for fewer than two rays, for parallel ones, and where the lines meet behind a ray's
+/// origin, which a camera cannot see.
 pub fn meeting_point_m(rays: &[Ray]) -> Option<DVec3> {
     let &[reference, _, ..] = rays else {
         return None;

@@ -1,9 +1,9 @@
 //! Terrestrial refraction: air density falls with height, so light follows an arc and distant objects appear higher than they are.
 //!
-//! The arc of a near-horizontal ray has a curvature of `k / R`, with the earth's radius `R` and the coefficient of refraction `k`
-//! (Torge and Müller, "Geodesy", 4th edition, de Gruyter 2012: k = 0.13 after Gauss for rays well above the ground by day; negative
-//! over hot ground, near 1 over cold water). A point at the horizontal distance `d` appears lifted by `k d^2 / (2 R)`: at k = 0.13
-//! by 3.5 m at 10 nautical miles. This is equivalent to an earth of radius `R / (1 - k)`.
+//! A near-horizontal ray's arc has a curvature of `k / R`, with the earth's radius `R` and the coefficient of refraction `k` (Torge and
+//! Müller, "Geodesy", 4th edition, de Gruyter 2012: k = 0.13 after Gauss for rays well above the ground by day; negative over hot ground,
+//! near 1 over cold water). A point at the horizontal distance `d` appears lifted by `k d^2 / (2 R)`: at k = 0.13 by 3.5 m at 10 nautical
+//! miles. This is equivalent to an earth of radius `R / (1 - k)`.
 
 use glam::DVec3;
 
@@ -40,7 +40,7 @@ impl Refraction {
     }
 }
 
-/// Height by which refraction lifts objects at a horizontal distance, metres.
+/// Apparent rise of objects at a horizontal distance, metres.
 pub fn lift_m(coefficient: f64, distance_m: f64) -> f64 {
     coefficient * distance_m * distance_m / (2.0 * EARTH_RADIUS_M)
 }
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn the_lift_is_that_of_an_arc_of_the_curvature_of_light() {
-        // A ray of curvature k/R that arrives horizontally has fallen by the sagitta of its arc.
+        // A ray of curvature k/R that arrives horizontally has fallen by the arc's sagitta.
         let radius_m = EARTH_RADIUS_M / 0.13;
         let d: f64 = 20_000.0;
         let sagitta_m = radius_m - (radius_m * radius_m - d * d).sqrt();

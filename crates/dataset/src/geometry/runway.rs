@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::geodesy::{Geodetic, LatLon};
-use crate::numbers::limits::{self, Check};
+use crate::numbers::limits::{self, Check, check_fields};
 
 /// A landing runway as a scenario uses it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,13 +32,7 @@ pub struct Runway {
     pub width_m: Option<f64>,
 }
 
-/// Wheels touch down at most a long runway's length from the target, metres ...
-const FARTHEST_TOUCHDOWN_M: f64 = 5_000.0;
-/// ... and at most a wide runway's width from its centreline, metres.
-const WIDEST_RUNWAY_M: f64 = 100.0;
-
-/// The position of a point relative to the touchdown target: geodesic polar coordinates about the target, resolved along the
-/// course.
+/// Position relative to the touchdown target: geodesic polar coordinates about the target, resolved along the course.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunwayCoordinates {
     /// Geodesic distance to the touchdown target over ground, metres. Never negative.
@@ -57,37 +51,21 @@ impl Runway {
         check.part("threshold", |check| {
             self.threshold.check(limits::ELEVATION_MSL_M, check);
         });
-        check.number(
-            "course_true_deg",
-            self.course_true_deg,
-            limits::COURSE_TRUE_DEG,
+        check_fields!(check, self, {
+            course_true_deg: limits::COURSE_TRUE_DEG,
+            glide_path_deg: limits::GLIDE_PATH_DEG,
+            touchdown_past_threshold_m: limits::TOUCHDOWN_PAST_THRESHOLD_M,
+        });
+        check_fields!(
+            check,
+            self,
+            optional {
+                ils_frequency_mhz: limits::ILS_MHZ,
+                course_magnetic_deg: limits::COURSE_MAGNETIC_DEG,
+                length_m: limits::RUNWAY_LENGTH_M,
+                width_m: limits::RUNWAY_WIDTH_M,
+            }
         );
-        check.number(
-            "glide_path_deg",
-            self.glide_path_deg,
-            limits::GLIDE_PATH_DEG,
-        );
-        check.number(
-            "touchdown_past_threshold_m",
-            self.touchdown_past_threshold_m,
-            limits::TOUCHDOWN_PAST_THRESHOLD_M,
-        );
-        if let Some(frequency_mhz) = self.ils_frequency_mhz {
-            check.number("ils_frequency_mhz", frequency_mhz, limits::ILS_MHZ);
-        }
-        if let Some(course_deg) = self.course_magnetic_deg {
-            check.number(
-                "course_magnetic_deg",
-                course_deg,
-                limits::COURSE_MAGNETIC_DEG,
-            );
-        }
-        if let Some(length_m) = self.length_m {
-            check.number("length_m", length_m, limits::RUNWAY_LENGTH_M);
-        }
-        if let Some(width_m) = self.width_m {
-            check.number("width_m", width_m, limits::RUNWAY_WIDTH_M);
-        }
     }
 
     /// The touchdown target: on the centreline, `touchdown_past_threshold_m` past the threshold, at the threshold's elevation.
@@ -122,9 +100,11 @@ impl RunwayCoordinates {
         }
     }
 
-    /// True where the wheels of an aircraft that lands on this runway may touch it.
+    /// True where an aircraft may touch down on this runway.
     pub fn may_be_touchdown(&self) -> bool {
-        self.dtd_m <= FARTHEST_TOUCHDOWN_M && self.cross_track_m.abs() <= WIDEST_RUNWAY_M
+        // Within half of the longest runway, and of the widest.
+        self.dtd_m <= limits::RUNWAY_LENGTH_M.most / 2.0
+            && self.cross_track_m.abs() <= limits::RUNWAY_WIDTH_M.most / 2.0
     }
 }
 
@@ -173,7 +153,7 @@ pub(crate) mod tests {
             assert!((found.along_track_m - along).abs() < 1e-6, "{found:?}");
             assert!((found.cross_track_m - cross).abs() < 1e-6, "{found:?}");
         }
-        // Right of a north-north-easterly course is south-east: a larger longitude.
+        // Right of the north-north-easterly course is south-east: a larger longitude.
         assert!(
             runway.point_on_approach(5_000.0, 300.0).longitude_deg
                 > runway.point_on_approach(5_000.0, 0.0).longitude_deg

@@ -16,7 +16,7 @@ const DELTA_T_S: f64 = 69.2;
 pub struct Sun {
     /// Clockwise from north, degrees.
     pub azimuth_deg: f64,
-    /// Above the horizontal plane, degrees.
+    /// Elevation above the horizontal plane, degrees.
     pub elevation_deg: f64,
 }
 

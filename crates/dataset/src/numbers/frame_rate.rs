@@ -1,4 +1,4 @@
-//! A frame rate as an exact fraction, and the time of a tick.
+//! A frame rate as an exact fraction, and a tick's time.
 
 pub mod text;
 
@@ -15,7 +15,7 @@ use crate::numbers::units::{NANOS_PER_SECOND, SimTime};
 pub struct FrameRate {
     /// Frames in `denominator` seconds.
     pub numerator: u32,
-    /// Seconds in which `numerator` frames pass.
+    /// Seconds that `numerator` frames take.
     pub denominator: u32,
 }
 
@@ -75,7 +75,7 @@ impl FrameRate {
         f64::from(self.denominator) / f64::from(self.numerator)
     }
 
-    /// The presentation timestamp of a tick in units of [`FrameRate::time_scale`]ths of a second.
+    /// A tick's presentation timestamp in units of [`FrameRate::time_scale`]ths of seconds.
     pub fn pts_of_tick(self, tick: u32) -> i64 {
         i64::from(tick) * i64::from(self.denominator)
     }

@@ -1,6 +1,6 @@
 //! Weighted linear least squares with a few unknowns, by their normal equations.
 
-/// A pivot below this part of its diagonal element is pure rounding error: the unknown follows from the others.
+/// A pivot below this part of the diagonal element is pure rounding error: the unknown follows from the others.
 const SINGULAR: f64 = 1e-14;
 
 /// The normal equations of `value = row . unknowns`, filled row by row.
@@ -48,7 +48,7 @@ impl NormalEquations {
         factor.solve(self.right.clone())
     }
 
-    /// The same for a number of unknowns that is known.
+    /// Like [`Self::solve`] for a known number of unknowns.
     pub fn solve_for<const N: usize>(&self) -> Option<[f64; N]> {
         self.solve()?.try_into().ok()
     }
@@ -67,7 +67,7 @@ impl NormalEquations {
     }
 }
 
-/// Cholesky's factor R of a matrix `R^T R`, in its upper triangle.
+/// Cholesky's factor R of the matrix `R^T R`, in its upper triangle.
 #[derive(Debug, Clone)]
 pub struct CholeskyFactor {
     matrix: Vec<f64>,
@@ -75,7 +75,7 @@ pub struct CholeskyFactor {
 }
 
 impl CholeskyFactor {
-    /// Of a symmetric matrix, row by row, of which only the upper triangle is read; `None` if it is not positive definite.
+    /// Factorises a symmetric matrix, given row by row; only the upper triangle is read; `None` if it is not positive definite.
     pub fn of(mut matrix: Vec<f64>, unknowns: usize) -> Option<Self> {
         let n = unknowns;
         for i in 0..n {

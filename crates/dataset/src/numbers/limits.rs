@@ -1,12 +1,11 @@
-//! Limits of every number from outside: the one table for sweeps, recordings, simulators' answers, records, tables and settings
-//! alike.
+//! Limits of every number from outside: the one table for sweeps, recordings, simulators' answers, records, tables and settings alike.
 //!
-//! Limits are wide: values beyond them are mistakes or damage, never an unusual flight. They are enforced on reading and on
-//! writing. NaN and infinities are always out of range. The pages of `docs/reference/` list them.
+//! Limits are wide: values beyond them are mistakes or damage, never an unusual flight. They are enforced on reading and on writing. NaN
+//! and infinities are always out of range. The pages of `docs/reference/` list them.
 
 use std::fmt;
 
-/// Minimum and maximum of a number, and what the number is.
+/// Minimum and maximum, with a description of the number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// The least value.
@@ -21,7 +20,7 @@ pub struct Limits {
 const ROUNDING: f64 = 1e-9;
 
 impl Limits {
-    /// Limits of a number.
+    /// Limits with their description.
     pub const fn new(least: f64, most: f64, what: &'static str) -> Self {
         Self { least, most, what }
     }
@@ -79,10 +78,10 @@ impl fmt::Display for Legible {
     }
 }
 
-/// Collects the numbers of a record that are outside their limits.
+/// Collects a record's numbers that are outside their limits.
 #[derive(Debug, Default)]
 pub struct Check {
-    /// Its path in the record.
+    /// Path in the record.
     place: Vec<String>,
     found: Vec<FieldOutOfLimits>,
 }
@@ -92,7 +91,7 @@ pub struct Check {
 pub struct FieldOutOfLimits {
     /// Name of the field or column: `conditions.weather.visibility_m`.
     pub field: String,
-    /// Its number.
+    /// Its value and limits.
     pub number: OutOfLimits,
 }
 
@@ -115,7 +114,7 @@ impl Check {
         }
     }
 
-    /// Checks the numbers of a part of the record.
+    /// Checks the numbers in a part of the record.
     pub fn part(&mut self, name: impl fmt::Display, look: impl FnOnce(&mut Self)) {
         self.place.push(name.to_string());
         look(self);
@@ -133,6 +132,19 @@ impl Check {
     }
 }
 
+/// Checks a struct's fields by their names, each with its limits; of `optional` ones, those that are there.
+macro_rules! check_fields {
+    ($check:ident, $of:expr, optional { $($field:ident: $limits:expr),+ $(,)? }) => {
+        $(if let Some(number) = $of.$field {
+            $check.number(stringify!($field), number, $limits);
+        })+
+    };
+    ($check:ident, $of:expr, { $($field:ident: $limits:expr),+ $(,)? }) => {
+        $($check.number(stringify!($field), $of.$field, $limits);)+
+    };
+}
+pub(crate) use check_fields;
+
 /// A share, or the position of a part between two end stops.
 pub const RATIO: Limits = Limits::new(0.0, 1.0, "a ratio");
 
@@ -149,23 +161,23 @@ pub(crate) const ECEF_M: Limits = Limits::new(-7e6, 7e6, "an earth-centred coord
 
 // Runways.
 
-/// Of a threshold.
+/// Threshold elevation.
 pub const ELEVATION_MSL_M: Limits = Limits::new(-500.0, 6_000.0, "a height in metres");
-/// Of a landing.
+/// Landing course.
 pub const COURSE_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true course in degrees");
-/// Of the centre of the sun.
+/// Elevation of the sun's centre.
 pub const SUN_ELEVATION_DEG: Limits = Limits::new(-90.0, 90.0, "an elevation in degrees");
-/// Of a localizer.
+/// Localizer course.
 pub const COURSE_MAGNETIC_DEG: Limits = Limits::new(0.0, 360.0, "a magnetic course in degrees");
-/// Of a glide path.
+/// Angle of the glide path.
 pub const GLIDE_PATH_DEG: Limits = Limits::new(1.0, 10.0, "an angle in degrees");
-/// From the threshold to the touchdown target.
+/// Distance from the threshold to the touchdown target.
 pub const TOUCHDOWN_PAST_THRESHOLD_M: Limits = Limits::new(0.0, 3_000.0, "a distance in metres");
-/// Of a runway's pavement, from its landing threshold on.
+/// Pavement length, from the landing threshold on.
 pub const RUNWAY_LENGTH_M: Limits = Limits::new(300.0, 10_000.0, "a length in metres");
-/// Of a runway's pavement.
+/// Pavement width.
 pub const RUNWAY_WIDTH_M: Limits = Limits::new(10.0, 200.0, "a width in metres");
-/// Of a localizer.
+/// Localizer frequency.
 pub const ILS_MHZ: Limits = Limits::new(108.0, 112.0, "a localizer's frequency in MHz");
 
 // An airliner on approach.
@@ -182,144 +194,144 @@ pub const TRUE_AIRSPEED_MPS: Limits = Limits::new(-50.0, 350.0, "a true airspeed
 pub const VELOCITY_MPS: Limits = Limits::new(-400.0, 400.0, "a velocity over ground in m/s");
 /// Down positive.
 pub const VELOCITY_DOWN_MPS: Limits = Limits::new(-150.0, 150.0, "a vertical velocity in m/s");
-/// Of a state of a recorded flight: from any clock, even a computer's.
+/// Time in a recorded flight: from any clock, even a computer's.
 pub const FLIGHT_TIME_S: Limits = Limits::new(-1e10, 1e10, "a time in seconds");
 
-// Start of a live flight of a sweep.
+// Start of live flights, as in sweeps.
 
-/// From the touchdown target.
+/// Distance to the touchdown target.
 pub const START_DTD_NM: Limits = Limits::new(0.5, 40.0, "a distance in nautical miles");
-/// The same in metres, as in a plan.
+/// Distance to the touchdown target in metres, as in a plan.
 pub(crate) const START_DTD_M: Limits =
     Limits::new(0.5 * 1_852.0, 40.0 * 1_852.0, "a distance in metres");
 /// Right of the course.
 pub const START_CROSS_TRACK_M: Limits = Limits::new(-5_000.0, 5_000.0, "an offset in metres");
-/// Above the profile.
+/// Height above the profile.
 pub const START_ABOVE_PROFILE_M: Limits = Limits::new(-500.0, 1_000.0, "a height in metres");
 /// Right of the course.
 pub const START_HEADING_OFFSET_DEG: Limits = Limits::new(-60.0, 60.0, "an angle in degrees");
 /// True airspeed.
 pub const START_SPEED_MPS: Limits = Limits::new(55.0, 150.0, "an airspeed in m/s");
-/// Distance from the threshold at which a stepped descent continues.
+/// Distance from the threshold where a stepped descent continues.
 pub const STEP_FROM_THRESHOLD_M: Limits = Limits::new(500.0, 60_000.0, "a distance in metres");
-/// Share of one side of a split.
+/// Share of a side of the split.
 pub const SPLIT_PART: Limits = Limits::new(0.0, 1.0, "a part");
 
 // Cameras.
 
 /// Along or across the course.
 pub const MAST_DISTANCE_M: Limits = Limits::new(-50_000.0, 50_000.0, "a distance in metres");
-/// Of a camera.
+/// Camera height.
 pub const MAST_HEIGHT_M: Limits =
     Limits::new(0.0, 5_000.0, "a height over the touchdown target in metres");
-/// Of an optical axis, in a rig.
+/// Turn of a rig's optical axis.
 pub const MAST_TURN_DEG: Limits = Limits::new(-180.0, 360.0, "an angle in degrees");
 /// The point of the glide path that cameras aim at.
 pub const AIM_DTD_NM: Limits = Limits::new(-0.5, 40.0, "a distance to touchdown in nautical miles");
-/// Of an optical axis.
+/// Direction of an optical axis.
 pub const DIRECTION_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees");
-/// More would be another rig, or centimetres instead of metres.
+/// Placement error. A larger one would be a different rig, or centimetres instead of metres.
 pub const JITTER_M: Limits = Limits::new(-50.0, 50.0, "a small offset in metres");
-/// More would be another rig, or arcseconds instead of degrees.
+/// Aiming error. A larger one would be a different rig, or arcseconds instead of degrees.
 pub const JITTER_DEG: Limits = Limits::new(-10.0, 10.0, "a small angle in degrees");
-/// Of an optical axis, in a rig.
+/// Elevation of a rig's optical axis.
 pub const MAST_PITCH_DEG: Limits = Limits::new(-89.0, 89.0, "an elevation in degrees");
-/// Of an optical axis, as placed: including jitter.
+/// Elevation of an optical axis as placed: including jitter.
 pub(crate) const CAMERA_PITCH_DEG: Limits =
     Limits::new(-100.0, 100.0, "a camera's elevation in degrees");
 /// About an optical axis.
 pub(crate) const CAMERA_ROLL_DEG: Limits = Limits::new(-180.0, 180.0, "a camera's roll in degrees");
-/// Over the whole width of an image.
+/// Over an image's whole width.
 pub const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
-/// Width or height of an image.
+/// Image width or height.
 pub const PICTURE_SIDE_PX: Limits = Limits::new(64.0, 8_192.0, "a size of an image in pixels");
 /// Intrinsics.
 pub const FOCAL_LENGTH_PX: Limits = Limits::new(1.0, 1e8, "a focal length in pixels");
 /// Intrinsics.
 pub(crate) const PRINCIPAL_POINT_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
-/// An element of a rotation matrix.
+/// Elements of rotation matrices.
 pub(crate) const ROTATION: Limits = Limits::new(-1.0, 1.0, "an element of a rotation matrix");
 /// OpenCV's. [`crate::geometry::distortion::Distortion::check`] decides whether they are a valid lens.
 pub(crate) const DISTORTION: Limits = Limits::new(-1e6, 1e6, "a distortion coefficient");
 
 // Image degradation.
 
-/// At 1, light follows the earth's curvature.
+/// Refraction: at 1, light follows the earth's curvature.
 pub const REFRACTION_COEFFICIENT: Limits = Limits::new(-1.0, 0.9, "a coefficient of refraction");
-/// Of the optics.
+/// Blur of the optics.
 pub const BLUR_SIGMA_PX: Limits = Limits::new(0.0, 20.0, "a standard deviation in pixels");
-/// Of a white pixel.
+/// Electrons per white pixel.
 pub const FULL_WELL_ELECTRONS: Limits = Limits::new(100.0, 1e6, "a full well in electrons");
-/// Of a pixel.
+/// Read noise per pixel.
 pub const READ_NOISE_ELECTRONS: Limits = Limits::new(0.0, 1_000.0, "a read noise in electrons");
-/// Of turbulent air.
+/// Image motion by turbulence.
 pub const TILT_RMS_ARCSEC: Limits = Limits::new(0.0, 200.0, "a motion in seconds of arc");
-/// Of turbulent air.
+/// Blur by turbulence.
 pub const SEEING_BLUR_ARCSEC: Limits = Limits::new(0.0, 200.0, "a blur in seconds of arc");
-/// Of turbulent air.
+/// Correlation time of turbulence.
 pub const CORRELATION_S: Limits = Limits::new(0.001, 100.0, "a time in seconds");
 /// Across the line of sight.
 pub const CROSSWIND_MPS: Limits = Limits::new(0.1, 60.0, "a wind speed in m/s");
-/// Of a lens.
+/// Lens aperture.
 pub const APERTURE_M: Limits = Limits::new(0.001, 1.0, "an aperture in metres");
 /// Relative to the exposure for the horizon.
 pub const EXPOSURE_EV: Limits = Limits::new(-4.0, 4.0, "an exposure in stops");
-/// Of an image.
+/// Image motion by a swaying mast.
 pub const SWAY_RMS_PX: Limits = Limits::new(0.0, 20.0, "a motion in pixels");
-/// Of a mast.
+/// Mast frequency.
 pub const SWAY_FREQUENCY_HZ: Limits = Limits::new(0.01, 50.0, "a frequency in hertz");
-/// Of a camera; 0 is no stream.
+/// Camera bit rate; 0 is no stream.
 pub const STREAM_MBIT_PER_S: Limits = Limits::new(0.0, 200.0, "a bit rate in Mbit/s");
 
 // Weather and time.
 
 /// Meteorological.
 pub const VISIBILITY_M: Limits = Limits::new(50.0, 200_000.0, "a visibility in metres");
-/// None to heavy.
+/// Rain, none to heavy.
 pub const RAIN_RATIO: Limits = Limits::new(0.0, 1.0, "a rain intensity");
-/// At 10 m above ground.
+/// Wind at 10 m above ground.
 pub const WIND_SPEED_MPS: Limits = Limits::new(0.0, 60.0, "a wind speed in m/s");
 /// The direction that it comes from.
 pub const WIND_FROM_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees");
-/// None to severe.
+/// Turbulence, none to severe.
 pub const TURBULENCE_RATIO: Limits = Limits::new(0.0, 1.0, "a turbulence intensity");
-/// Of a layer of cloud.
+/// Cloud cover.
 pub const COVER_RATIO: Limits = Limits::new(0.0, 1.0, "a part of the sky");
-/// Of a layer of cloud.
+/// Cloud base.
 pub const CLOUD_BASE_MSL_M: Limits = Limits::new(0.0, 20_000.0, "a height in metres");
-/// Of a layer of cloud.
+/// Cloud top.
 pub const CLOUD_TOP_MSL_M: Limits = Limits::new(0.0, 25_000.0, "a height in metres");
-/// As a simulator reports it: anything that it may draw.
+/// A simulator's report: anything that it may draw.
 pub(crate) const REPORTED_VISIBILITY_M: Limits =
     Limits::new(0.0, 1e7, "a reported visibility in metres");
-/// As a simulator reports it.
+/// A simulator's report.
 pub(crate) const REPORTED_WIND_SPEED_MPS: Limits =
     Limits::new(-1_000.0, 1_000.0, "a reported wind speed in m/s");
-/// As a simulator reports it.
+/// A simulator's report.
 pub(crate) const REPORTED_WIND_FROM_DEG: Limits =
     Limits::new(-720.0, 720.0, "a reported direction in degrees");
-/// As a simulator reports it: of rain, or of a layer of cloud.
+/// A simulator's report: rain or cloud cover.
 pub(crate) const REPORTED_RATIO: Limits = Limits::new(-1_000.0, 1_000.0, "a reported ratio");
 /// X-Plane supports this many cloud layers.
 pub const MAX_CLOUD_LAYERS: usize = 3;
 /// X-Plane has no leap years.
 pub const DAY_OF_YEAR: Limits = Limits::new(1.0, 365.0, "a day of the year");
-/// Of local time.
+/// Offset of local time.
 pub const UTC_OFFSET_H: Limits = Limits::new(-12.0, 14.0, "hours that local time is ahead of UTC");
 /// Since midnight.
 pub const ZULU_TIME_S: Limits = Limits::new(0.0, 86_400.0, "a time of day in seconds");
 
 // Scenarios.
 
-/// From 40 NM at the slowest speed, three times over.
+/// Three times the longest approach: 40 NM at the slowest speed.
 pub const MAX_APPROACH_S: f64 = 4_000.0;
-/// Ticks of one scenario: an approach at 240 per second.
+/// Ticks per scenario: an approach at 240 per second.
 pub(crate) const MAX_TICKS: u32 = 1_000_000;
 /// See [`MAX_TICKS`].
 pub const TICKS: Limits = Limits::new(1.0, MAX_TICKS as f64, "a number of ticks");
-/// Views of one scenario.
+/// Views per scenario.
 pub const MAX_VIEWS: usize = 64;
-/// Images of one scenario.
+/// Images per scenario.
 pub const MAX_PICTURES: u64 = MAX_TICKS as u64 * MAX_VIEWS as u64;
 /// Images per second, and the largest terms of their fraction.
 pub(crate) const FRAME_RATE_HZ: Limits = Limits::new(1.0 / 60.0, 240.0, "a frame rate per second");
@@ -332,36 +344,36 @@ pub(crate) const MAX_FRAME_RATE_TERM: u32 = 1_000_000;
 pub const DTD_M: Limits = Limits::new(0.0, 500_000.0, "a distance to touchdown in metres");
 /// Along or across the course.
 pub(crate) const TRACK_M: Limits = Limits::new(-500_000.0, 500_000.0, "a distance in metres");
-/// Of the aircraft.
+/// Height of the aircraft.
 pub(crate) const HEIGHT_OVER_TARGET_M: Limits =
     Limits::new(-25_000.0, 25_000.0, "a height in metres");
 /// Negative past the target.
 pub(crate) const TIME_TO_TOUCHDOWN_S: Limits =
     Limits::new(-6e7, 6e7, "a time to touchdown in seconds");
-/// Middle of a box.
+/// Middle of boxes.
 pub const BOX_PLACE_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
-/// Width or height of a box.
+/// Box width or height.
 pub(crate) const BOX_SIZE_PX: Limits = Limits::new(0.0, 16_384.0, "a size in pixels");
-/// More than one aircraft in an image means false detections anyway.
+/// Boxes per image: more than one aircraft means false detections anyway.
 pub(crate) const MAX_DETECTIONS_PER_PICTURE: u64 = 1_000;
-/// Of a detector.
+/// Detector confidence.
 pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");
 /// Standard deviation of the positions and sizes of boxes that a network was trained with.
 pub const FEATURE_SCALE_PX: Limits = Limits::new(1e-9, 16_384.0, "a standard deviation in pixels");
-/// Of an aircraft from one view to another.
+/// Shift of the aircraft between two views.
 pub(crate) const SHIFT_PX: Limits = Limits::new(-16_384.0, 16_384.0, "a shift in pixels");
 /// A less certain shift carries no information.
 pub(crate) const SHIFT_SD_PX: Limits = Limits::new(0.0, 100.0, "a standard deviation in pixels");
-/// Of a view behind another one.
+/// Lag between two views.
 pub(crate) const VIEW_LAG_MS: Limits = Limits::new(-1e6, 1e6, "a lag in milliseconds");
-/// Of such a lag.
+/// Standard deviation of such a lag.
 pub(crate) const VIEW_LAG_SD_MS: Limits =
     Limits::new(0.0, 1e6, "a standard deviation in milliseconds");
 /// Of an aircraft between two views.
 pub(crate) const VIEW_SCALE: Limits = Limits::new(0.01, 100.0, "a ratio of two sizes");
 /// Of an aircraft between two views.
 pub(crate) const VIEW_GAIN: Limits = Limits::new(0.01, 100.0, "a ratio of two contrasts");
-/// Of two images.
+/// Correlation between two images.
 pub(crate) const CORRELATION: Limits = Limits::new(-1.0, 1.0, "a correlation");
 /// Second passes in one image.
 pub const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");

@@ -5,19 +5,19 @@ use glam::DVec2;
 use crate::numbers::least_squares::NormalEquations;
 use crate::numbers::spread::deviation_from_zero;
 
-/// Places that count: within these seconds, or else the nearest ones, so many ... A parabola through six seconds on both sides smooths the
-/// beginning of a glide path so much that lags came out too large by up to a seventh.
+/// Places that count: within these seconds, or else this number of the nearest ones ... A parabola through six seconds on both sides
+/// smooths the beginning of the glide path so much that lags came out too large by up to a seventh.
 const AROUND_S: f64 = 4.0;
-const MIN_COUNT: usize = 5;
+const MIN_PLACES: usize = 5;
 /// ... but none that are farther away than this, seconds.
-const FARTHEST_S: f64 = 15.0;
-/// A place counts in the scatter if this share of its variance remains beside the cubic; at the ends cubics follow places too closely.
-const MIN_FREE: f64 = 0.05;
+const MAX_DISTANCE_S: f64 = 15.0;
+/// A place counts in the scatter if this share of the variance remains beside the cubic; at the ends cubics follow places too closely.
+const MIN_FREE_VARIANCE: f64 = 0.05;
 
 /// Motion of something at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// Change of its place in a second, in the unit of the places.
+    /// Change of place per second, in the unit of the places.
     pub per_s: DVec2,
     /// Standard deviation of each coordinate of that, for places with a standard deviation of 1.
     pub unit_sd_per_s: f64,
@@ -61,7 +61,7 @@ pub fn scatter(places: &[(f64, DVec2)]) -> DVec2 {
             ..
         } = motion_at(places, *time_s)?;
         let expected_square = 1.0 - unit_variance;
-        (expected_square > MIN_FREE).then(|| (*place - expected) / expected_square.sqrt())
+        (expected_square > MIN_FREE_VARIANCE).then(|| (*place - expected) / expected_square.sqrt())
     });
     let off: Vec<DVec2> = off.collect();
     let along = |axis: DVec2| deviation_from_zero(off.iter().map(|off| off.dot(axis)));
@@ -74,9 +74,9 @@ fn near(places: &[(f64, DVec2)], at_s: f64) -> Option<&[(f64, DVec2)]> {
     let (mut first, mut end) = (from(at_s - AROUND_S), from(at_s + AROUND_S));
     let away_s = |index: usize| {
         let (of_s, _) = places.get(index)?;
-        Some((of_s - at_s).abs()).filter(|away_s| *away_s <= FARTHEST_S)
+        Some((of_s - at_s).abs()).filter(|away_s| *away_s <= MAX_DISTANCE_S)
     };
-    while end - first < MIN_COUNT {
+    while end - first < MIN_PLACES {
         let before_s = first.checked_sub(1).and_then(away_s);
         let after_s = away_s(end);
         match (before_s, after_s) {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Scale that makes the median absolute deviation of a normal distribution its standard deviation.
+/// Scale that makes a normal distribution's median absolute deviation its standard deviation.
 const MAD_TO_SD: f64 = 1.4826;
 
 /// A distribution of errors.
@@ -55,7 +55,22 @@ pub fn median(values: &mut [f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Mean and standard deviation of a population; both 0 without values.
+/// The upper median; `None` without values.
+pub fn median_of(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    (!values.is_empty()).then(|| median(&mut values))
+}
+
+/// The value that a share of the values does not exceed; reorders the values.
+///
+/// # Panics
+/// There are no values.
+pub fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let at = ((values.len() - 1) as f64 * share) as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+/// Population mean and standard deviation; both 0 without values.
 pub fn mean_and_deviation(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     let count = values.clone().count().max(1) as f64;
     let mean = values.clone().sum::<f64>() / count;
@@ -80,6 +95,17 @@ mod tests {
         let deviation = deviation_from_zero([-0.1, 0.2, 100.0, -0.2, 0.1].into_iter());
         assert!((deviation - 0.2 * MAD_TO_SD).abs() < 1e-12, "{deviation}");
         assert_eq!(deviation_from_zero(std::iter::empty()), 0.0);
+    }
+
+    #[test]
+    fn quantiles_are_values_and_no_values_have_no_median() {
+        let mut values = [4.0, 1.0, 3.0, 2.0, 5.0];
+        assert_eq!(
+            [0.0, 0.5, 0.9, 1.0].map(|share| quantile(&mut values, share)),
+            [1.0, 3.0, 4.0, 5.0]
+        );
+        assert_eq!(median_of(values), Some(3.0));
+        assert_eq!(median_of([]), None);
     }
 
     #[test]

@@ -18,18 +18,18 @@ pub(crate) const NANOS_PER_SECOND: i64 = 1_000_000_000;
 pub struct Degrees(pub f64);
 
 impl Degrees {
-    /// The same direction in [0, 360).
+    /// This direction in [0, 360).
     pub fn wrapped_360(self) -> Self {
         Self(self.0.rem_euclid(360.0))
     }
 
-    /// The same direction in [-180, 180).
+    /// This direction in [-180, 180).
     pub fn wrapped_180(self) -> Self {
         Self((self.0 + 180.0).rem_euclid(360.0) - 180.0)
     }
 }
 
-/// Simulator time in whole nanoseconds since the first tick of a scenario. Never wall-clock time.
+/// Simulator time in whole nanoseconds since a scenario's first tick. Never wall-clock time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct SimTime(pub i64);

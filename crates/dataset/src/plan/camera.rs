@@ -1,7 +1,7 @@
 //! From a camera as planned on an airfield to a calibrated one on the earth.
 //!
-//! Input: a mast beside a runway with its lens, where a scenario aims it, and its placement error. Output: position, direction,
-//! lens, air and sensor, as in `calibration.json`.
+//! Input: a mast beside a runway with its lens, where a scenario aims it, and its placement error. Output: position, direction, lens, air
+//! and sensor, as in `calibration.json`.
 //!
 //! A single function does this: `dtd generate` records with its result, and `dtd verify` compares with it.
 
@@ -15,14 +15,14 @@ use crate::geometry::geodesy::{Geodetic, LatLon};
 use crate::geometry::imaging::Imaging;
 use crate::geometry::pose::Pose;
 use crate::geometry::runway::Runway;
-use crate::numbers::limits::{self, Check};
+use crate::numbers::limits::{self, Check, check_fields};
 use crate::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
 /// Up to this latitude, meridians at a runway and its masts are parallel within 0.0006 degrees, and are taken as such: so directions in
 /// corpora of Changi stay as they are.
 const PARALLEL_MERIDIANS_DEG: f64 = 2.0;
 
-/// A camera on a mast beside the runway, as in the rig of a plan.
+/// A camera on a mast beside the runway, as in a plan's rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlannedCamera {
     /// Identifier of the view: names its video and its columns.
@@ -48,21 +48,21 @@ pub struct PlannedCamera {
     pub pitch_deg: f64,
     /// Horizontal field of view, degrees.
     pub hfov_deg: f64,
-    /// Distortion of its lens; `None` is a pinhole. The lens of a scenario is in its [`Imaging`].
+    /// Distortion of the lens; `None` is a pinhole. A scenario's lens is in its [`Imaging`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
 }
 
-/// Aim of the cameras of one scenario, as drawn.
+/// Aim of the scenario's cameras, as drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
 pub enum Aim {
-    /// At a point of the glide path.
+    /// A point of the glide path.
     GlidePath {
-        /// Its distance to the touchdown target, nautical miles.
+        /// Distance of the point to the touchdown target, nautical miles.
         dtd_nm: f64,
     },
-    /// In a direction.
+    /// A direction.
     Direction {
         /// Degrees true.
         heading_true_deg: f64,
@@ -71,7 +71,7 @@ pub enum Aim {
     },
 }
 
-/// Placement error of one camera of one scenario, as drawn.
+/// Placement error of the scenario's camera, as drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Jitter {
@@ -92,7 +92,7 @@ pub struct Jitter {
 }
 
 impl PlannedCamera {
-    /// The camera as a scenario has it: placed, aimed, and with the lens, air and sensor of its images.
+    /// The camera as a scenario has it: placed, aimed, and with its lens, air and sensor.
     pub fn calibrated(
         &self,
         runway: &Runway,
@@ -107,53 +107,49 @@ impl PlannedCamera {
 
     /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
-        for (name, value, limits) in [
-            (
-                "beyond_touchdown_m",
-                self.beyond_touchdown_m,
-                limits::MAST_DISTANCE_M,
-            ),
-            (
-                "beyond_threshold_m",
-                self.beyond_threshold_m,
-                limits::MAST_DISTANCE_M,
-            ),
-            ("right_m", Some(self.right_m), limits::MAST_DISTANCE_M),
-            ("height_m", Some(self.height_m), limits::MAST_HEIGHT_M),
-            ("inward_deg", self.inward_deg, limits::MAST_TURN_DEG),
-            (
-                "heading_true_deg",
-                self.heading_true_deg,
-                limits::MAST_TURN_DEG,
-            ),
-            ("pitch_deg", Some(self.pitch_deg), limits::MAST_PITCH_DEG),
-            ("hfov_deg", Some(self.hfov_deg), limits::HFOV_DEG),
-        ] {
-            if let Some(value) = value {
-                check.number(name, value, limits);
+        check_fields!(
+            check,
+            self,
+            optional {
+                beyond_touchdown_m: limits::MAST_DISTANCE_M,
+                beyond_threshold_m: limits::MAST_DISTANCE_M,
             }
-        }
+        );
+        check_fields!(check, self, {
+            right_m: limits::MAST_DISTANCE_M,
+            height_m: limits::MAST_HEIGHT_M,
+        });
+        check_fields!(
+            check,
+            self,
+            optional {
+                inward_deg: limits::MAST_TURN_DEG,
+                heading_true_deg: limits::MAST_TURN_DEG,
+            }
+        );
+        check_fields!(check, self, {
+            pitch_deg: limits::MAST_PITCH_DEG,
+            hfov_deg: limits::HFOV_DEG,
+        });
     }
 }
 
 impl Jitter {
     /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
-        for (name, value, limits) in [
-            ("along_m", self.along_m, limits::JITTER_M),
-            ("right_m", self.right_m, limits::JITTER_M),
-            ("height_m", self.height_m, limits::JITTER_M),
-            ("heading_deg", self.heading_deg, limits::JITTER_DEG),
-            ("pitch_deg", self.pitch_deg, limits::JITTER_DEG),
-            ("roll_deg", self.roll_deg, limits::JITTER_DEG),
-            ("hfov_deg", self.hfov_deg, limits::JITTER_DEG),
-        ] {
-            check.number(name, value, limits);
-        }
+        check_fields!(check, self, {
+            along_m: limits::JITTER_M,
+            right_m: limits::JITTER_M,
+            height_m: limits::JITTER_M,
+            heading_deg: limits::JITTER_DEG,
+            pitch_deg: limits::JITTER_DEG,
+            roll_deg: limits::JITTER_DEG,
+            hfov_deg: limits::JITTER_DEG,
+        });
     }
 }
 
-/// Position and direction of a camera of a scenario: as in its rig or aimed elsewhere, plus its placement error.
+/// The scenario's camera position and direction: as in its rig or aimed elsewhere, plus its placement error.
 fn place_in(
     camera: &PlannedCamera,
     runway: &Runway,
@@ -192,7 +188,7 @@ fn place_in(
     placed
 }
 
-/// True direction and elevation, degrees, of a camera at this place.
+/// True direction and elevation of the camera at this place, degrees.
 fn direction(aim: Aim, from: Geodetic, runway: &Runway) -> (f64, f64) {
     match aim {
         Aim::Direction {
@@ -213,7 +209,7 @@ fn direction(aim: Aim, from: Geodetic, runway: &Runway) -> (f64, f64) {
     }
 }
 
-/// Position and direction of a camera of a rig.
+/// Position and direction of the rig's camera.
 fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
     let target = runway.touchdown_target();
     let beyond_target_m = match (camera.beyond_touchdown_m, camera.beyond_threshold_m) {
@@ -226,7 +222,7 @@ fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
         .point_on_approach(-beyond_target_m, camera.right_m)
         .at_altitude_m(target.altitude_msl_m + camera.height_m);
     let back = runway.course_true_deg + 180.0 + convergence_deg(runway, position.lat_lon());
-    // Looking back along the course, the runway's axis is on the left of a camera that stands left of the course.
+    // Looking back along the course, cameras left of the course have the runway's axis on their left.
     let turned = back + clockwise_deg(camera.inward_deg.unwrap_or(0.0), camera.right_m);
     let heading = camera.heading_true_deg.unwrap_or(turned);
     CameraPose {
@@ -242,7 +238,7 @@ fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
     }
 }
 
-/// Turn of north from the touchdown target to a mast, degrees: a direction that stays parallel to the runway has another azimuth there.
+/// Turn of north from the touchdown target to a mast, degrees: a direction that stays parallel to the runway has a different azimuth there.
 fn convergence_deg(runway: &Runway, mast: LatLon) -> f64 {
     let target = runway.touchdown_target().lat_lon();
     if !meridians_converge(runway) || target == mast {
@@ -258,8 +254,8 @@ pub(super) fn meridians_converge(runway: &Runway) -> bool {
     runway.threshold.latitude_deg.abs() >= PARALLEL_MERIDIANS_DEG
 }
 
-/// A turn towards the runway's axis is clockwise for cameras on the right and anticlockwise on the left. A camera on the axis has
-/// no inward side.
+/// A turn towards the runway's axis is clockwise for cameras on the right and anticlockwise on the left. A camera on the axis has no inward
+/// side.
 fn clockwise_deg(inward_deg: f64, right_m: f64) -> f64 {
     if right_m == 0.0 {
         0.0

@@ -6,7 +6,7 @@ use super::{Common, Plan, PlannedScenario};
 use crate::files::file_name;
 use crate::numbers::limits::{self, Check};
 
-/// The first impossible value of a plan, as text.
+/// The plan's first impossible value, as text.
 pub(super) fn fault(plan: &Plan) -> Option<String> {
     let mut check = Check::default();
     check.part("common", |check| common(&plan.common, check));

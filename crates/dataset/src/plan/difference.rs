@@ -23,7 +23,7 @@ pub struct Difference {
 /// A scenario that changed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Change {
-    /// Its identifier.
+    /// Identifier of the scenario.
     pub id: String,
     /// The first value that differs, before and after.
     pub what: String,
@@ -80,7 +80,7 @@ impl Difference {
     }
 }
 
-/// Another seed changes every value that is drawn: it is the cause, they are the effect.
+/// A different seed changes every value that is drawn: it is the cause, they are the effect.
 fn other_seed(before: &PlannedScenario, after: &PlannedScenario) -> Option<String> {
     (before.seed != after.seed).then(|| {
         format!(
@@ -149,7 +149,7 @@ fn in_words(keys: &[String], before: &Value, after: &Value) -> String {
     let what = words.join(" ").replace('_', " ");
     let what = &what[..what.len() - ending.len()];
     let rounded = |value: &Value| value.as_f64().map(rounded);
-    // Values that only differ in later digits are shown with all of them.
+    // Values that only differ in later digits are shown with all digits.
     let is_told_apart = rounded(before) != rounded(after);
     let value = |value: &Value| match (value, value.as_f64()) {
         (Value::Number(whole), Some(_)) if !whole.is_f64() => format!("{whole}{unit}"),

@@ -1,4 +1,4 @@
-//! The hashes of a plan: of each scenario's parameters, and of the list of scenarios.
+//! A plan's hashes: of each scenario's parameters, and of the list of scenarios.
 //!
 //! Only values that were read or drawn are hashed. Values derived by trigonometry are excluded, because their last digits differ between
 //! machines. Numbers are written with the fewest digits that read back as the same number, members in the order of the structs.
@@ -9,7 +9,7 @@ use super::{Common, Parameters, Plan, PlannedCamera, PlannedScenario};
 /// Marks hashes of cameras whose `inward_deg` is measured at the mast: away from the equator it used to be measured at the target.
 const INWARD_AT_MAST: &[u8] = b"\ninward_deg at the mast";
 
-/// Hashes the parameters of the scenarios of a plan.
+/// Hashes the parameters of the plan's scenarios.
 #[derive(Debug)]
 pub struct ConfigHasher {
     common: Vec<u8>,
@@ -21,7 +21,7 @@ pub enum HashMismatch {
     /// A scenario's parameters were changed.
     #[error("the parameters of scenario {id} are not those that its config_hash is of")]
     Scenario {
-        /// Its identifier.
+        /// Identifier of the scenario.
         id: String,
     },
     /// The list of scenarios was changed.
@@ -40,7 +40,7 @@ impl ConfigHasher {
         Self { common: bytes }
     }
 
-    /// The hash of a scenario's identifier, seed, parameters and common values.
+    /// Hash of the scenario's identifier, seed, parameters and common values.
     pub fn config_hash(&self, id: &str, seed: u64, parameters: &Parameters) -> String {
         let mut hasher = blake3::Hasher::new();
         hasher.update(format!("{id}\n{seed}\n").as_bytes());
@@ -84,7 +84,7 @@ impl PlannedScenario {
     }
 }
 
-/// The hash of a list of scenarios, each given by its identifier and `config_hash`.
+/// Hash of the listed scenarios, each given by its identifier and `config_hash`.
 pub fn plan_hash<'a>(scenarios: impl IntoIterator<Item = (&'a str, &'a str)>) -> String {
     let mut hasher = blake3::Hasher::new();
     for (id, config_hash) in scenarios {

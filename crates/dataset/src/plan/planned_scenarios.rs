@@ -1,4 +1,4 @@
-//! The planned scenarios, for readers that need no other part of a plan: plans of any version list them.
+//! The planned scenarios, for readers that need no other part of the plan: plans of any version list them.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ struct Planned {
 }
 
 impl PlannedScenarios {
-    /// Reads the plan of a corpus, if it has one.
+    /// Reads a corpus's plan, if it has one.
     ///
     /// # Errors
     /// It cannot be read, or is not a plan.

@@ -10,9 +10,9 @@ use crate::corpus::calibration::CameraEntry;
 use crate::corpus::scenario::Flight;
 use crate::geometry::approach_profile::ApproachProfile;
 use crate::geometry::imaging::Imaging;
-use crate::numbers::limits::{self, Check};
+use crate::numbers::limits::{self, Check, check_fields};
 
-/// One scenario, fully specified.
+/// A fully specified scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlannedScenario {
     /// Identifier and folder name: local time, weather, profile if the grid lists profiles, repeat; e.g. `1700-foggy-r3`.
@@ -29,13 +29,13 @@ pub struct PlannedScenario {
     pub trajectory: String,
     /// Expected number of ticks. Exact for recordings; a flight that is yet to be flown determines the actual one.
     pub ticks: u32,
-    /// BLAKE3 over identifier, seed, parameters and common values: a recorded scenario with another hash must be recorded again.
+    /// BLAKE3 over identifier, seed, parameters and common values: a recorded scenario with a different hash must be recorded again.
     pub config_hash: String,
     /// All other parameters.
     pub parameters: Parameters,
 }
 
-/// The parameters of a scenario, besides the common values.
+/// A scenario's parameters, besides the common values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
     /// Weather and time.
@@ -44,7 +44,7 @@ pub struct Parameters {
     pub start_dtd_m: f64,
     /// Source of the flight.
     pub flight: Flight,
-    /// Start of a live or computed flight; absent for recordings.
+    /// Start of the live or computed flight; absent for recordings.
     pub live: Option<LiveStart>,
     /// Aim of the cameras; absent if as in the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -57,12 +57,12 @@ pub struct Parameters {
     pub imaging: BTreeMap<String, Imaging>,
 }
 
-/// Start of a live or computed flight, as drawn from the sweep's spreads.
+/// Start of the live or computed flight, as drawn from the sweep's spreads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LiveStart {
     /// Offset right of the extended centreline, metres.
     pub cross_track_m: f64,
-    /// Height above the altitude at which the profile begins, metres.
+    /// Height above the profile's first altitude, metres.
     pub above_profile_m: f64,
     /// Heading right of the course, degrees.
     pub heading_offset_deg: f64,
@@ -128,30 +128,17 @@ impl Parameters {
 
 impl LiveStart {
     fn check(&self, check: &mut Check) {
-        for (name, value, limits) in [
-            (
-                "cross_track_m",
-                self.cross_track_m,
-                limits::START_CROSS_TRACK_M,
-            ),
-            (
-                "above_profile_m",
-                self.above_profile_m,
-                limits::START_ABOVE_PROFILE_M,
-            ),
-            (
-                "heading_offset_deg",
-                self.heading_offset_deg,
-                limits::START_HEADING_OFFSET_DEG,
-            ),
-            ("speed_mps", self.speed_mps, limits::START_SPEED_MPS),
-            (
-                "profile.start_altitude_msl_m",
-                self.profile.start_altitude_msl_m(),
-                limits::ALTITUDE_MSL_M,
-            ),
-        ] {
-            check.number(name, value, limits);
-        }
+        check_fields!(check, self, {
+            cross_track_m: limits::START_CROSS_TRACK_M,
+            above_profile_m: limits::START_ABOVE_PROFILE_M,
+            heading_offset_deg: limits::START_HEADING_OFFSET_DEG,
+            speed_mps: limits::START_SPEED_MPS,
+        });
+        let altitude_m = self.profile.start_altitude_msl_m();
+        check.number(
+            "profile.start_altitude_msl_m",
+            altitude_m,
+            limits::ALTITUDE_MSL_M,
+        );
     }
 }

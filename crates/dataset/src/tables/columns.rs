@@ -1,8 +1,7 @@
 //! Parquet tables as named, typed columns.
 //!
-//! Writing is deterministic: the same columns give the same bytes. Reading requests a column by name, type and limits, and errors
-//! state what the file contains instead. Sizes that a file declares are checked before anything is decoded: a megabyte may
-//! decompress to gigabytes.
+//! Writing is deterministic: the same columns give the same bytes. Reading requests a column by name, type and limits, and errors state the
+//! file's content instead. Sizes that a file declares are checked before anything is decoded: a megabyte may decompress to gigabytes.
 
 mod any_numbers;
 mod page_sizes;
@@ -36,12 +35,12 @@ use crate::files::outside_file::{self, FileKind};
 use crate::numbers::limits::{FieldOutOfLimits, Limits, OutOfLimits};
 use crate::work::memory;
 
-/// Columns of a table: sixteen for each of some dozens of views.
+/// Table columns: sixteen for each of some dozens of views.
 const MAX_COLUMNS: usize = 2_048;
 /// Identifiers of views and the like are file names.
 const MAX_TEXT_BYTES: usize = 255;
-/// Tables that need more memory than [`UNSUSPICIOUS_BYTES`] are larger on disk than this part of it: measured numbers hardly compress. One
-/// value that is repeated millions of times takes thousands of times its size.
+/// Tables that need more memory than [`UNSUSPICIOUS_BYTES`] are larger on disk than this part: measured numbers hardly compress. One value
+/// that is repeated millions of times takes thousands of times its size.
 const MAX_EXPANSION: u64 = 200;
 /// Memory that any table may need.
 const UNSUSPICIOUS_BYTES: u64 = 64 << 20;
@@ -141,7 +140,7 @@ impl TableWriter {
         self.f64(name, values)
     }
 
-    /// The same for floats that may be missing.
+    /// Adds a column of floats with limits that may be missing.
     pub(crate) fn optional_f64_within(
         mut self,
         name: &str,
@@ -258,10 +257,10 @@ impl TableWriter {
     }
 }
 
-/// Memory of a table's rows that are not yet in the file, bytes.
+/// Memory for rows that are not yet in the file, bytes.
 const MAX_KEPT: usize = 16 << 20;
 
-/// A table that is written part by part, because all of it does not fit into memory.
+/// A table that is written part by part, because the whole does not fit into memory.
 pub struct TableParts {
     path: PathBuf,
     writer: Option<ArrowWriter<NewFile>>,
@@ -294,7 +293,7 @@ impl TableParts {
                     .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")));
                 let measured = schema.fields().iter();
                 let measured = measured.filter(|field| field.data_type() == &DataType::Float64);
-                // Measured numbers hardly repeat: a dictionary of them takes four times their memory.
+                // Measured numbers hardly repeat: a dictionary takes four times their memory.
                 let properties = measured.fold(properties, |properties, field| {
                     let column = ColumnPath::from(field.name().as_str());
                     properties.set_column_dictionary_enabled(column, false)
@@ -320,7 +319,7 @@ impl TableParts {
         self.written()?.map_or(Ok(()), NewFile::commit)
     }
 
-    /// The same for a file that replaces no other.
+    /// Puts the file into its place unless something exists there.
     ///
     /// # Errors
     /// Something exists at its path ([`Error::is_taken`]), or an I/O error.
@@ -351,7 +350,7 @@ fn is_readable(codec: Compression) -> bool {
     )
 }
 
-/// The error of a table that is being written: usually one of the disk, which is not the fault of the content.
+/// Error while a table is written: usually one of the disk, which is not the fault of the content.
 fn not_written(path: &Path, error: ParquetError) -> Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {
@@ -376,7 +375,7 @@ pub struct Table {
 pub struct ColumnOutOfLimits {
     /// Name of the column.
     pub column: String,
-    /// The first of them, with their rows.
+    /// The first numbers, with their rows.
     pub first: Vec<(usize, OutOfLimits)>,
     /// Total number.
     pub count: usize,
@@ -385,51 +384,14 @@ pub struct ColumnOutOfLimits {
 /// Maximum number of values listed per column; the others are counted.
 const NAMED: usize = 3;
 
-macro_rules! typed_column {
-    ($(#[$doc:meta])* $name:ident, $array:ty, $value:ty, $convert:expr) => {
-        $(#[$doc])*
-        pub fn $name(&self, column: &str) -> Result<Vec<$value>> {
-            let mut values = Vec::with_capacity(self.rows());
-            for array in self.arrays(column)? {
-                let typed = array
-                    .as_any()
-                    .downcast_ref::<$array>()
-                    .ok_or_else(|| self.wrong_type(column, stringify!($name), array))?;
-                if typed.null_count() > 0 {
-                    return Err(self.missing(column, typed.null_count()));
-                }
-                values.extend((0..typed.len()).map(|row| $convert(typed.value(row))));
-            }
-            Ok(values)
-        }
-    };
-}
-
-macro_rules! optional_column {
-    ($(#[$doc:meta])* $name:ident, $array:ty, $value:ty, $word:literal) => {
-        $(#[$doc])*
-        pub fn $name(&self, column: &str) -> Result<Vec<Option<$value>>> {
-            let mut values = Vec::with_capacity(self.rows());
-            for array in self.arrays(column)? {
-                let typed = array
-                    .as_any()
-                    .downcast_ref::<$array>()
-                    .ok_or_else(|| self.wrong_type(column, $word, array))?;
-                values.extend(typed.iter());
-            }
-            Ok(values)
-        }
-    };
-}
-
 impl Table {
-    /// Reads a Parquet file; one with more rows than `most_rows` is rejected before any is decoded. The first number outside its
-    /// limits ends the reading.
+    /// Reads a Parquet file; one with more rows than `most_rows` is rejected before any is decoded. The first number outside its limits
+    /// ends the reading.
     pub fn read(path: &Path, most_rows: u64) -> Result<Self> {
         Self::parse(outside_file::read(path, FileKind::TABLE)?, path, most_rows)
     }
 
-    /// The same from the bytes of a file; messages name it as `path`.
+    /// Reads a file's bytes like [`Self::read`]; messages name it as `path`.
     pub fn parse(bytes: Vec<u8>, path: &Path, most_rows: u64) -> Result<Self> {
         let decoded = others_decoder::guarded(|| Self::decode(bytes, path, most_rows));
         decoded.map_err(|error| Error::table(path, error))?
@@ -510,18 +472,18 @@ impl Table {
         })
     }
 
-    /// The same table, but collecting numbers outside their limits instead of failing: for finding all faults.
-    #[must_use]
-    pub(crate) fn collecting(self) -> Self {
-        Self {
+    /// Reads a file's rows with all numbers outside their limits instead of ending at the first: for finding all faults.
+    pub(crate) fn read_with_faults<T>(
+        path: &Path,
+        most_rows: u64,
+        rows_of: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<(T, Vec<ColumnOutOfLimits>)> {
+        let mut table = Self {
             collected: Some(Vec::new()),
-            ..self
-        }
-    }
-
-    /// Takes the faults that a [`Table::collecting`] found in the requested columns.
-    pub(crate) fn into_collected(self) -> Vec<ColumnOutOfLimits> {
-        self.collected.unwrap_or_default()
+            ..Self::read(path, most_rows)?
+        };
+        let rows = rows_of(&mut table)?;
+        Ok((rows, table.collected.unwrap_or_default()))
     }
 
     /// Number of rows.
@@ -542,26 +504,31 @@ impl Table {
             .map(|field| field.name().as_str())
     }
 
-    typed_column!(
-        /// A column of floats without gaps.
-        f64, Float64Array, f64, |v| v
-    );
-    typed_column!(
-        /// A column of signed integers without gaps.
-        i64, Int64Array, i64, |v| v
-    );
-    typed_column!(
-        /// A column of unsigned 32-bit integers without gaps.
-        u32, UInt32Array, u32, |v| v
-    );
-    typed_column!(
-        /// A column of unsigned 64-bit integers without gaps.
-        u64, UInt64Array, u64, |v| v
-    );
-    typed_column!(
-        /// A column of booleans without gaps.
-        bool, BooleanArray, bool, |v| v
-    );
+    /// A column of floats without gaps.
+    pub fn f64(&self, column: &str) -> Result<Vec<f64>> {
+        self.whole::<Float64Array, _>(column, "f64")
+    }
+
+    /// A column of signed integers without gaps.
+    pub fn i64(&self, column: &str) -> Result<Vec<i64>> {
+        self.whole::<Int64Array, _>(column, "i64")
+    }
+
+    /// A column of unsigned 32-bit integers without gaps.
+    pub fn u32(&self, column: &str) -> Result<Vec<u32>> {
+        self.whole::<UInt32Array, _>(column, "u32")
+    }
+
+    /// A column of unsigned 64-bit integers without gaps.
+    pub fn u64(&self, column: &str) -> Result<Vec<u64>> {
+        self.whole::<UInt64Array, _>(column, "u64")
+    }
+
+    /// A column of booleans without gaps.
+    pub fn bool(&self, column: &str) -> Result<Vec<bool>> {
+        self.whole::<BooleanArray, _>(column, "bool")
+    }
+
     /// A column of strings without gaps.
     pub fn text(&self, column: &str) -> Result<Vec<String>> {
         let words = self.optional_text(column)?.into_iter();
@@ -644,14 +611,39 @@ impl Table {
         }
     }
 
-    optional_column!(
-        /// A column of floats that may be missing.
-        optional_f64, Float64Array, f64, "f64"
-    );
-    optional_column!(
-        /// A column of unsigned 32-bit integers that may be missing.
-        optional_u32, UInt32Array, u32, "u32"
-    );
+    /// A column of floats that may be missing.
+    pub fn optional_f64(&self, column: &str) -> Result<Vec<Option<f64>>> {
+        self.optional::<Float64Array, _>(column, "f64")
+    }
+
+    /// A column of unsigned 32-bit integers that may be missing.
+    pub fn optional_u32(&self, column: &str) -> Result<Vec<Option<u32>>> {
+        self.optional::<UInt32Array, _>(column, "u32")
+    }
+
+    /// The values of a column of arrays of this type, which is called `word` in messages.
+    fn optional<A: Array + 'static, V>(&self, column: &str, word: &str) -> Result<Vec<Option<V>>>
+    where
+        for<'a> &'a A: IntoIterator<Item = Option<V>>,
+    {
+        let mut values = Vec::with_capacity(self.rows());
+        for array in self.arrays(column)? {
+            let typed = array.as_any().downcast_ref::<A>();
+            values.extend(typed.ok_or_else(|| self.wrong_type(column, word, array))?);
+        }
+        Ok(values)
+    }
+
+    fn whole<A: Array + 'static, V>(&self, column: &str, word: &str) -> Result<Vec<V>>
+    where
+        for<'a> &'a A: IntoIterator<Item = Option<V>>,
+    {
+        let values = self.optional::<A, V>(column, word)?;
+        match values.iter().filter(|value| value.is_none()).count() {
+            0 => Ok(values.into_iter().flatten().collect()),
+            missing => Err(self.missing(column, missing)),
+        }
+    }
 
     /// An error about this table.
     pub fn fault(&self, message: impl ToString) -> Error {
@@ -684,8 +676,8 @@ impl Table {
     }
 }
 
-/// The schema with which the columns of a file are read, or the reason why they are rejected. Strings are read through their dictionary, so
-/// that a long repeated one takes its memory once; nested columns are rejected.
+/// The schema for reading a file's columns, or the reason why they are rejected. Strings are read through their dictionary, so that a long
+/// repeated one takes its memory once; nested columns are rejected.
 fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
     let columns = schema.fields().len();
     if columns > MAX_COLUMNS {
@@ -717,7 +709,7 @@ fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
     Ok(Arc::new(Schema::new(fields?)))
 }
 
-/// Memory per value of a column while it is read and as it is returned.
+/// Memory per column value while it is read and as it is returned.
 fn bytes_of(field: &Arc<Field>) -> u64 {
     match field.data_type() {
         DataType::Boolean => 2,
@@ -730,7 +722,7 @@ fn bytes_of(field: &Arc<Field>) -> u64 {
 mod tests {
     use super::*;
 
-    /// A table of one repeated value, which takes almost no space on disk.
+    /// A table with one repeated value, which takes almost no space on disk.
     fn bomb(path: &Path, rows: usize) -> u64 {
         let values = std::iter::repeat_n("left", rows);
         TableWriter::new().text("view", values).write(path).unwrap();
@@ -869,8 +861,7 @@ mod tests {
         let mut bytes = writer.into_inner().unwrap();
         let path = Path::new("boxes.parquet");
         assert!(Table::parse(bytes.clone(), path, 2).is_ok());
-        // In the page's header: the values are plain, the levels are run lengths. Now the values refer to a dictionary that does
-        // not exist.
+        // In the page's header: the values are plain, the levels are run lengths. Now the values refer to a dictionary that does not exist.
         let header = [0x15, 0x00, 0x15, 0x06, 0x15, 0x06];
         let at = bytes.windows(6).position(|six| six == header).unwrap();
         bytes[at + 1] = 0x10;

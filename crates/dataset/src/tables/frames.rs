@@ -7,17 +7,18 @@ use schemars::JsonSchema;
 use crate::error::Result;
 use crate::geometry::camera::CameraPose;
 use crate::geometry::pose::{Controls, Pose};
-use crate::numbers::limits::{self, Limits};
+use crate::numbers::limits;
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::row_parts::{NumberColumn, Numbers, numbers};
 use crate::work::memory;
 
-/// The simulator's report about the image of one view at one tick.
+/// The simulator's report about a view's image at one tick.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct ViewStamp {
-    /// The simulator's frame counter of the image, counted from the scenario's first image. It grows from image to image, views of
-    /// a tick in the order of `views` in `scenario.json`. With `blocks` in `scenario.json`: the drawn frame in which the tick was written;
-    /// no two ticks of a view share one, all frames of a block and view come before the frames of the next, and within a block they grow
-    /// with the ticks but for at most `repeated_ticks`.
+    /// The simulator's frame counter of the image, counted from the scenario's first image. It grows from image to image, views of a tick
+    /// in the order of `views` in `scenario.json`. With `blocks` in `scenario.json`: the drawn frame in which the tick was written; no two
+    /// ticks of a view share one, all frames of a block and view come before the frames of the next, and within a block they grow with the
+    /// ticks but for at most `repeated_ticks`.
     pub sim_frame: u64,
     /// Presentation timestamp of the image in the view's video, in units of 1/numerator of the frame rate, seconds.
     pub pts: i64,
@@ -28,7 +29,7 @@ pub struct ViewStamp {
     pub echoed_camera: CameraPose,
 }
 
-/// Labels of one tick.
+/// Tick labels.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct TickLabels {
     /// **Distance to touchdown** (DTD): geodesic distance over ground from the centre of gravity to the touchdown target, metres.
@@ -43,7 +44,7 @@ pub struct TickLabels {
     pub time_to_touchdown_s: Option<f64>,
 }
 
-/// One tick.
+/// A tick.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct TickRow {
     /// Number of the tick, from 0.
@@ -75,35 +76,50 @@ pub struct Frames {
     pub rows: Vec<TickRow>,
 }
 
-/// Name of a value of a pose, its limits, and its accessor.
-type PoseField = (&'static str, Limits, fn(&Pose) -> f64);
+numbers!(Pose, 6, {
+    latitude_deg: limits::LATITUDE_DEG,
+    longitude_deg: limits::LONGITUDE_DEG,
+    altitude_msl_m: limits::ALTITUDE_MSL_M,
+    heading_true_deg: limits::HEADING_TRUE_DEG,
+    pitch_deg: limits::PITCH_DEG,
+    roll_deg: limits::ROLL_DEG,
+});
 
-/// The pose of an aircraft.
-const POSE_FIELDS: [PoseField; 6] = pose_fields(limits::PITCH_DEG, limits::ROLL_DEG);
-/// The pose of a camera.
-const CAMERA_FIELDS: [PoseField; 6] =
-    pose_fields(limits::CAMERA_PITCH_DEG, limits::CAMERA_ROLL_DEG);
+numbers!(Controls, 2, {
+    flap_ratio: limits::RATIO,
+    gear_ratio: limits::RATIO,
+});
 
-const fn pose_fields(pitch: Limits, roll: Limits) -> [PoseField; 6] {
-    [
-        ("latitude_deg", limits::LATITUDE_DEG, |p| p.latitude_deg),
-        ("longitude_deg", limits::LONGITUDE_DEG, |p| p.longitude_deg),
-        ("altitude_msl_m", limits::ALTITUDE_MSL_M, |p| {
-            p.altitude_msl_m
-        }),
-        ("heading_true_deg", limits::HEADING_TRUE_DEG, |p| {
-            p.heading_true_deg
-        }),
-        ("pitch_deg", pitch, |p| p.pitch_deg),
-        ("roll_deg", roll, |p| p.roll_deg),
-    ]
-}
+/// Columns of the camera's pose, which may look up or lie on its side.
+const CAMERA_POSE: [NumberColumn; 6] = {
+    let mut columns = Pose::COLUMNS;
+    columns[4].1 = limits::CAMERA_PITCH_DEG;
+    columns[5].1 = limits::CAMERA_ROLL_DEG;
+    columns
+};
 
-const VELOCITY_FIELDS: [(&str, Limits); 3] = [
+const VELOCITY: [NumberColumn; 3] = [
     ("velocity_north_mps", limits::VELOCITY_MPS),
     ("velocity_east_mps", limits::VELOCITY_MPS),
     ("velocity_down_mps", limits::VELOCITY_DOWN_MPS),
 ];
+
+/// Columns of [`TickLabels`] without gaps.
+const LABELS: [NumberColumn; 4] = [
+    ("dtd_m", limits::DTD_M),
+    ("along_track_m", limits::TRACK_M),
+    ("cross_track_m", limits::TRACK_M),
+    ("height_over_target_m", limits::HEIGHT_OVER_TARGET_M),
+];
+
+/// A view's columns: their names with a prefix and the view's identifier.
+fn of_view<const N: usize>(
+    columns: [NumberColumn; N],
+    prefix: &str,
+    view: &str,
+) -> [NumberColumn<String>; N] {
+    columns.map(|(name, limits)| (format!("{prefix}_{name}_{view}"), limits))
+}
 
 impl Frames {
     /// Writes the table if all numbers are within their limits. It has label columns if every row has labels.
@@ -116,75 +132,53 @@ impl Frames {
         let rows = &self.rows;
         let mut table = TableWriter::new()
             .u32("tick", rows.iter().map(|r| r.tick))
-            .i64("time_ns", rows.iter().map(|r| r.time_ns));
-        for (name, limits, get) in POSE_FIELDS {
-            table = table.f64_within(name, limits, rows.iter().map(|r| get(&r.pose)));
-        }
-        for (axis, (name, limits)) in VELOCITY_FIELDS.into_iter().enumerate() {
-            table = table.f64_within(name, limits, rows.iter().map(|r| r.velocity_ned_mps[axis]));
-        }
-        table = table
+            .i64("time_ns", rows.iter().map(|r| r.time_ns))
+            .numbers(Pose::COLUMNS, rows.iter().map(|r| r.pose.to_array()))
+            .numbers(VELOCITY, rows.iter().map(|r| r.velocity_ned_mps))
             .f64_within(
                 "true_airspeed_mps",
                 limits::TRUE_AIRSPEED_MPS,
                 rows.iter().map(|r| r.true_airspeed_mps),
             )
-            .f64_within(
-                "flap_ratio",
-                limits::RATIO,
-                rows.iter().map(|r| r.controls.flap_ratio),
-            )
-            .f64_within(
-                "gear_ratio",
-                limits::RATIO,
-                rows.iter().map(|r| r.controls.gear_ratio),
+            .numbers(
+                Controls::COLUMNS,
+                rows.iter().map(|r| r.controls.to_array()),
             )
             .bool("on_ground", rows.iter().map(|r| r.on_ground));
         for (v, id) in self.views.iter().enumerate() {
+            let stamps = rows.iter().map(|r| &r.views[v]);
+            let cameras = stamps.clone().map(|stamp| stamp.echoed_camera);
             table = table
                 .u64(
                     &format!("sim_frame_{id}"),
-                    rows.iter().map(|r| r.views[v].sim_frame),
+                    stamps.clone().map(|stamp| stamp.sim_frame),
                 )
-                .i64(&format!("pts_{id}"), rows.iter().map(|r| r.views[v].pts));
-            for (name, limits, get) in POSE_FIELDS {
-                table = table.f64_within(
-                    &format!("echo_{name}_{id}"),
-                    limits,
-                    rows.iter().map(|r| get(&r.views[v].echoed_pose)),
+                .i64(&format!("pts_{id}"), stamps.clone().map(|stamp| stamp.pts))
+                .numbers(
+                    of_view(Pose::COLUMNS, "echo", id),
+                    stamps.map(|stamp| stamp.echoed_pose.to_array()),
+                )
+                .numbers(
+                    of_view(CAMERA_POSE, "camera", id),
+                    cameras.clone().map(|camera| camera.pose.to_array()),
+                )
+                .f64_within(
+                    &format!("camera_hfov_deg_{id}"),
+                    limits::HFOV_DEG,
+                    cameras.map(|camera| camera.hfov_deg),
                 );
-            }
-            for (name, limits, get) in CAMERA_FIELDS {
-                table = table.f64_within(
-                    &format!("camera_{name}_{id}"),
-                    limits,
-                    rows.iter().map(|r| get(&r.views[v].echoed_camera.pose)),
-                );
-            }
-            table = table.f64_within(
-                &format!("camera_hfov_deg_{id}"),
-                limits::HFOV_DEG,
-                rows.iter().map(|r| r.views[v].echoed_camera.hfov_deg),
-            );
         }
         if let Some(labels) = rows.iter().map(|r| r.labels).collect::<Option<Vec<_>>>() {
+            let numbers = |l: &TickLabels| {
+                [
+                    l.dtd_m,
+                    l.along_track_m,
+                    l.cross_track_m,
+                    l.height_over_target_m,
+                ]
+            };
             table = table
-                .f64_within("dtd_m", limits::DTD_M, labels.iter().map(|l| l.dtd_m))
-                .f64_within(
-                    "along_track_m",
-                    limits::TRACK_M,
-                    labels.iter().map(|l| l.along_track_m),
-                )
-                .f64_within(
-                    "cross_track_m",
-                    limits::TRACK_M,
-                    labels.iter().map(|l| l.cross_track_m),
-                )
-                .f64_within(
-                    "height_over_target_m",
-                    limits::HEIGHT_OVER_TARGET_M,
-                    labels.iter().map(|l| l.height_over_target_m),
-                )
+                .numbers(LABELS, labels.iter().map(numbers))
                 .optional_f64_within(
                     "time_to_touchdown_s",
                     limits::TIME_TO_TOUCHDOWN_S,
@@ -201,9 +195,7 @@ impl Frames {
 
     /// Like [`Self::read`], but collects numbers outside their limits.
     pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<ColumnOutOfLimits>)> {
-        let mut table = Table::read(path, limits::MAX_TICKS.into())?.collecting();
-        let frames = Self::of_table(&mut table)?;
-        Ok((frames, table.into_collected()))
+        Table::read_with_faults(path, limits::MAX_TICKS.into(), Self::of_table)
     }
 
     /// Reads the content of the table's file; messages name it as `path`.
@@ -223,16 +215,12 @@ impl Frames {
         }
         let row_bytes = size_of::<TickRow>() + 2 * views.len() * size_of::<ViewStamp>();
         memory::check("table of frames", (table.rows() * row_bytes) as u64)?;
-        let pose = read_poses(table, "", "", POSE_FIELDS)?;
+        let pose = table.numbers(Pose::COLUMNS)?;
         let tick = table.u32("tick")?;
         let time_ns = table.i64("time_ns")?;
-        let mut velocity = Vec::with_capacity(VELOCITY_FIELDS.len());
-        for (name, limits) in VELOCITY_FIELDS {
-            velocity.push(table.f64_within(name, limits)?);
-        }
+        let velocity_ned_mps = table.numbers(VELOCITY)?;
         let true_airspeed_mps = table.f64_within("true_airspeed_mps", limits::TRUE_AIRSPEED_MPS)?;
-        let flap_ratio = table.f64_within("flap_ratio", limits::RATIO)?;
-        let gear_ratio = table.f64_within("gear_ratio", limits::RATIO)?;
+        let controls = table.numbers(Controls::COLUMNS)?;
         let on_ground = table.bool("on_ground")?;
         let stamps = views
             .iter()
@@ -243,13 +231,10 @@ impl Frames {
             .map(|row| TickRow {
                 tick: tick[row],
                 time_ns: time_ns[row],
-                pose: pose[row],
-                velocity_ned_mps: [velocity[0][row], velocity[1][row], velocity[2][row]],
+                pose: Pose::of_array(pose[row]),
+                velocity_ned_mps: velocity_ned_mps[row],
                 true_airspeed_mps: true_airspeed_mps[row],
-                controls: Controls {
-                    flap_ratio: flap_ratio[row],
-                    gear_ratio: gear_ratio[row],
-                },
+                controls: Controls::of_array(controls[row]),
                 on_ground: on_ground[row],
                 views: stamps.iter().map(|stamps| stamps[row]).collect(),
                 labels: labels.as_ref().map(|labels| labels[row]),
@@ -259,45 +244,19 @@ impl Frames {
     }
 }
 
-fn read_poses(
-    table: &mut Table,
-    prefix: &str,
-    suffix: &str,
-    fields: [PoseField; 6],
-) -> Result<Vec<Pose>> {
-    let mut columns = Vec::with_capacity(fields.len());
-    for (name, limits, _) in fields {
-        columns.push(table.f64_within(&format!("{prefix}{name}{suffix}"), limits)?);
-    }
-    let [latitude, longitude, altitude, heading, pitch, roll] = columns.as_slice() else {
-        unreachable!("as many columns as fields");
-    };
-    Ok((0..table.rows())
-        .map(|row| Pose {
-            latitude_deg: latitude[row],
-            longitude_deg: longitude[row],
-            altitude_msl_m: altitude[row],
-            heading_true_deg: heading[row],
-            pitch_deg: pitch[row],
-            roll_deg: roll[row],
-        })
-        .collect())
-}
-
 fn read_stamps(table: &mut Table, id: &str) -> Result<Vec<ViewStamp>> {
     let sim_frame = table.u64(&format!("sim_frame_{id}"))?;
     let pts = table.i64(&format!("pts_{id}"))?;
-    let suffix = format!("_{id}");
-    let pose = read_poses(table, "echo_", &suffix, POSE_FIELDS)?;
-    let camera = read_poses(table, "camera_", &suffix, CAMERA_FIELDS)?;
+    let pose = table.numbers(of_view(Pose::COLUMNS, "echo", id))?;
+    let camera = table.numbers(of_view(CAMERA_POSE, "camera", id))?;
     let hfov_deg = table.f64_within(&format!("camera_hfov_deg_{id}"), limits::HFOV_DEG)?;
     Ok((0..table.rows())
         .map(|row| ViewStamp {
             sim_frame: sim_frame[row],
             pts: pts[row],
-            echoed_pose: pose[row],
+            echoed_pose: Pose::of_array(pose[row]),
             echoed_camera: CameraPose {
-                pose: camera[row],
+                pose: Pose::of_array(camera[row]),
                 hfov_deg: hfov_deg[row],
             },
         })
@@ -308,20 +267,19 @@ fn read_labels(table: &mut Table) -> Result<Option<Vec<TickLabels>>> {
     if !table.has("dtd_m") {
         return Ok(None);
     }
-    let dtd_m = table.f64_within("dtd_m", limits::DTD_M)?;
-    let along_track_m = table.f64_within("along_track_m", limits::TRACK_M)?;
-    let cross_track_m = table.f64_within("cross_track_m", limits::TRACK_M)?;
-    let height_over_target_m =
-        table.f64_within("height_over_target_m", limits::HEIGHT_OVER_TARGET_M)?;
-    let time_to_touchdown_s =
-        table.optional_f64_within("time_to_touchdown_s", limits::TIME_TO_TOUCHDOWN_S)?;
-    let labels = (0..table.rows()).map(|row| TickLabels {
-        dtd_m: dtd_m[row],
-        along_track_m: along_track_m[row],
-        cross_track_m: cross_track_m[row],
-        height_over_target_m: height_over_target_m[row],
-        time_to_touchdown_s: time_to_touchdown_s[row],
-    });
+    let numbers = table.numbers(LABELS)?.into_iter();
+    let times_s = table.optional_f64_within("time_to_touchdown_s", limits::TIME_TO_TOUCHDOWN_S)?;
+    let labels = numbers.zip(times_s).map(
+        |([dtd_m, along_track_m, cross_track_m, height_over_target_m], time_to_touchdown_s)| {
+            TickLabels {
+                dtd_m,
+                along_track_m,
+                cross_track_m,
+                height_over_target_m,
+                time_to_touchdown_s,
+            }
+        },
+    );
     Ok(Some(labels.collect()))
 }
 

@@ -1,11 +1,10 @@
 //! `health/<model>.parquet`: the condition of each camera at each tick, from its images alone.
 //!
-//! Input: the measurements of `dtd detect` for each image. Output: one typed row for each of them, with the camera's direction relative to
-//! the flight's usual one where it could be measured. The table belongs to the detections of the same model: their record names it
+//! Input: the measurements of `dtd detect` for each image. Output: a typed row for each image, with the camera's direction relative to the
+//! flight's usual one where it could be measured. The table belongs to the detections of the same model: their record names it
 //! ([`crate::corpus::detections`]), and it is replaced with them.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::path::Path;
 
 use glam::DVec2;
@@ -13,8 +12,9 @@ use schemars::JsonSchema;
 
 use crate::error::Result;
 use crate::geometry::camera::Camera;
-use crate::numbers::limits::{self, Limits};
+use crate::numbers::limits;
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::row_parts::{Numbers, numbers, words};
 use crate::work::memory;
 
 /// A view at one tick.
@@ -28,12 +28,12 @@ pub struct ViewHealth {
     pub state: HealthState,
     /// Its direction relative to the flight's usual one. In the table, numbers are null where it was not measured.
     pub motion: Option<CameraTurn>,
-    /// Condition of the camera by the images up to this tick. Missing in tables of earlier versions.
-    pub state_live: Option<HealthState>,
+    /// Condition of the camera by the images up to this tick.
+    pub state_live: HealthState,
     /// Lag of the view in the whole flight. In the table, numbers are null of the first view, and where it was not measured.
     pub lag: Option<ViewLag>,
     /// Distance of the aircraft from where it should be by the first view and the flight, across the line on which the first view sees it,
-    /// pixels down. Null of the first view, where views are not registered with boxes that count, or too rarely, and in earlier tables.
+    /// pixels down. Null of the first view, and where views are not registered with boxes that count, or too rarely.
     pub vertical_px: Option<f64>,
 }
 
@@ -56,12 +56,12 @@ pub struct ViewLag {
 }
 
 impl ViewLag {
-    /// True of a lag that is certain and matters.
+    /// True if the lag is certain and matters.
     pub fn is_sure(&self) -> bool {
-        self.is_beyond(SURE)
+        self.is_beyond(2.0 * LIKELY)
     }
 
-    /// True of a lag that matters, and is more likely than none.
+    /// True if the lag matters, and is more likely than none.
     pub fn is_likely(&self) -> bool {
         self.is_beyond(LIKELY)
     }
@@ -71,18 +71,17 @@ impl ViewLag {
     }
 }
 
-/// Lower limit of a lag's standard deviation, milliseconds. More sightings do not reduce it: views from two sides see other parts of a near
-/// aircraft, and wrong directions of cameras resemble a lag. Of 275 clean flights whose sightings left less, lags were 8 ms (root mean
+/// Lower limit of the lag's standard deviation, milliseconds. More sightings do not reduce it: views from two sides see different parts of
+/// near aircraft, and wrong directions of cameras resemble a lag. Of 275 clean flights whose sightings left less, lags were 8 ms (root mean
 /// square).
 pub const MIN_LAG_SD_MS: f64 = 10.0;
 /// A lag below this does not matter, milliseconds: 0.04 % of the distance at ten kilometres, with masts 600 m apart.
 const MIN_LAG_MS: f64 = 100.0;
-/// Standard deviations of a lag that is no chance.
-const SURE: f64 = 5.0;
-/// Standard deviations from which a lag is more likely than none, if one view in ten is late. None of 385 flights without a lag reached it.
+/// A lag of this many standard deviations is more likely than none, if one view in ten is late. None of 385 flights without a lag reached
+/// it.
 pub const LIKELY: f64 = 2.5;
 
-/// By how much images are late.
+/// Lateness of images.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Late {
     /// Seconds.
@@ -91,8 +90,8 @@ pub struct Late {
     pub sd_s: f64,
 }
 
-/// The views of a flight whose images are late, by the lags that count. An image shows the past, never the future: of two views that
-/// disagree, the one that shows the earlier aircraft is late.
+/// A flight's views whose images are late, by the lags that count. An image shows the past, never the future: of two views that disagree,
+/// the one that shows the earlier aircraft is late.
 pub fn late_views(rows: &[ViewHealth], counts: fn(&ViewLag) -> bool) -> BTreeMap<&str, Late> {
     let mut late: BTreeMap<&str, Late> = BTreeMap::new();
     for row in rows {
@@ -117,7 +116,7 @@ pub fn late_views(rows: &[ViewHealth], counts: fn(&ViewLag) -> bool) -> BTreeMap
     late
 }
 
-/// The direction of a camera relative to its usual one, as seen in its image.
+/// A camera's direction relative to its usual one, as seen in its image.
 #[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
 pub struct CameraTurn {
     /// Place of what is usually at the image's centre minus the centre, pixels to the right.
@@ -131,7 +130,7 @@ pub struct CameraTurn {
 }
 
 impl CameraTurn {
-    /// The place in the usual image of a point that appears at `place_px`, pixels.
+    /// The usual place for a point that appears at `place_px`, pixels.
     pub fn usual_place(&self, camera: &Camera, place_px: DVec2) -> DVec2 {
         let shift_px = DVec2::new(self.shift_x_px, self.shift_y_px);
         let turn = camera.turn(shift_px, self.roll_deg.to_radians());
@@ -139,7 +138,7 @@ impl CameraTurn {
     }
 }
 
-/// Conditions of a camera.
+/// Camera conditions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
 #[schemars(rename_all = "kebab-case")]
 pub enum HealthState {
@@ -157,64 +156,33 @@ pub enum HealthState {
     Unknown,
 }
 
+words!(HealthState, 6, {
+    Steady: "steady",
+    Moved: "moved",
+    Shaking: "shaking",
+    Frozen: "frozen",
+    Inconsistent: "inconsistent",
+    Unknown: "unknown",
+});
+
 impl HealthState {
-    /// All conditions.
-    pub const ALL: [Self; 6] = [
-        Self::Steady,
-        Self::Moved,
-        Self::Shaking,
-        Self::Frozen,
-        Self::Inconsistent,
-        Self::Unknown,
-    ];
-
-    /// The word for it in the table.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Steady => "steady",
-            Self::Moved => "moved",
-            Self::Shaking => "shaking",
-            Self::Frozen => "frozen",
-            Self::Inconsistent => "inconsistent",
-            Self::Unknown => "unknown",
-        }
-    }
-
     /// True unless boxes of such an image are off or old. An inconsistent image keeps its boxes and loses its shift.
     pub fn is_well(self) -> bool {
         matches!(self, Self::Steady | Self::Unknown | Self::Inconsistent)
     }
-
-    fn of_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|state| state.word() == word)
-    }
 }
 
-impl fmt::Display for HealthState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.word())
-    }
-}
+numbers!(CameraTurn, 4, {
+    shift_x_px: limits::SHIFT_PX,
+    shift_y_px: limits::SHIFT_PX,
+    roll_deg: limits::CAMERA_ROLL_DEG,
+    shift_sd_px: limits::SHIFT_SD_PX,
+});
 
-/// The column that earlier versions of this software did not write.
-const STATE_LIVE: &str = "state_live";
-
-/// The columns of [`ViewLag`], which earlier versions did not write either.
-const LAG: (&str, Limits) = ("lag_ms", limits::VIEW_LAG_MS);
-const LAG_SD: (&str, Limits) = ("lag_sd_ms", limits::VIEW_LAG_SD_MS);
-
-/// Also missing in earlier tables.
-const VERTICAL: (&str, Limits) = ("vertical_px", limits::SHIFT_PX);
-
-/// Name of a number, its limits, and its accessor.
-type TurnField = (&'static str, Limits, fn(&CameraTurn) -> f64);
-
-const FIELDS: [TurnField; 4] = [
-    ("shift_x_px", limits::SHIFT_PX, |turn| turn.shift_x_px),
-    ("shift_y_px", limits::SHIFT_PX, |turn| turn.shift_y_px),
-    ("roll_deg", limits::CAMERA_ROLL_DEG, |turn| turn.roll_deg),
-    ("shift_sd_px", limits::SHIFT_SD_PX, |turn| turn.shift_sd_px),
-];
+numbers!(ViewLag, 2, {
+    lag_ms: limits::VIEW_LAG_MS,
+    lag_sd_ms: limits::VIEW_LAG_SD_MS,
+});
 
 /// Writes `health/<model>.parquet`.
 pub fn write_health(path: &Path, rows: &[ViewHealth]) -> Result<()> {
@@ -223,122 +191,78 @@ pub fn write_health(path: &Path, rows: &[ViewHealth]) -> Result<()> {
 
 /// The table `health/<model>.parquet` with its columns.
 pub fn health_columns(rows: &[ViewHealth]) -> TableWriter {
-    let table = TableWriter::new()
-        .u32("tick", rows.iter().map(|row| row.tick))
-        .text("view", rows.iter().map(|row| &row.view))
-        .text("state", rows.iter().map(|row| row.state.word()));
-    let turns = rows.iter().map(|row| row.motion.as_ref());
-    let table = FIELDS
-        .into_iter()
-        .fold(table, |table, (name, limits, get)| {
-            table.optional_f64_within(name, limits, turns.clone().map(|turn| turn.map(get)))
-        });
-    let live = rows.iter().map(|row| row.state_live.map(HealthState::word));
-    let table = match live.collect::<Option<Vec<_>>>() {
-        Some(live) => table.text(STATE_LIVE, live),
-        None => table,
-    };
-    let lags = rows.iter().map(|row| row.lag);
-    table
-        .optional_f64_within(LAG.0, LAG.1, lags.clone().map(|lag| Some(lag?.lag_ms)))
-        .optional_f64_within(LAG_SD.0, LAG_SD.1, lags.map(|lag| Some(lag?.lag_sd_ms)))
+    let rows = rows.iter();
+    let turns = rows.clone().map(|row| row.motion);
+    let lags = rows.clone().map(|row| row.lag);
+    TableWriter::new()
+        .u32("tick", rows.clone().map(|row| row.tick))
+        .text("view", rows.clone().map(|row| &row.view))
+        .text("state", rows.clone().map(|row| row.state.word()))
+        .optional_numbers(
+            CameraTurn::COLUMNS,
+            turns.map(|turn| turn.map(CameraTurn::to_array)),
+        )
+        .text("state_live", rows.clone().map(|row| row.state_live.word()))
+        .optional_numbers(ViewLag::COLUMNS, lags.map(|lag| lag.map(ViewLag::to_array)))
         .optional_f64_within(
-            VERTICAL.0,
-            VERTICAL.1,
-            rows.iter().map(|row| row.vertical_px),
+            "vertical_px",
+            limits::SHIFT_PX,
+            rows.map(|row| row.vertical_px),
         )
 }
 
-/// Reads the content of `health/<model>.parquet` of a scenario with this many images, each with at most one row; messages name it as
-/// `path`.
+/// Reads the content of `health/<model>.parquet` for this number of images, each with at most one row; messages name it as `path`.
 ///
 /// # Errors
-/// A number is outside its limits, a row has only some of its numbers, or an unknown state.
+/// A number is outside its limits, a row has only some numbers, or an unknown state.
 pub fn parse_health(content: Vec<u8>, path: &Path, images: u64) -> Result<Vec<ViewHealth>> {
     health_of(&mut Table::parse(content, path, images)?)
 }
 
-/// The same from a file, but collecting numbers outside their limits.
+/// Reads a file's rows and collects numbers outside their limits.
 pub fn read_health_with_faults(
     path: &Path,
     images: u64,
 ) -> Result<(Vec<ViewHealth>, Vec<ColumnOutOfLimits>)> {
-    let mut table = Table::read(path, images)?.collecting();
-    let rows = health_of(&mut table)?;
-    Ok((rows, table.into_collected()))
+    Table::read_with_faults(path, images, health_of)
 }
 
 fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
     let row_bytes = 2 * size_of::<ViewHealth>() + 96;
     memory::check("table of health", (table.rows() * row_bytes) as u64)?;
     let ticks = table.u32("tick")?;
-    let mut columns = Vec::with_capacity(FIELDS.len());
-    for (name, limits, _) in FIELDS {
-        columns.push(table.optional_f64_within(name, limits)?);
-    }
-    let states = states_of(table, "state")?;
-    let live = if table.has(STATE_LIVE) {
-        states_of(table, STATE_LIVE)?
-            .into_iter()
-            .map(Some)
-            .collect()
-    } else {
-        vec![None; ticks.len()]
-    };
-    let [lags, lag_sds, verticals] = [LAG, LAG_SD, VERTICAL].map(|(name, limits)| {
-        if table.has(name) {
-            table.optional_f64_within(name, limits)
-        } else {
-            Ok(vec![None; ticks.len()])
-        }
-    });
-    let (lags, lag_sds, verticals) = (lags?, lag_sds?, verticals?);
-    let keys = ticks.into_iter().zip(table.text("view")?);
-    let rows = keys.zip(states.into_iter().zip(live)).enumerate();
-    rows.map(|(row, ((tick, view), (state, state_live)))| {
-        let numbers: Vec<_> = columns.iter().filter_map(|column| column[row]).collect();
-        let motion = match numbers.as_slice() {
-            [] => None,
-            &[shift_x_px, shift_y_px, roll_deg, shift_sd_px] => Some(CameraTurn {
-                shift_x_px,
-                shift_y_px,
-                roll_deg,
-                shift_sd_px,
-            }),
-            some => {
-                return Err(table.fault(format!(
-                    "row {row} has {} of {} numbers, expected all or none",
-                    some.len(),
-                    FIELDS.len()
-                )));
-            }
-        };
+    let turns = table.optional_numbers(CameraTurn::COLUMNS)?;
+    let states = table.words::<HealthState>("state")?;
+    let live = table.words::<HealthState>("state_live")?;
+    let lags = table.optional_numbers(ViewLag::COLUMNS)?;
+    let verticals_px = table.optional_f64_within("vertical_px", limits::SHIFT_PX)?;
+    let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
+    keys.map(|(row, (tick, view))| {
         Ok(ViewHealth {
             tick,
             view,
-            state,
-            motion,
-            state_live,
-            lag: (lags[row].zip(lag_sds[row]))
-                .map(|(lag_ms, lag_sd_ms)| ViewLag { lag_ms, lag_sd_ms }),
-            vertical_px: verticals[row],
+            state: states[row],
+            motion: all_or_none(table, row, turns[row])?.map(CameraTurn::of_array),
+            state_live: live[row],
+            lag: all_or_none(table, row, lags[row])?.map(ViewLag::of_array),
+            vertical_px: verticals_px[row],
         })
     })
     .collect()
 }
 
-fn states_of(table: &Table, column: &str) -> Result<Vec<HealthState>> {
-    let words = table.text(column)?.into_iter().enumerate();
-    words
-        .map(|(row, word)| {
-            HealthState::of_word(&word).ok_or_else(|| {
-                let known = HealthState::ALL.map(HealthState::word).join(", ");
-                table.fault(format!(
-                    "row {row}: {column} is {word:?}, expected one of {known}"
-                ))
-            })
-        })
-        .collect()
+fn all_or_none<const N: usize>(
+    table: &Table,
+    row: usize,
+    numbers: std::result::Result<[f64; N], usize>,
+) -> Result<Option<[f64; N]>> {
+    match numbers {
+        Ok(numbers) => Ok(Some(numbers)),
+        Err(0) => Ok(None),
+        Err(some) => Err(table.fault(format!(
+            "row {row} has {some} of {N} numbers, expected all or none"
+        ))),
+    }
 }
 
 #[cfg(test)]
@@ -359,7 +283,7 @@ mod tests {
                 view: "left".into(),
                 state,
                 motion: (state != HealthState::Unknown).then_some(turn),
-                state_live: Some(HealthState::Steady),
+                state_live: HealthState::Steady,
                 lag: (tick % 2 == 0).then_some(ViewLag {
                     lag_ms: 450.0,
                     lag_sd_ms: 20.0,
@@ -400,13 +324,12 @@ mod tests {
     fn health_is_read_back_as_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("abc.parquet");
-        let mut earlier = rows();
-        for row in &mut earlier {
-            row.state_live = None;
+        let mut unmeasured = rows();
+        for row in &mut unmeasured {
             row.lag = None;
             row.vertical_px = None;
         }
-        for rows in [rows(), earlier, Vec::new()] {
+        for rows in [rows(), unmeasured, Vec::new()] {
             write_health(&path, &rows).unwrap();
             let content = std::fs::read(&path).unwrap();
             assert_eq!(parse_health(content, &path, 6).unwrap(), rows);
@@ -421,9 +344,13 @@ mod tests {
             let table = TableWriter::new()
                 .u32("tick", [0])
                 .text("view", ["left"])
-                .text("state", [state]);
-            let named = FIELDS.iter().zip(numbers);
-            let table = named.fold(table, |table, ((name, ..), number)| {
+                .text("state", [state])
+                .text("state_live", ["steady"])
+                .optional_f64("lag_ms", [None])
+                .optional_f64("lag_sd_ms", [None])
+                .optional_f64("vertical_px", [None]);
+            let named = CameraTurn::COLUMNS.into_iter().zip(numbers);
+            let table = named.fold(table, |table, ((name, _), number)| {
                 table.optional_f64(name, [number])
             });
             table.write(&path).unwrap();

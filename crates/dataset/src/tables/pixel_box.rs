@@ -1,8 +1,8 @@
 //! Bounding boxes, and the table of the ground truth (`boxes_truth.parquet`). The table of detected boxes is in
 //! [`crate::corpus::detections`].
 //!
-//! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is
-//! one pixel wide.
+//! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is one pixel
+//! wide.
 
 use std::path::Path;
 
@@ -10,11 +10,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
-use crate::numbers::limits::{self, Limits};
+use crate::numbers::limits;
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::row_parts::{NumberColumn, Numbers, numbers};
 use crate::work::memory;
 
-/// A detector is expected to find the aircraft if more than this part of it is in the image.
+/// A detector is expected to find the aircraft if more than this part is in the image.
 const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
 
 /// An axis-parallel box, pixels.
@@ -29,6 +30,13 @@ pub struct PixelBox {
     /// Height of the box, pixels.
     pub height_px: f64,
 }
+
+numbers!(PixelBox, 4, {
+    cx_px: limits::BOX_PLACE_PX,
+    cy_px: limits::BOX_PLACE_PX,
+    width_px: limits::BOX_SIZE_PX,
+    height_px: limits::BOX_SIZE_PX,
+});
 
 impl PixelBox {
     /// The box with these edges.
@@ -69,7 +77,7 @@ impl PixelBox {
         (clipped.width_px > 0.0 && clipped.height_px > 0.0).then_some(clipped)
     }
 
-    /// Area of the part that another box covers, square pixels.
+    /// Area of the overlap with a second box, square pixels.
     pub fn intersection(&self, other: &Self) -> f64 {
         let [a, b] = [self.edges(), other.edges()];
         let width = (a[2].min(b[2]) - a[0].max(b[0])).max(0.0);
@@ -77,7 +85,7 @@ impl PixelBox {
         width * height
     }
 
-    /// Intersection over union with another box, 0 to 1.
+    /// Intersection over union with a second box, 0 to 1.
     pub fn iou(&self, other: &Self) -> f64 {
         let intersection = self.intersection(other);
         let union = self.area() + other.area() - intersection;
@@ -108,8 +116,14 @@ pub struct TruthBox {
     pub transmission: f64,
 }
 
+const RATIOS: [NumberColumn; 3] = [
+    ("visible_fraction", limits::RATIO),
+    ("truncation", limits::RATIO),
+    ("transmission", limits::RATIO),
+];
+
 impl TruthBox {
-    /// True if a detector is expected to find this aircraft: most of it is in the image.
+    /// True if a detector is expected to find this aircraft: most is in the image.
     pub fn is_expected(&self) -> bool {
         self.visible_fraction > EXPECTED_VISIBLE_FRACTION
     }
@@ -122,36 +136,28 @@ pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
 
 /// The table `boxes_truth.parquet` with its columns.
 pub fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
-    let table = TableWriter::new()
+    TableWriter::new()
         .u32("tick", boxes.iter().map(|b| b.tick))
         .text("view", boxes.iter().map(|b| &b.view))
-        .text("class", boxes.iter().map(|b| &b.class));
-    box_columns(table, boxes.iter().map(|b| &b.pixel_box))
-        .f64_within(
-            "visible_fraction",
-            limits::RATIO,
-            boxes.iter().map(|b| b.visible_fraction),
+        .text("class", boxes.iter().map(|b| &b.class))
+        .numbers(
+            PixelBox::COLUMNS,
+            boxes.iter().map(|b| b.pixel_box.to_array()),
         )
-        .f64_within(
-            "truncation",
-            limits::RATIO,
-            boxes.iter().map(|b| b.truncation),
-        )
-        .f64_within(
-            "transmission",
-            limits::RATIO,
-            boxes.iter().map(|b| b.transmission),
+        .numbers(
+            RATIOS,
+            boxes
+                .iter()
+                .map(|b| [b.visible_fraction, b.truncation, b.transmission]),
         )
 }
 
-/// Reads `boxes_truth.parquet` of a scenario with this many images, each with at most one box, collecting numbers outside their limits.
+/// Reads `boxes_truth.parquet` for this number of images, each with at most one box, collecting numbers outside their limits.
 pub fn read_truth_boxes_with_faults(
     path: &Path,
     pictures: u64,
 ) -> Result<(Vec<TruthBox>, Vec<ColumnOutOfLimits>)> {
-    let mut table = Table::read(path, pictures)?.collecting();
-    let boxes = truth_boxes_of(&mut table)?;
-    Ok((boxes, table.into_collected()))
+    Table::read_with_faults(path, pictures, truth_boxes_of)
 }
 
 /// Reads the content of `boxes_truth.parquet`; messages name it as `path`. A number outside its limits is an error.
@@ -160,69 +166,25 @@ pub fn parse_truth_boxes(content: Vec<u8>, path: &Path, pictures: u64) -> Result
 }
 
 fn truth_boxes_of(table: &mut Table) -> Result<Vec<TruthBox>> {
-    check_memory(table)?;
+    let row_bytes = 2 * size_of::<TruthBox>() + 32;
+    memory::check("table of boxes", (table.rows() * row_bytes) as u64)?;
     let tick = table.u32("tick")?;
-    let boxes = read_boxes(table)?;
-    let visible_fraction = table.f64_within("visible_fraction", limits::RATIO)?;
-    let truncation = table.f64_within("truncation", limits::RATIO)?;
-    let transmission = table.f64_within("transmission", limits::RATIO)?;
+    let boxes = table.numbers(PixelBox::COLUMNS)?;
+    let ratios = table.numbers(RATIOS)?;
     let words = table.text("view")?.into_iter().zip(table.text("class")?);
     Ok(words
         .enumerate()
-        .map(|(row, (view, class))| TruthBox {
-            tick: tick[row],
-            view,
-            class,
-            pixel_box: boxes[row],
-            visible_fraction: visible_fraction[row],
-            truncation: truncation[row],
-            transmission: transmission[row],
-        })
-        .collect())
-}
-
-fn box_columns<'a>(
-    table: TableWriter,
-    boxes: impl Iterator<Item = &'a PixelBox> + Clone,
-) -> TableWriter {
-    BOX_FIELDS
-        .into_iter()
-        .fold(table, |table, (name, limits, get)| {
-            table.f64_within(name, limits, boxes.clone().map(get))
-        })
-}
-
-/// Name of a value of a box, its limits, and its accessor.
-pub(crate) type BoxField = (&'static str, Limits, fn(&PixelBox) -> f64);
-
-pub(crate) const BOX_FIELDS: [BoxField; 4] = [
-    ("cx_px", limits::BOX_PLACE_PX, |b| b.cx_px),
-    ("cy_px", limits::BOX_PLACE_PX, |b| b.cy_px),
-    ("width_px", limits::BOX_SIZE_PX, |b| b.width_px),
-    ("height_px", limits::BOX_SIZE_PX, |b| b.height_px),
-];
-
-/// A table's columns before they become a list of boxes with the names of their views.
-fn check_memory(table: &Table) -> Result<()> {
-    let row_bytes = 2 * size_of::<TruthBox>() + 32;
-    memory::check("table of boxes", (table.rows() * row_bytes) as u64)?;
-    Ok(())
-}
-
-fn read_boxes(table: &mut Table) -> Result<Vec<PixelBox>> {
-    let mut columns = Vec::with_capacity(BOX_FIELDS.len());
-    for (name, limits, _) in BOX_FIELDS {
-        columns.push(table.f64_within(name, limits)?);
-    }
-    let [cx, cy, width, height] = columns.as_slice() else {
-        unreachable!("as many columns as fields");
-    };
-    Ok((0..table.rows())
-        .map(|row| PixelBox {
-            cx_px: cx[row],
-            cy_px: cy[row],
-            width_px: width[row],
-            height_px: height[row],
+        .map(|(row, (view, class))| {
+            let [visible_fraction, truncation, transmission] = ratios[row];
+            TruthBox {
+                tick: tick[row],
+                view,
+                class,
+                pixel_box: PixelBox::of_array(boxes[row]),
+                visible_fraction,
+                truncation,
+                transmission,
+            }
         })
         .collect())
 }

@@ -1,17 +1,17 @@
-//! `registrations/<model>.parquet`: where the aircraft of one view is in another, measured from the pixels of both.
+//! `registrations/<model>.parquet`: where the first view's aircraft is in the others, measured from the pixels of both.
 //!
-//! Input: what `dtd detect` measured for each tick and each view but the first, the reference. Output: one typed row for each of
-//! them, a shift or the reason why there is none. The table belongs to the detections of the same model: their record names it
+//! Input: what `dtd detect` measured for each tick and each view but the first, the reference. Output: a typed row for each pair, a shift
+//! or the reason why there is none. The table belongs to the detections of the same model: their record names it
 //! ([`crate::corpus::detections`]), and it is replaced with them.
 
-use std::fmt;
 use std::path::Path;
 
 use schemars::JsonSchema;
 
 use crate::error::Result;
-use crate::numbers::limits::{self, Limits};
+use crate::numbers::limits;
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::row_parts::{Numbers, numbers, words};
 use crate::work::memory;
 
 /// A view compared with the reference view at one tick.
@@ -50,7 +50,7 @@ pub struct Shift {
     pub correlation: f64,
 }
 
-/// Reasons why a tick of a view has no shift.
+/// Reasons why a view has no shift at a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
 #[schemars(rename_all = "kebab-case")]
 pub enum NoShift {
@@ -68,60 +68,31 @@ pub enum NoShift {
     Vague,
 }
 
-impl NoShift {
-    /// All reasons.
-    pub const ALL: [Self; 6] = [
-        Self::NoBox,
-        Self::Edge,
-        Self::Faint,
-        Self::Different,
-        Self::Lost,
-        Self::Vague,
-    ];
+words!(NoShift, 6, {
+    NoBox: "no-box",
+    Edge: "edge",
+    Faint: "faint",
+    Different: "different",
+    Lost: "lost",
+    Vague: "vague",
+});
 
-    /// The word for it in the table.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::NoBox => "no-box",
-            Self::Edge => "edge",
-            Self::Faint => "faint",
-            Self::Different => "different",
-            Self::Lost => "lost",
-            Self::Vague => "vague",
-        }
-    }
+numbers!(Shift, 9, {
+    x_px: limits::BOX_PLACE_PX,
+    y_px: limits::BOX_PLACE_PX,
+    dx_px: limits::SHIFT_PX,
+    dy_px: limits::SHIFT_PX,
+    sd_x_px: limits::SHIFT_SD_PX,
+    sd_y_px: limits::SHIFT_SD_PX,
+    scale: limits::VIEW_SCALE,
+    gain: limits::VIEW_GAIN,
+    correlation: limits::CORRELATION,
+});
 
-    fn of_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|reason| reason.word() == word)
-    }
-}
-
-impl fmt::Display for NoShift {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.word())
-    }
-}
-
-/// Name of a value of a shift, its limits, and its accessor.
-type ShiftField = (&'static str, Limits, fn(&Shift) -> f64);
-
-const FIELDS: [ShiftField; 9] = [
-    ("x_px", limits::BOX_PLACE_PX, |s| s.x_px),
-    ("y_px", limits::BOX_PLACE_PX, |s| s.y_px),
-    ("dx_px", limits::SHIFT_PX, |s| s.dx_px),
-    ("dy_px", limits::SHIFT_PX, |s| s.dy_px),
-    ("sd_x_px", limits::SHIFT_SD_PX, |s| s.sd_x_px),
-    ("sd_y_px", limits::SHIFT_SD_PX, |s| s.sd_y_px),
-    ("scale", limits::VIEW_SCALE, |s| s.scale),
-    ("gain", limits::VIEW_GAIN, |s| s.gain),
-    ("correlation", limits::CORRELATION, |s| s.correlation),
-];
-
-/// True if all numbers of a shift can be stored.
+/// True if all numbers can be stored.
 pub fn is_within_limits(shift: &Shift) -> bool {
-    FIELDS
-        .iter()
-        .all(|(_, limits, get)| limits.check(get(shift)).is_ok())
+    let mut numbers = Shift::COLUMNS.iter().zip(shift.to_array());
+    numbers.all(|((_, limits), number)| limits.hold(number))
 }
 
 /// Writes `registrations/<model>.parquet`.
@@ -131,26 +102,23 @@ pub fn write_registrations(path: &Path, registrations: &[Registration]) -> Resul
 
 /// The table `registrations/<model>.parquet` with its columns.
 pub fn registration_columns(registrations: &[Registration]) -> TableWriter {
-    let table = TableWriter::new()
-        .u32("tick", registrations.iter().map(|row| row.tick))
-        .text("view", registrations.iter().map(|row| &row.view))
-        .text("reference", registrations.iter().map(|row| &row.reference));
-    let shifts = registrations.iter().map(|row| row.result.as_ref().ok());
-    FIELDS
-        .into_iter()
-        .fold(table, |table, (name, limits, get)| {
-            table.optional_f64_within(name, limits, shifts.clone().map(|shift| shift.map(get)))
-        })
+    let rows = registrations.iter();
+    let shifts = rows.clone().map(|row| row.result.ok());
+    TableWriter::new()
+        .u32("tick", rows.clone().map(|row| row.tick))
+        .text("view", rows.clone().map(|row| &row.view))
+        .text("reference", rows.clone().map(|row| &row.reference))
+        .optional_numbers(
+            Shift::COLUMNS,
+            shifts.map(|shift| shift.map(Shift::to_array)),
+        )
         .optional_text(
             "reason",
-            registrations
-                .iter()
-                .map(|row| row.result.err().map(NoShift::word)),
+            rows.map(|row| row.result.err().map(NoShift::word)),
         )
 }
 
-/// Reads the content of `registrations/<model>.parquet` of a scenario with this many images, each with at most one row; messages
-/// name it as `path`.
+/// Reads the content of `registrations/<model>.parquet` for this number of images, each with at most one row; messages name it as `path`.
 ///
 /// # Errors
 /// A number is outside its limits, or a row has neither a whole shift nor a known reason.
@@ -162,54 +130,35 @@ pub fn parse_registrations(
     registrations_of(&mut Table::parse(content, path, pictures)?)
 }
 
-/// The same from a file, but collecting numbers outside their limits.
+/// Reads a file's rows and collects numbers outside their limits.
 pub fn read_registrations_with_faults(
     path: &Path,
     pictures: u64,
 ) -> Result<(Vec<Registration>, Vec<ColumnOutOfLimits>)> {
-    let mut table = Table::read(path, pictures)?.collecting();
-    let registrations = registrations_of(&mut table)?;
-    Ok((registrations, table.into_collected()))
+    Table::read_with_faults(path, pictures, registrations_of)
 }
 
 fn registrations_of(table: &mut Table) -> Result<Vec<Registration>> {
     let row_bytes = 2 * size_of::<Registration>() + 96;
     memory::check("table of registrations", (table.rows() * row_bytes) as u64)?;
     let ticks = table.u32("tick")?;
-    let mut columns = Vec::with_capacity(FIELDS.len());
-    for (name, limits, _) in FIELDS {
-        columns.push(table.optional_f64_within(name, limits)?);
-    }
-    let reasons = table.optional_text("reason")?;
+    let shifts = table.optional_numbers(Shift::COLUMNS)?;
+    let reasons = table.optional_words::<NoShift>("reason")?;
     let views = table.text("view")?.into_iter();
-    let words = views.zip(table.text("reference")?).zip(reasons);
-    let rows = ticks.into_iter().zip(words).enumerate();
-    rows.map(|(row, (tick, ((view, reference), reason)))| {
-        let numbers: Vec<_> = columns.iter().filter_map(|column| column[row]).collect();
-        let result = match (numbers.as_slice(), reason) {
-            (&[x_px, y_px, dx_px, dy_px, sd_x_px, sd_y_px, scale, gain, correlation], None) => {
-                Ok(Shift {
-                    x_px,
-                    y_px,
-                    dx_px,
-                    dy_px,
-                    sd_x_px,
-                    sd_y_px,
-                    scale,
-                    gain,
-                    correlation,
-                })
-            }
-            ([], Some(word)) => Err(NoShift::of_word(&word).ok_or_else(|| {
-                let known = NoShift::ALL.map(NoShift::word).join(", ");
-                table.fault(format!("row {row}: reason is {word:?}, expected one of {known}"))
-            })?),
-            (numbers, reason) => {
-                let reason = reason.map_or_else(|| "no reason".into(), |r| format!("reason {r:?}"));
+    let keys = ticks.into_iter().zip(views.zip(table.text("reference")?));
+    let results = shifts.into_iter().zip(reasons);
+    let rows = keys.zip(results).enumerate();
+    rows.map(|(row, ((tick, (view, reference)), (shift, reason)))| {
+        let result = match (shift, reason) {
+            (Ok(numbers), None) => Ok(Shift::of_array(numbers)),
+            (Err(0), Some(reason)) => Err(reason),
+            (shift, reason) => {
+                let reason =
+                    reason.map_or("no reason".into(), |r| format!("reason {:?}", r.word()));
+                let all = Shift::COLUMNS.len();
                 return Err(table.fault(format!(
-                    "row {row} has {} of {} numbers and {reason}, expected all numbers, or none and a reason",
-                    numbers.len(),
-                    FIELDS.len()
+                    "row {row} has {} of {all} numbers and {reason}, expected all numbers, or none and a reason",
+                    shift.map_or_else(|count| count, |_| all),
                 )));
             }
         };
@@ -266,14 +215,6 @@ mod tests {
     }
 
     #[test]
-    fn every_reason_has_a_word_of_its_own() {
-        for reason in NoShift::ALL {
-            assert_eq!(NoShift::of_word(reason.word()), Some(reason));
-        }
-        assert_eq!(NoShift::of_word("whatever"), None);
-    }
-
-    #[test]
     fn a_row_with_half_a_shift_an_unknown_reason_or_neither_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("abc.parquet");
@@ -282,10 +223,10 @@ mod tests {
                 .u32("tick", [0])
                 .text("view", ["right"])
                 .text("reference", ["left"]);
-            let table = FIELDS
-                .iter()
+            let table = Shift::COLUMNS
+                .into_iter()
                 .zip(numbers)
-                .fold(table, |table, ((name, ..), number)| {
+                .fold(table, |table, ((name, _), number)| {
                     table.optional_f64(name, [number])
                 });
             table

@@ -1,11 +1,11 @@
 //! The stream between a camera and its recorder: an image after the camera's own encoder.
 //!
 //! Cameras code H.264 at a bit rate, whatever the image needs: a key frame every two seconds, no B-frames, limited range, one second of
-//! buffer. Each image is coded with x264 and decoded again at once; the corpus's encoder then takes it. One thread: the same images
-//! give the same bytes.
+//! buffer. Each image is coded with x264 and decoded again at once; the corpus's encoder then takes it. One thread: the same images give
+//! the same bytes.
 //!
-//! The bit rate is for a camera with 30 images per second. A corpus with fewer images gives each of them its share of such a
-//! stream. They differ more from one another than a camera's would, so they come out worse.
+//! The bit rate is for a camera with 30 images per second. A corpus with fewer images gives each image its share of such a stream. They
+//! differ more than a camera's would, so they come out worse.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::geometry::imaging::Stream;
 use crate::numbers::frame_rate::FrameRate;
 
-/// Images per second of a camera, unless the corpus has more.
+/// A camera's images per second, unless the corpus has more.
 const CAMERA_RATE: FrameRate = FrameRate {
     numerator: 30,
     denominator: 1,
@@ -33,7 +33,7 @@ const BUFFER_S: f64 = 1.0;
 const PRESET: &str = "veryfast";
 const LIMITED_RANGE: bool = false;
 
-/// The stream of one camera.
+/// A camera's stream.
 pub struct CameraStream {
     /// The video that it leads to, for messages.
     path: PathBuf,
@@ -48,7 +48,7 @@ pub struct CameraStream {
 }
 
 impl CameraStream {
-    /// A stream of images of one size. `path`: the video that it leads to, for messages.
+    /// A stream of equally sized images. `path`: the video that it leads to, for messages.
     ///
     /// # Errors
     /// This FFmpeg lacks x264, or a decoder for H.264.
@@ -127,8 +127,8 @@ impl CameraStream {
         })
     }
 
-    /// Sends an image (rows of RGB from top to bottom without gaps) through the stream into `received`, and returns the bytes that it
-    /// took there.
+    /// Sends an image (rows of RGB from top to bottom without gaps) through the stream into `received`, and returns the bytes that it took
+    /// there.
     ///
     /// # Errors
     /// FFmpeg fails, or holds the image back.

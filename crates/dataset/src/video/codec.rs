@@ -4,7 +4,7 @@ use ffmpeg_next::format::Pixel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Coding of the images. `docs/video.md` has what each of them leaves of small targets.
+/// Coding of the images. `docs/video.md` states how well each preserves small targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 pub enum VideoCodec {
     /// H.264, 4:2:0: small, plays everywhere, halves the contrast of colours of small things.
@@ -44,7 +44,7 @@ const AOM_PRESETS: [&str; 9] = ["0", "1", "2", "3", "4", "5", "6", "7", "8"];
 const NO_PRESETS: [&str; 1] = ["none"];
 
 impl VideoCodec {
-    /// All of them.
+    /// All codecs.
     pub const ALL: [Self; 5] = [
         Self::H264,
         Self::H264Lossless,
@@ -58,8 +58,8 @@ impl VideoCodec {
         matches!(self, Self::H264Lossless | Self::Ffv1)
     }
 
-    /// File extension, and FFmpeg's name of the format. FFmpeg does not write FFV1 to MP4; QuickTime, the ancestor of MP4, is the
-    /// only other format with exact timestamps (Matroska rounds them to milliseconds).
+    /// File extension, and FFmpeg's name of the format. FFmpeg does not write FFV1 to MP4; QuickTime, the ancestor of MP4, is the only
+    /// other format with exact timestamps (Matroska rounds them to milliseconds).
     pub fn extension(self) -> &'static str {
         match self {
             Self::Ffv1 => "mov",
@@ -86,8 +86,8 @@ impl VideoCodec {
         }
     }
 
-    /// The default constant rate factor: for H.264 one that was measured to preserve a 10 NM aircraft, for H.265 and AV1, which
-    /// never preserve it as well, one that keeps most of its contrast.
+    /// The default constant rate factor: for H.264 one that was measured to preserve a 10 NM aircraft, for H.265 and AV1, which never
+    /// preserve it as well, one that keeps most contrast.
     pub(crate) fn default_crf(self) -> u32 {
         match self {
             Self::H264 => 12,

@@ -1,7 +1,7 @@
-//! Conversion of decoded images, or parts of them, to RGB.
+//! Conversion of decoded images or parts to RGB.
 //!
 //! A part is copied out of the planes and converted separately, with the settings of the whole image: if only one small aircraft is of
-//! interest, 97 % of an image are never converted.
+//! interest, 97 % of the pixels are never converted.
 
 pub(crate) mod luma;
 pub(crate) mod scaler;
@@ -32,17 +32,17 @@ const MARGIN_PX: u32 = 8;
 const SIDE_STEP_PX: u32 = 64;
 /// Two neighbouring pixels may share their colour.
 const SHARED_PX: u32 = 2;
-/// Converters that are kept: more sizes than the parts of one flight have.
+/// Converters that are kept: more sizes than a flight's parts have.
 const MAX_CONVERTERS: usize = 16;
 
-/// Converts images of one video.
+/// Converts a video's images.
 #[derive(Default)]
 pub(super) struct Conversion {
     whole: Option<Converter>,
     parts: Vec<(Converter, frame::Video)>,
 }
 
-/// Converts images of one size.
+/// Converts images with the same size.
 struct Converter {
     scaler: Scaler,
     rgb: frame::Video,
@@ -66,7 +66,7 @@ impl Conversion {
         Ok(())
     }
 
-    /// The same of a part, which must be inside the image.
+    /// Converts a part, which must be inside the image.
     pub(super) fn part(
         &mut self,
         coded: &frame::Video,
@@ -136,7 +136,7 @@ impl Converter {
     }
 }
 
-/// Start and length of what is converted for a part, along one side of the image.
+/// Start and length of the converted range for a part, along one side of the image.
 fn around(start: u32, length: u32, picture: u32) -> Result<(u32, u32), ffmpeg_next::Error> {
     let is_inside = length > 0 && u64::from(start) + u64::from(length) <= u64::from(picture);
     if !is_inside {
@@ -164,8 +164,8 @@ pub(super) fn has_planes_of_bytes(format: Pixel) -> bool {
     )
 }
 
-/// The three planes of an image, one after the other without gaps, if they are as all images of the lossy codecs: 8 bits, two by two
-/// pixels that share their colour, BT.709, full range.
+/// An image's three planes, one after the other without gaps, if they are as all images of the lossy codecs: 8 bits, two by two pixels that
+/// share their colour, BT.709, full range.
 pub(super) fn planes(coded: &frame::Video) -> Option<Vec<u8>> {
     let is_usual = matches!(coded.format(), Pixel::YUV420P | Pixel::YUVJ420P)
         && coded.color_space() == color::Space::BT709
@@ -185,7 +185,7 @@ pub(super) fn planes(coded: &frame::Video) -> Option<Vec<u8>> {
     Some(planes)
 }
 
-/// Copies the part of an image that begins at (left, top) and has the size of `copy`.
+/// Copies the image part that begins at (left, top) and has the size of `copy`.
 fn copy_planes(coded: &frame::Video, (left, top): (u32, u32), copy: &mut frame::Video) {
     for plane in 0..coded.planes().min(copy.planes()) {
         let width = copy.plane_width(plane) as usize;
@@ -200,7 +200,7 @@ fn copy_planes(coded: &frame::Video, (left, top): (u32, u32), copy: &mut frame::
     }
 }
 
-/// Appends the rows of a part of an RGB frame.
+/// Appends the part's rows of the RGB frame.
 fn copy_rows(
     from: &frame::Video,
     (left, top): (u32, u32),
@@ -215,7 +215,7 @@ fn copy_rows(
     }
 }
 
-/// Keeps a part of an image of this width.
+/// Keeps a part of the image with this width.
 fn cut(rgb: &mut Vec<u8>, width_px: usize, part: PicturePart) {
     let row_bytes = part.width_px as usize * BYTES_PER_PIXEL;
     for row in 0..part.height_px as usize {

@@ -1,4 +1,4 @@
-//! Decoded images that outlive the next step of their decoder: one thread decodes the images of a camera, another one searches them.
+//! Decoded images that outlive the next step of their decoder: one thread decodes a camera's images, a second one searches them.
 
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ impl DecodedImage {
         [self.coded.width(), self.coded.height()]
     }
 
-    /// Its brightness; `None` if it is not coded in planes of bytes.
+    /// Brightness of the image; `None` if it is not coded in planes of bytes.
     pub fn luma(&self) -> Option<Luma<'_>> {
         has_planes_of_bytes(self.coded.format()).then(|| Luma {
             levels: self.coded.data(0),
@@ -40,7 +40,7 @@ impl DecodedImage {
     }
 }
 
-/// Converts the images of a view, or parts of them, to rows of RGB without gaps.
+/// Converts a view's images or parts to rows of RGB without gaps.
 pub struct ImageConverter {
     /// Name of the view, for messages.
     source: PathBuf,
@@ -68,7 +68,7 @@ impl ImageConverter {
         done.map_err(|error| fault(&self.source, "convert an image", error))
     }
 
-    /// Converts a part of an image.
+    /// Converts a part of the image.
     ///
     /// # Errors
     /// FFmpeg cannot convert such pixels, or the part is not inside the image.

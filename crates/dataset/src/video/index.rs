@@ -1,8 +1,8 @@
 //! Converts a fragmented file into a plain one.
 //!
-//! Fragments survive a kill, but a fragmented file does not say how many images it has, and many tools read it from end to end
-//! before they show it. So the packets of a finished recording are copied, without re-encoding, into a file with one index, which
-//! then replaces the fragmented file atomically. Exports are copied in the same way for a finer unit of their timestamps.
+//! Fragments survive a kill, but a fragmented file does not say how many images it has, and many tools read it from end to end before they
+//! show it. So a finished recording's packets are copied, without re-encoding, into a file with one index, which then replaces the
+//! fragmented file atomically. Exports are copied in the same way for a finer unit of their timestamps.
 
 pub(crate) mod fragments;
 
@@ -22,7 +22,7 @@ const FINE_TIME_SCALE: i32 = 10_000;
 /// Suffix of the plain file until it replaces the fragmented one.
 const UNFINISHED: &str = ".indexing";
 
-/// Adds the index to a finished recording of `pictures` images and makes it durable. `container`: FFmpeg's name of its format.
+/// Adds the index to a finished recording of `pictures` images and makes it durable. `container`: FFmpeg's name of the format.
 pub(super) fn add(path: &Path, container: &str, pictures: u32) -> Result<()> {
     let plain = beside(path);
     let copied = copy(path, &plain, container, |recorded| recorded)?;
@@ -39,7 +39,7 @@ pub(super) fn add(path: &Path, container: &str, pictures: u32) -> Result<()> {
     fs::rename(&plain, path).map_err(Error::io("rename", &plain))
 }
 
-/// Divides the unit of a video's timestamps by powers of two until a second has [`FINE_TIME_SCALE`] of them or more. Times and images
+/// Divides the unit of the video's timestamps by powers of two until a second has at least [`FINE_TIME_SCALE`] units. Times and images
 /// stay the same. Programs that join videos without encoding expect such a unit, which FFmpeg chooses by default: with a coarser one they
 /// round the length of the first file and put the images of the next ones out of order.
 pub fn refine_time_base(path: &Path) -> Result<()> {

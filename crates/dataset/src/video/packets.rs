@@ -1,17 +1,16 @@
-//! Packets of a video: the coded images, for formats that take packets without re-encoding.
+//! Video packets: the coded images, for formats that take packets without re-encoding.
 //!
-//! MP4 keeps the parameter sets of H.264 and H.265 in its header, and writes the length of each unit before it (ISO/IEC 14496-15).
-//! Streams have start codes instead (Annex B), and repeat the parameter sets at key frames, so that a reader may begin there. AV1 is the
-//! same in both.
+//! MP4 keeps the parameter sets of H.264 and H.265 in its header, and writes the length of each unit before it (ISO/IEC 14496-15). Streams
+//! have start codes instead (Annex B), and repeat the parameter sets at key frames, so that a reader may begin there. AV1 is the same in
+//! both.
 #![allow(unsafe_code)]
 
 use std::path::{Path, PathBuf};
 
-use ffmpeg_next::{Packet, codec, format, media};
+use ffmpeg_next::{Packet, codec, format};
 
-use super::{TimeBase, fault, ffmpeg_path, start_ffmpeg};
+use super::{TimeBase, fault, open_stream};
 use crate::error::{Error, Result};
-use crate::files::outside_file::{self, FileKind};
 use crate::numbers::frame_rate::FrameRate;
 
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
@@ -30,11 +29,11 @@ pub enum PacketCodec {
 /// A coded image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CodedPicture {
-    /// Its timestamp, in units of the `pts` of tables.
+    /// Timestamp, in units of the `pts` of tables.
     pub pts: i64,
     /// True if decoding can begin here.
     pub is_key: bool,
-    /// Input of a decoder.
+    /// Decoder input.
     pub data: Vec<u8>,
 }
 
@@ -53,29 +52,21 @@ pub struct PacketReader {
 /// Boundaries of units in the file.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 struct Framing {
-    /// Bytes of a unit's length; 0: units are not divided.
+    /// Bytes of the unit's length; 0: units are not divided.
     length_bytes: usize,
     /// Parameter sets, with start codes.
     parameter_sets: Vec<u8>,
 }
 
 impl PacketReader {
-    /// Opens the video of a scenario; `None` if its codec has no packets that stand alone here (FFV1).
+    /// Opens a scenario's video; `None` if its codec has no packets that stand alone here (FFV1).
     ///
     /// # Errors
     /// It cannot be read, or has no video.
     pub fn open(path: &Path, frame_rate: FrameRate) -> Result<Option<Self>> {
-        start_ffmpeg();
-        let name = ffmpeg_path(path)?;
-        outside_file::open(path, FileKind::VIDEO)?;
-        let input = format::input(&name).map_err(|e| fault(path, "open it", e))?;
-        let stream = input
-            .streams()
-            .best(media::Type::Video)
-            .ok_or_else(|| fault(path, "read it", "there is no video stream in it"))?;
-        let time_base = TimeBase::of_fraction(stream.time_base())
-            .ok_or_else(|| fault(path, "read it", "its time base is no positive fraction"))?;
-        let parameters = stream.parameters();
+        let (input, stream, time_base) = open_stream(path)?;
+        let parameters = input.stream(stream).map(|stream| stream.parameters());
+        let parameters = parameters.expect("the stream was found in the file");
         let header = header_of(&parameters);
         let (codec, framing) = match parameters.id() {
             codec::Id::H264 => (PacketCodec::H264, framing_of_avc(&header)),
@@ -86,7 +77,7 @@ impl PacketReader {
         let framing = framing
             .ok_or_else(|| fault(path, "read its parameter sets", "the header is damaged"))?;
         Ok(Some(Self {
-            stream: stream.index(),
+            stream,
             time_base,
             unit: TimeBase::of_ticks(frame_rate),
             path: path.to_owned(),
@@ -152,7 +143,7 @@ fn header_of(parameters: &codec::Parameters) -> Vec<u8> {
     }
 }
 
-/// Appends the units of a packet with start codes in the place of their lengths; `None` if these do not fit.
+/// Appends a packet's units with start codes in the place of their lengths; `None` if these do not fit.
 fn append_units(mut coded: &[u8], length_bytes: usize, to: &mut Vec<u8>) -> Option<()> {
     if length_bytes == 0 {
         to.extend_from_slice(coded);
@@ -171,7 +162,7 @@ fn append_units(mut coded: &[u8], length_bytes: usize, to: &mut Vec<u8>) -> Opti
     Some(())
 }
 
-/// Of an `AVCDecoderConfigurationRecord`.
+/// Reads an `AVCDecoderConfigurationRecord`.
 fn framing_of_avc(header: &[u8]) -> Option<Framing> {
     let mut rest = header.get(5..)?;
     let mut parameter_sets = Vec::new();
@@ -186,7 +177,7 @@ fn framing_of_avc(header: &[u8]) -> Option<Framing> {
     })
 }
 
-/// Of an `HEVCDecoderConfigurationRecord`.
+/// Reads an `HEVCDecoderConfigurationRecord`.
 fn framing_of_hevc(header: &[u8]) -> Option<Framing> {
     let (arrays, mut rest) = header.get(22..)?.split_first()?;
     let mut parameter_sets = Vec::new();

@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use ffmpeg_next::codec::{self, threading};
-use ffmpeg_next::{Packet, decoder, format, frame, media};
+use ffmpeg_next::{Packet, decoder, format, frame};
 
 use super::conversion::luma::Luma;
 use super::conversion::{self, Conversion, PicturePart, has_planes_of_bytes};
-use super::{BYTES_PER_PIXEL, TimeBase, fault, ffmpeg_path, start_ffmpeg};
+use super::{BYTES_PER_PIXEL, TimeBase, fault, open_stream};
 use crate::error::{Error, Result};
-use crate::files::outside_file::{self, FileKind};
 use crate::numbers::frame_rate::FrameRate;
 use crate::numbers::limits::PICTURE_SIDE_PX;
 use crate::work::memory;
@@ -43,7 +42,7 @@ pub struct VideoReader {
     time_base: TimeBase,
     /// Unit of the timestamps that are returned.
     unit: TimeBase,
-    /// From the file's header; 0 if it has none.
+    /// Number of images in the file's header; 0 if it has none.
     pub(super) frames_announced: u64,
     frames_read: u64,
     all_sent: bool,
@@ -51,8 +50,8 @@ pub struct VideoReader {
 }
 
 impl VideoReader {
-    /// Opens the video of a scenario: its timestamps are in the unit of the `pts` of its tables, whatever the unit of the file. An image
-    /// between two such units belongs to no tick and is an error.
+    /// Opens a scenario's video: its timestamps are in the unit of the tables' `pts`, whatever the unit of the file. An image between two
+    /// such units belongs to no tick and is an error.
     pub fn open_ticks(path: &Path, frame_rate: FrameRate) -> Result<Self> {
         let mut reader = Self::open(path)?;
         reader.unit = TimeBase::of_ticks(frame_rate);
@@ -61,25 +60,11 @@ impl VideoReader {
 
     /// Opens a video file and its first video stream. Timestamps are in the unit of the file.
     pub fn open(path: &Path) -> Result<Self> {
-        start_ffmpeg();
-        let name = ffmpeg_path(path)?;
-        // FFmpeg would wait for a FIFO, and read a device endlessly.
-        outside_file::open(path, FileKind::VIDEO)?;
-        let input = format::input(&name).map_err(|e| fault(path, "open it", e))?;
+        let (input, index, time_base) = open_stream(path)?;
         let stream = input
-            .streams()
-            .best(media::Type::Video)
-            .ok_or_else(|| fault(path, "read it", "there is no video stream in it"))?;
-        let rate = stream.time_base();
-        let time_base = TimeBase::of_fraction(rate).ok_or_else(|| {
-            fault(
-                path,
-                "read it",
-                format!("its time base is {rate}, expected a positive fraction"),
-            )
-        })?;
+            .stream(index)
+            .expect("the stream was found in the file");
         let frames_announced = u64::try_from(stream.frames()).unwrap_or(0);
-        let index = stream.index();
         let mut context = codec::context::Context::from_parameters(stream.parameters())
             .map_err(|e| fault(path, "find a decoder", e))?;
         context.set_threading(threading::Config {
@@ -133,7 +118,7 @@ impl VideoReader {
         self.height_px
     }
 
-    /// FFmpeg's names of the codec and of the form of its pixels.
+    /// FFmpeg's names of the codec and the pixel format.
     pub fn codec_and_pixels(&self) -> [&'static str; 2] {
         let pixels = self.decoder.format().descriptor();
         [
@@ -153,8 +138,8 @@ impl VideoReader {
         self.time_base
     }
 
-    /// Decodes the next image into `rgb` (rows of RGB from top to bottom without gaps) and returns its timestamp, or `None` after
-    /// the last image. A damaged image, and an end before the declared number of images, are errors.
+    /// Decodes the next image into `rgb` (rows of RGB from top to bottom without gaps) and returns its timestamp, or `None` after the last
+    /// image. A damaged image, and an end before the declared number of images, are errors.
     pub fn next_frame(&mut self, rgb: &mut Vec<u8>) -> Result<Option<i64>> {
         let pts = self.skip_frame()?;
         if pts.is_some() {
@@ -168,8 +153,8 @@ impl VideoReader {
         self.decode()
     }
 
-    /// Continues at a keyframe at or before the image with this timestamp: the next ones lead to it. From then on the number of images
-    /// is no longer compared with the header, and messages count from the keyframe.
+    /// Continues at a keyframe at or before the image with this timestamp: the next ones lead to it. From then on the number of images is
+    /// no longer compared with the header, and messages count from the keyframe.
     pub fn seek(&mut self, pts: i64) -> Result<()> {
         let TimeBase {
             numerator,
@@ -219,7 +204,7 @@ impl VideoReader {
         self.luma_of(&self.coded)
     }
 
-    /// The same of the image that was decoded before it.
+    /// Brightness of the image that was decoded before it.
     pub fn previous_luma(&self) -> Option<Luma<'_>> {
         self.luma_of(&self.previous)
     }
@@ -236,14 +221,14 @@ impl VideoReader {
         )
     }
 
-    /// Its planes before conversion, one after the other without gaps: brightness, then two of colour with half the columns and rows.
-    /// `None` if it is not coded in this way, with 8 bits, full range and the colours of BT.709.
+    /// The image's planes before conversion, one after the other without gaps: brightness, then two of colour with half the columns and
+    /// rows. `None` if it is not coded in this way, with 8 bits, full range and the colours of BT.709.
     pub fn planes(&self) -> Result<Option<Vec<u8>>> {
         self.check_size()?;
         Ok(conversion::planes(&self.coded))
     }
 
-    /// A part of it, for which only that part is converted.
+    /// Converts only a part of the image.
     pub fn convert_part(&mut self, part: PicturePart, rgb: &mut Vec<u8>) -> Result<()> {
         self.check_size()?;
         let done = self.conversion.part(&self.coded, part, rgb);

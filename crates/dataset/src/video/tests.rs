@@ -28,7 +28,7 @@ fn picture(cx: f64, cy: f64) -> Vec<u8> {
     rgb
 }
 
-/// Coverage, 0 to 1, of a pixel at distance `d` from the centre of a bar.
+/// Pixel coverage, 0 to 1, at distance `d` from the bar's centre.
 fn cover(d: f64, half: f64) -> f64 {
     ((d + 0.5).min(half) - (d - 0.5).max(-half)).clamp(0.0, 1.0)
 }
@@ -229,7 +229,7 @@ fn colours_come_back_within_three_levels() {
     }
 }
 
-/// Colour tags of a video, as its header has them.
+/// The video's colour tags, as its header has them.
 fn tags(path: &Path) -> (color::Space, color::Range) {
     let input = ffmpeg_next::format::input(&ffmpeg_path(path).unwrap()).unwrap();
     let stream = input

@@ -1,11 +1,11 @@
-//! Units of timestamps. Tables count in units of a frame rate and each file in the units of its container, so times are compared rather
-//! than numbers.
+//! Units of timestamps. Tables count in units of the frame rate and each file in the container's units, so times are compared rather than
+//! numbers.
 
 use std::fmt;
 
 use crate::numbers::frame_rate::FrameRate;
 
-/// A unit of timestamps, as a fraction of a second.
+/// A unit of timestamps, as a fraction of 1 s.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TimeBase {
     /// Numerator.
@@ -15,7 +15,7 @@ pub struct TimeBase {
 }
 
 impl TimeBase {
-    /// The unit in which every tick of a rate has a whole timestamp. Recorded videos and `pts` in tables use it.
+    /// A unit that gives every tick a whole timestamp. Recorded videos and `pts` in tables use it.
     pub fn of_ticks(rate: FrameRate) -> Self {
         Self {
             numerator: 1,
@@ -36,7 +36,7 @@ impl TimeBase {
             })
     }
 
-    /// A timestamp of this unit in units of another; `None` if it is between two of them.
+    /// Converts a timestamp to a different unit; `None` if it falls between two units.
     pub fn convert(self, pts: i64, to: Self) -> Option<i64> {
         let product = i128::from(pts) * i128::from(self.numerator) * i128::from(to.denominator);
         let divisor = i128::from(self.denominator) * i128::from(to.numerator);

@@ -1,9 +1,9 @@
-//! Trial of an encoder before a long recording: a hundred images on the user's machine.
+//! Encoder trial before a long recording: a hundred images on the user's machine.
 //!
-//! Input: the settings, size and frame rate of a recording, and an encoder. Output: success, or the fault. Images carry their number and
-//! patches of known colours. They are encoded twice: into a file that is finished, which must have all of them in order with their
-//! timestamps and colours; and into one that is never finished. A copy of the latter, taken after the last image, is what a killed
-//! process would leave on the disk, and must have all but the last images.
+//! Input: a recording's settings, size and frame rate, and an encoder. Output: success, or the fault. Images carry their number and patches
+//! of known colours. They are encoded twice: into a file that is finished, which must have all images in order with their timestamps and
+//! colours; and into one that is never finished. A copy of the latter, taken after the last image, is the state that a killed process would
+//! leave on the disk, and must have all but the last images.
 
 mod chart;
 
@@ -14,11 +14,11 @@ use super::{TimeBase, VideoEncoder, VideoReader, VideoSettings, VideoWriter};
 use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
 
-/// Images of a trial.
+/// Trial images.
 pub const TRIAL_PICTURES: u32 = 100;
 /// Images that may be missing at the end after a kill: the last fragment, and the one before it.
 const LOST_BY_A_KILL: u32 = 2;
-/// Tolerance between the mean of a patch and its colour, of 255. Another range or matrix is off by more than 15 somewhere.
+/// Tolerance between a patch's mean and its colour, of 255. A different range or matrix is off by more than 15 somewhere.
 const COLOUR_TOLERANCE: f64 = 8.0;
 
 /// A fault found by a trial.
@@ -33,7 +33,7 @@ pub enum TrialFault {
         /// Number of images that came back.
         found: u32,
     },
-    /// An image is not the one of its place.
+    /// An image is in the wrong place.
     #[error("place {place} has {}, expected image {place}: images are out of order or unrecognisable", .found.map_or("no readable number".to_owned(), |number| format!("image {number}")))]
     Order {
         /// Place in the file, from 0.
@@ -41,14 +41,14 @@ pub enum TrialFault {
         /// The number that it shows, if one can be read.
         found: Option<u32>,
     },
-    /// A timestamp is not the one of its tick.
+    /// A timestamp differs from its tick's.
     #[error("image {place} has the timestamp {found}, expected {expected}")]
     Timestamp {
         /// Place in the file, from 0.
         place: u32,
-        /// Its time, in the file's unit.
+        /// Expected time, in the file's unit.
         found: String,
-        /// Its time as written.
+        /// Time as written.
         expected: String,
     },
     /// A colour is wrong.
@@ -159,7 +159,7 @@ impl Trial {
         Ok(())
     }
 
-    /// The number of images up to the first wrong one, and what is wrong with that; none at the end of the file.
+    /// The number of images up to the first wrong one, and its fault; none at the end of the file.
     fn right_pictures(&self, path: &Path) -> (u32, Option<TrialFault>) {
         let mut reader = match VideoReader::open(path) {
             Ok(reader) => reader,

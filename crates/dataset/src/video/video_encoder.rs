@@ -1,7 +1,7 @@
 //! The program part that encodes: FFmpeg's software encoders, or a GPU's.
 //!
-//! Input: the codec of a sweep. Output: FFmpeg's encoder of that codec, its pixel format, its options. Options are names and values of
-//! FFmpeg's own tables (a test compares them where an encoder is compiled in); none of the GPU's encoders has been run by this project.
+//! Input: a sweep's codec. Output: FFmpeg's encoder of that codec, its pixel format, its options. Options are names and values of FFmpeg's
+//! own tables (a test compares them where an encoder is compiled in); none of the GPU's encoders has been run by this project.
 
 pub(crate) mod uploaded_frames;
 
@@ -9,7 +9,7 @@ use ffmpeg_next::format::Pixel;
 
 use super::{VideoCodec, VideoSettings};
 
-/// Encoder of the videos. It does not change the sweep's codec, so scenarios of one corpus may have different encoders.
+/// Encoder of the videos. It does not change the sweep's codec, so a corpus may have scenarios with different encoders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum VideoEncoder {
     /// FFmpeg's software encoders: what `docs/video.md` measured.
@@ -26,7 +26,7 @@ pub enum VideoEncoder {
 }
 
 impl VideoEncoder {
-    /// All of them.
+    /// All encoders.
     pub const ALL: [Self; 5] = [
         Self::Software,
         Self::Nvenc,
@@ -35,7 +35,7 @@ impl VideoEncoder {
         Self::VideoToolbox,
     ];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Software => "software",
@@ -62,7 +62,7 @@ impl VideoEncoder {
         }
     }
 
-    /// FFmpeg's encoder of a codec, if there is one that this program offers.
+    /// FFmpeg's encoder for the codec, if there is one that this program offers.
     pub fn of_codec(self, codec: VideoCodec) -> Option<&'static str> {
         use VideoCodec::{H264, H265};
         Some(match (self, codec) {
@@ -145,7 +145,7 @@ mod tests {
     /// The options that every encoder has; `ffmpeg -h encoder=NAME` lists only its own.
     const OF_ALL_ENCODERS: [&str; 2] = ["flags", "global_quality"];
 
-    /// FFmpeg's table of an encoder, if it is compiled in.
+    /// FFmpeg's table of the encoder, if it is compiled in.
     fn table_of(encoder: &str) -> Option<String> {
         let output = Command::new("ffmpeg")
             .args(["-hide_banner", "-h", &format!("encoder={encoder}")])

@@ -1,7 +1,7 @@
 //! Writes a video, one image per tick.
 //!
-//! Until it is finished the file consists of fragments, one per image, each passed to the system at once: if the process is
-//! killed, all images but the last one or two can be read.
+//! Until it is finished the file consists of fragments, one per image, each passed to the system at once: if the process is killed, all
+//! images but the last one or two can be read.
 
 use std::path::{Path, PathBuf};
 
@@ -28,8 +28,8 @@ const FULL_RANGE: bool = true;
 /// Coefficients are rounded to the nearest step. x264's own rounding prefers zero, which blurs small targets.
 const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
 
-/// A video that is being written. If it is dropped before [`VideoWriter::finish`], it leaves a readable file without an index,
-/// possibly without its last images.
+/// A video that is being written. If it is dropped before [`VideoWriter::finish`], it leaves a readable file without an index, possibly
+/// without its last images.
 pub struct VideoWriter {
     path: PathBuf,
     /// FFmpeg's name of the format.
@@ -210,8 +210,7 @@ impl VideoWriter {
         })
     }
 
-    /// Writes the image of the next tick, rows of RGB from top to bottom without gaps, and returns its timestamp in units of the
-    /// time base.
+    /// Writes the image of the next tick, rows of RGB from top to bottom without gaps, and returns its timestamp in units of the time base.
     pub fn write(&mut self, rgb: &[u8]) -> Result<i64> {
         let Self {
             path,
@@ -304,7 +303,7 @@ pub(super) fn exact_timestamps(time_scale: i32) -> Dictionary<'static> {
     options
 }
 
-/// Rejects a file in which timestamps would be rounded. Call it when its header is written.
+/// Rejects a file whose timestamps would be rounded. Call it when its header is written.
 pub(super) fn check_time_base(
     path: &Path,
     output: &format::context::Output,

@@ -1,7 +1,7 @@
 //! Available memory, checked before large allocations.
 //!
-//! A count in a file or in a setting may require more memory than a machine has; then the kernel or the allocator ends the process
-//! without an explanation. So code that allocates by untrusted numbers first states the amount.
+//! A count in a file or in a setting may require more memory than a machine has; then the kernel or the allocator ends the process without
+//! an explanation. So code that allocates by untrusted numbers first states the amount.
 
 use std::fmt;
 use std::fs;
@@ -116,7 +116,7 @@ pub fn check(what: impl fmt::Display, needed_bytes: u64) -> Result<(), TooMuchMe
     })
 }
 
-/// The minimum of what the machine, the container, `ulimit -v` and `--max-memory` leave.
+/// The minimum that the machine, the container, `ulimit -v` and `--max-memory` leave.
 pub fn available() -> Available {
     let used = Used::now();
     let limit = match LIMIT.load(Ordering::Relaxed) {
@@ -168,7 +168,7 @@ impl Used {
     }
 }
 
-/// Linux's own estimate of what is available without swapping.
+/// Linux's own estimate of available memory without swapping.
 fn machine_bytes() -> Option<u64> {
     let text = fs::read_to_string("/proc/meminfo").ok()?;
     let line = text
@@ -207,7 +207,7 @@ fn container_bytes() -> Option<u64> {
     least
 }
 
-/// Runs something under another limit. Tests run in parallel, so only rejections may rely on it.
+/// Runs something under a different limit. Tests run in parallel, so only rejections may rely on it.
 #[cfg(test)]
 pub(crate) fn with_limit<T>(limit: Bytes, work: impl FnOnce() -> T) -> T {
     static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());

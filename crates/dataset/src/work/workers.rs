@@ -2,7 +2,7 @@
 
 use std::thread;
 
-/// Runs the same work on `count` threads, one of them the caller's, and waits for all of them. Returns the error of the first thread that
+/// Runs the same work on `count` threads, including the caller's, and waits for all threads. Returns the error of the first thread that
 /// failed; the caller's takes precedence.
 ///
 /// # Errors

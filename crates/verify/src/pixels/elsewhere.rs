@@ -1,28 +1,26 @@
-//! Images that show the aircraft where another tick or another view has it.
+//! Images that show the aircraft at a different tick's or view's place.
 //!
-//! An empty box alone proves nothing, because paint and sky may have the same grey. But if the aircraft stands out where another tick or
-//! view has it, the image is of that one. What is there even in images with the aircraft in their own box is not the aircraft.
+//! An empty box alone proves nothing, because paint and sky may have the same grey. But if the aircraft stands out where a different tick
+//! or view has it, the image is from there. Objects that are there even in images with the aircraft in their own box are not the aircraft.
 //! One image is enough for that conclusion, whereas the share of filled boxes needs several.
 
-use super::Faults;
-use super::sight::{DecodedPicture, look};
+use super::sight::{DecodedPicture, MIN_CONTRAST, look};
+use crate::faults::Faults;
 use dataset::tables::pixel_box::PixelBox;
 
 /// Boxes of this many ticks before and after an image are looked at.
 const REACH_TICKS: usize = 32;
-/// What stands out there is as clear as that, grey levels ...
-const MIN_CONTRAST: f64 = 10.0;
-/// ... and not farther from the middle of the box than this part of its sides.
+/// Maximum distance of the object from the box's middle, as a part of the sides.
 const MAX_OFFSET: f64 = 0.35;
 /// A place belongs to a fixture if it is filled in more than this share of the images that have the aircraft in their own box.
 const MAX_FILLED: f64 = 0.3;
 
-/// Place where the aircraft of an image should be, if it is an image of something else.
+/// Place where an image's aircraft should be, if it is an image of something else.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Other {
-    /// The same view at another tick.
+    /// A different tick of the same view.
     Tick(usize),
-    /// Another view at the same tick.
+    /// A different view at the same tick.
     View(String),
 }
 
@@ -33,13 +31,13 @@ pub(super) struct Suspect {
     place: PixelBox,
     other: Other,
     contrast: f64,
-    /// Images with the aircraft in their own box, and how many of them are filled in this place.
+    /// Number of images with the aircraft in their own box, and of those filled in this place.
     compared: usize,
     filled: usize,
 }
 
 impl Suspect {
-    /// Looks for the aircraft of an image in the boxes of other ticks and views. `own`: its ground-truth box, which is empty.
+    /// Looks for an image's aircraft in the boxes of other ticks and views. `own`: its ground-truth box, which is empty.
     pub(super) fn find(
         picture: &DecodedPicture,
         tick: usize,
@@ -84,12 +82,12 @@ impl Suspect {
         }
     }
 
-    /// Whether the place belongs to something that is always there.
+    /// True if the place belongs to something that is always there.
     fn is_fixture(&self) -> bool {
         self.filled as f64 > MAX_FILLED * self.compared as f64
     }
 
-    /// Reports it, unless what it shows is always there. Returns whether it is a fault.
+    /// Reports it, unless the object is always there. Returns whether it is a fault.
     pub(super) fn judge(&self, file: &str, view: &str, faults: &mut Faults) -> bool {
         if self.is_fixture() {
             return false;
@@ -139,8 +137,8 @@ mod tests {
         }
     }
 
-    /// The faults of an image that should show the aircraft at the first of three places and shows it at the second, beside images that
-    /// show it at the third and these bars.
+    /// Faults if an image should show the aircraft at the first of three places and shows it at the second, beside images that show it at
+    /// the third and these bars.
     fn found(shown: &[PixelBox], besides: &[PixelBox]) -> Vec<String> {
         let [own, other, third] = [place(20.0, 20.0), place(50.0, 30.0), place(70.0, 70.0)];
         let rgb = picture(shown);

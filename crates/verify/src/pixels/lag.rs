@@ -1,24 +1,24 @@
-//! The lag of the images of a view behind the tables, and of two views behind each other, in seconds.
+//! Lags of images behind the tables, and between two views, in seconds.
 //!
 //! The aircraft's outline is centred in its box, but for its motion in the image during the lag: `offset = -lag * motion`. The lag is
 //! fitted by least squares, where outliers have the weight of Huber (1964, Annals of Mathematical Statistics 35, 73). An outline that is
-//! larger or smaller than the box has an error of its own: half of the difference if only one side causes it.
+//! larger or smaller than the box has its own error: half of the difference if only one side causes it.
 //!
 //! The standard error must hold for offsets that err alike: light, attitude and the clouds behind the aircraft change slowly, so residuals
 //! near in time have the same sign. They are summed over blocks of time before they are squared (Liang and Zeger 1986, Biometrika 73, 13).
-//! Two views see the same aircraft in the same blocks, so what is common to both cancels in their difference. A fin that is too thin to be
-//! seen is missing from every outline, on the same side: half of the difference in size of all outlines, with the same sign, is the bound
-//! of this part of the error. A lag within it proves no fault.
+//! Two views see the same aircraft in the same blocks, so common errors cancel in their difference. A fin that is too thin to be seen is
+//! missing from every outline, on the same side: half of the difference in size of all outlines, with the same sign, is the bound of this
+//! part of the error. A lag within it proves no fault.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::super::Faults;
 use super::Scenario;
+use super::outline::ERROR_PX;
+use crate::faults::Faults;
 
-/// Error of the middle of an outline: pixels, a part of the size ...
-const ERROR_PX: f64 = 0.3;
+/// Error of the outline's middle besides [`ERROR_PX`]: a part of the size ...
 const ERROR_OF_SIZE: f64 = 0.005;
 /// ... and a part of the difference in size.
 const ERROR_OF_EXCESS: f64 = 0.5;
@@ -27,21 +27,19 @@ const MAX_OF_SIZE: f64 = 0.08;
 const MAX_SMALLER_PX: f64 = 1.5;
 /// ... or larger by the same part and this many pixels: blur, encoding and lamps widen it.
 const MAX_LARGER_PX: f64 = 4.0;
-/// Residuals of more standard errors than this have less weight.
-const HUBER: f64 = 1.0;
 const ROUNDS: usize = 30;
-/// Fewer offsets say little.
+/// Minimum number of offsets for a lag.
 const MIN_OFFSETS: usize = 6;
 /// Offsets that are further apart have independent errors, seconds.
 const BLOCK_S: f64 = 30.0;
 /// A lag is a fault if it exceeds its bound by this many times its standard error. Of normally distributed lags 6 in 10 million are that
 /// large: of 3,000 corpora with 200 scenarios of two views, which are 600 comparisons, one gets a false fault ...
-const SURE: f64 = 5.0;
+const MIN_STANDARD_ERRORS: f64 = 5.0;
 /// ... and if the aircraft flies further in this time, metres: six times the standard deviation of untouched views (0.3 m), whose
 /// systematic part no standard error holds.
 const MIN_WAY_M: f64 = 2.0;
 
-/// The lag of two views of a scenario behind each other.
+/// The lag between two views.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PairProof {
     /// Identifier of the scenario.
@@ -50,14 +48,14 @@ pub struct PairProof {
     pub views: [String; 2],
     /// Lag of the first view's images behind the second view's, milliseconds.
     pub lag_ms: f64,
-    /// Its standard error, milliseconds.
+    /// Standard error of the lag, milliseconds.
     pub lag_error_ms: f64,
 }
 
 /// A view whose lag was measured.
 pub(crate) struct MeasuredView<'a> {
     pub(super) view: &'a str,
-    /// Its video.
+    /// Video of the view.
     pub(super) file: String,
     pub(super) lag: Lag,
 }
@@ -98,7 +96,7 @@ pub(crate) fn judge_lags(
     proofs
 }
 
-/// The offset of an outline along one axis of the image.
+/// An outline's offset along one axis of the image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Offset {
     /// Time of the image since the first one, seconds.
@@ -137,12 +135,12 @@ impl Offset {
     }
 }
 
-/// The lag of one view.
+/// A view's lag.
 #[derive(Debug, Clone)]
 pub(super) struct Lag {
-    /// Time by which the images show an earlier aircraft than the tables, seconds.
+    /// Lag of the images behind the tables, seconds.
     pub(super) lag_s: f64,
-    /// Its standard error, as far as it changes from block to block, seconds.
+    /// Standard error of the lag, as far as it changes from block to block, seconds.
     scatter_s: f64,
     /// Bound of the error that all outlines have in common, seconds.
     bound_s: f64,
@@ -184,7 +182,8 @@ impl Lag {
             for (offset, weight) in offsets.iter().zip(&mut weights) {
                 let error_px = offset.error_px();
                 let residual = offset.residual_px(lag_s).abs() / error_px;
-                *weight = (HUBER / residual).min(1.0) / error_px.powi(2);
+                // Residuals of more than a standard error have less weight.
+                *weight = 1.0 / (residual.max(1.0) * error_px.powi(2));
             }
         }
         let mut blocks: BTreeMap<u64, f64> = BTreeMap::new();
@@ -214,7 +213,7 @@ impl Lag {
         })
     }
 
-    /// The lag of this view behind another one of the same aircraft.
+    /// The lag of this view behind a second one.
     pub(super) fn behind(&self, other: &Self) -> Difference {
         let mut blocks = self.blocks.clone();
         for (block, error_s) in &other.blocks {
@@ -253,10 +252,10 @@ impl Lag {
     }
 }
 
-/// The lag of one view behind another.
+/// The lag between two views.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Difference {
-    /// Time by which the first view shows an earlier aircraft, seconds.
+    /// Lag of the first view, seconds.
     pub(super) lag_s: f64,
     scatter_s: f64,
     bound_s: f64,
@@ -270,7 +269,7 @@ impl Difference {
         standard_error(self.scatter_s, self.bound_s)
     }
 
-    /// The sentence about a difference that is a fault of a view, compared with another one.
+    /// The sentence about a difference that is a fault, compared with the other view.
     pub(super) fn fault(&self, other: &str) -> Option<String> {
         let (lag_s, error_s) = (self.lag_s, self.error_s());
         let way_m = lag_s * self.speed_mps;
@@ -290,11 +289,13 @@ fn is_fault(lag_s: f64, least_s: f64, way_m: f64) -> bool {
     lag_s.abs() >= least_s && way_m.abs() >= MIN_WAY_M
 }
 
-/// The quantile of Student's t that is as rare as [`SURE`] of the normal distribution (Abramowitz and Stegun 1964, 26.7.5).
+/// The quantile of Student's t that is as rare as [`MIN_STANDARD_ERRORS`] of the normal distribution (Abramowitz and Stegun 1964, 26.7.5).
 fn sure(freedom: f64) -> f64 {
-    let cubic = SURE.powi(3) + SURE;
-    let quintic = 5.0 * SURE.powi(5) + 16.0 * SURE.powi(3) + 3.0 * SURE;
-    SURE + cubic / (4.0 * freedom) + quintic / (96.0 * freedom.powi(2))
+    let cubic = MIN_STANDARD_ERRORS.powi(3) + MIN_STANDARD_ERRORS;
+    let quintic = 5.0 * MIN_STANDARD_ERRORS.powi(5)
+        + 16.0 * MIN_STANDARD_ERRORS.powi(3)
+        + 3.0 * MIN_STANDARD_ERRORS;
+    MIN_STANDARD_ERRORS + cubic / (4.0 * freedom) + quintic / (96.0 * freedom.powi(2))
 }
 
 /// Anything within the bound is equally likely.
@@ -311,7 +312,7 @@ fn in_words(lag_s: f64, error_s: f64) -> String {
     )
 }
 
-/// Standard error of a sum of contributions.
+/// Standard error of the contributions' sum.
 fn error_of(contributions: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = contributions.len() as f64;
     let squares: f64 = contributions.map(|error| error * error).sum();
@@ -431,7 +432,7 @@ mod tests {
     #[test]
     fn few_offsets_have_to_be_surer() {
         assert!((sure(10.0) - 10.1).abs() < 0.1, "{}", sure(10.0));
-        assert!((sure(1e6) - SURE).abs() < 1e-3);
+        assert!((sure(1e6) - MIN_STANDARD_ERRORS).abs() < 1e-3);
     }
 
     #[test]

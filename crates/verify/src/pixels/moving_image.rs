@@ -2,7 +2,7 @@
 //!
 //! Ground-truth boxes assume still air and a still mast. The calibration has the settings of both motions and their seed, and
 //! [`image_motion`](dataset::geometry::imaging::image_motion) computes them, so that images are compared with the place where they have to
-//! show the aircraft, as strictly as images of a fixed camera.
+//! show the aircraft, as strictly as a fixed camera's images.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ use dataset::geometry::imaging::image_motion::{SwayMotion, TiltMotion};
 use dataset::tables::frames::TickRow;
 use dataset::tables::pixel_box::PixelBox;
 
-/// The motion of the images of one camera.
+/// Motion of the camera's images.
 pub(super) struct MovingImage {
     centre_ecef_m: DVec3,
     tilt: Option<TiltMotion>,
@@ -33,7 +33,7 @@ impl MovingImage {
         })
     }
 
-    /// The place at which the aircraft of a ground-truth box appears.
+    /// The place where a ground-truth box's aircraft appears.
     pub(super) fn place(&self, truth: PixelBox, row: &TickRow) -> PixelBox {
         let time_s = row.time_ns as f64 / 1e9;
         let aircraft_m = row.pose.position().to_ecef();

@@ -1,16 +1,16 @@
-//! The outline of what stands out in a box: the outermost columns and rows on each side.
+//! Outlines of objects in boxes: the outermost columns and rows on each side.
 //!
 //! Light, paint and lamps move the centre of brightness by metres along the aircraft. They leave its outline alone as long as all of it
 //! stands out, which the size of the outline shows.
 
 use glam::DVec2;
 
+use super::sight::above_noise;
 use dataset::numbers::spread::median;
 
-/// Residual brightness of the outline's edge: this many times the noise ...
-const NOISES: f64 = 2.0;
-/// ... and this more, grey levels; in a noiseless image this, or a part of the contrast ...
-const MIN_GREY: f64 = 1.0;
+/// Error of the object's middle, pixels.
+pub(super) const ERROR_PX: f64 = 0.3;
+/// In a noiseless image the outline's edge stands out by this, grey levels, or by a part of the contrast.
 const MIN_OF_SMOOTH_GREY: f64 = 5.0;
 const PART_OF_CONTRAST: f64 = 0.25;
 /// Paint does not stand out from the sky by more than this, grey levels, and not by this many times the median of what stands out: these
@@ -18,12 +18,12 @@ const PART_OF_CONTRAST: f64 = 0.25;
 const LAMPS_GREY: f64 = 120.0;
 const LAMPS_MEDIANS: f64 = 3.0;
 
-/// The bright or dark part of a box, relative to the box.
+/// The bright or dark part, relative to the box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Outline {
-    /// Its middle relative to the centre of the box, pixels.
+    /// Middle relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
-    /// Its width and height.
+    /// Width and height, pixels.
     pub(super) size_px: DVec2,
 }
 
@@ -39,8 +39,7 @@ impl Outline {
         if contrast >= LAMPS_GREY {
             return None;
         }
-        let threshold =
-            (NOISES * noise + MIN_GREY).max(MIN_OF_SMOOTH_GREY.min(PART_OF_CONTRAST * contrast));
+        let threshold = above_noise(noise).max(MIN_OF_SMOOTH_GREY.min(PART_OF_CONTRAST * contrast));
         let mut standing_out: Vec<f64> = inside
             .iter()
             .copied()
@@ -80,7 +79,7 @@ impl Profile {
         self.largest[index] = self.largest[index].max(residual);
     }
 
-    /// Places at which the profile rises above the threshold for the first time and falls below it for the last time, between pixels by
+    /// Places where the profile rises above the threshold for the first time and falls below it for the last time, between pixels by
     /// linear interpolation.
     fn edges(&self, threshold: f64) -> Option<[f64; 2]> {
         let above = |residual: &f64| *residual > threshold;

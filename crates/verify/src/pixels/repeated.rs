@@ -1,16 +1,14 @@
 //! Images that repeat an earlier one though the aircraft moved.
 
-use super::sight::{DecodedPicture, Sight, change_between};
+use super::sight::{BoxContent, DecodedPicture, MIN_CONTRAST, change_between};
 use dataset::tables::pixel_box::PixelBox;
 
-/// An image equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
-const SAME: f64 = 0.15;
-/// ... which must be this many grey levels, far above the effect of encoding the same image twice ...
-const SAME_LEAST_CONTRAST: f64 = 10.0;
+/// An image equals an earlier one if the change where the aircraft is, is less than this part of the contrast ...
+const MAX_CHANGE_OF_CONTRAST: f64 = 0.15;
 /// ... and is frozen if the aircraft moved this far, pixels.
-const MOVED_PX: f64 = 1.0;
+const MIN_MOTION_PX: f64 = 1.0;
 
-/// The image that the following ones are compared with, until the aircraft has moved by [`MOVED_PX`].
+/// The image that the following ones are compared with, until the aircraft has moved by [`MIN_MOTION_PX`].
 #[derive(Default)]
 pub(super) struct Reference(Option<Anchor>);
 
@@ -30,14 +28,14 @@ impl Reference {
         tick: usize,
         picture: &DecodedPicture,
         own: &PixelBox,
-        sight: Option<Sight>,
+        sight: Option<BoxContent>,
         would_be_seen: bool,
     ) -> Option<(usize, f64)> {
         let moved = self.0.as_ref().map(|anchor| {
             let moved_px = (own.cx_px - anchor.place.cx_px).hypot(own.cy_px - anchor.place.cy_px);
             (anchor, moved_px)
         });
-        if moved.is_some_and(|(_, moved_px)| moved_px < MOVED_PX) {
+        if moved.is_some_and(|(_, moved_px)| moved_px < MIN_MOTION_PX) {
             return None;
         }
         // Only where motion would be visible. Farther on than its width, what stands still may be a building before an aircraft in fog.
@@ -54,12 +52,13 @@ impl Reference {
                     // The sky between the two places would hide the change.
                     change_of(&anchor.place, &anchor.place)?.max(change_of(own, own)?)
                 };
-                (change < SAME * anchor.contrast).then_some((anchor.tick, moved_px))
+                (change < MAX_CHANGE_OF_CONTRAST * anchor.contrast)
+                    .then_some((anchor.tick, moved_px))
             });
         let contrast = sight
-            .filter(Sight::is_filled)
+            .filter(BoxContent::is_filled)
             .map_or(0.0, |sight| sight.contrast);
-        if repeated.is_some() || contrast < SAME_LEAST_CONTRAST {
+        if repeated.is_some() || contrast < MIN_CONTRAST {
             // A frozen image need not show the aircraft in this box: the image that it repeats stays the reference.
             if repeated.is_none() {
                 self.0 = None;

@@ -1,39 +1,36 @@
-//! The scene of a whole image: all images of a camera that stands still show the same one, whether or not the aircraft is visible.
+//! The scene of the whole image: all images of a camera that stands still show the same one, whether or not the aircraft is visible.
 //!
 //! Each image is reduced to the mean brightness of some blocks, without those at the aircraft, and to the difference between neighbouring
 //! pixels. An image belongs to a group if it differs by little from the latest one in it, so that light and clouds may change over time.
-//! The limit follows the usual change from one image of the view to the next. A few images amid a group of many are wrong; if there
-//! are more of them, or if they are at either end, nothing in the view says which group is the right one, so the view is named with both.
+//! The limit follows the usual change from one image of the view to the next. A few images amid a group of many are wrong; if there are
+//! more of them, or if they are at either end, nothing in the view says which group is the right one, so the view is named with both.
 //!
 //! Noise is recognised without a comparison: its neighbouring pixels differ as much as distant ones.
 
 use std::ops::RangeInclusive;
 
-use super::super::ROWS_LISTED;
-use super::Faults;
-use super::sight::DecodedPicture;
-use super::timing::median;
+use super::sight::{BORDER_OF_SIDE, DecodedPicture};
+use crate::faults::{Faults, ROWS_LISTED};
+use dataset::numbers::spread::median_of;
 use dataset::tables::pixel_box::PixelBox;
 
 const COLUMNS: usize = 12;
 const ROWS: usize = 8;
 const BLOCKS: usize = COLUMNS * ROWS;
-/// Of large images only every third pixel of every third row is read, of small ones more.
+/// Large images are read at every third pixel of every third row, small ones more densely.
 const MAX_STEP: usize = 3;
 const MIN_ROWS_READ: usize = 64;
-/// A block counts as showing the aircraft, its lights or its shadow if it is this near to the box, as a part of the longer side.
-const MARGIN: f64 = 0.5;
-/// An image is compared if the aircraft leaves this many blocks. Any two of them then have a quarter of all blocks in common.
+/// An image is compared if the aircraft leaves this many blocks. Any two images then have a quarter of all blocks in common.
 const MIN_BLOCKS: usize = BLOCKS * 5 / 8;
 
-/// Images of one scene differ by at most this many times the usual change to a neighbour, within bounds in grey levels. In 72 recorded
+/// Images of the same scene differ by at most this many times the usual change to a neighbour, within bounds in grey levels. In 72 recorded
 /// views of 64x64 to 1920x1280 pixels, 1/8 to 30 a second, with drifting clouds, the change never exceeded 1.0.
 const TIMES_USUAL: f64 = 5.0;
 const MIN_LIMIT: f64 = 3.0;
 const MAX_LIMIT: f64 = 15.0;
 /// The usual change is that to the most similar of this many images before and after.
 const NEIGHBOURS: usize = 2;
-/// With more groups than this, further images join the nearest.
+/// Maximum number of groups: further images join the nearest.
 const MAX_GROUPS: usize = 8;
 
 /// Noise: neighbouring pixels differ by this many grey levels ...
@@ -115,7 +112,7 @@ fn is_near(block: usize, place: &PixelBox, width_px: f64, height_px: f64) -> boo
         left + width_px / COLUMNS as f64,
         top + height_px / ROWS as f64,
     );
-    let margin_px = MARGIN * place.width_px.max(place.height_px);
+    let margin_px = BORDER_OF_SIDE * place.width_px.max(place.height_px);
     let grown = PixelBox {
         width_px: place.width_px + 2.0 * margin_px,
         height_px: place.height_px + 2.0 * margin_px,
@@ -169,7 +166,7 @@ pub(super) fn judge(pictures: &[CoarsePicture], file: &str, view: &str, faults: 
     }
 }
 
-/// The largest difference between images of one scene; `None` with fewer than two.
+/// Maximum difference between images of the same scene; `None` with fewer than two.
 fn limit(pictures: &[(usize, &CoarsePicture)]) -> Option<f64> {
     let changes = (0..pictures.len()).filter_map(|at| {
         let near = at.saturating_sub(NEIGHBOURS)..(at + NEIGHBOURS + 1).min(pictures.len());
@@ -177,14 +174,14 @@ fn limit(pictures: &[(usize, &CoarsePicture)]) -> Option<f64> {
             .map(|other| pictures[at].1.difference(pictures[other].1))
             .min_by(f64::total_cmp)
     });
-    // Of an even number the smaller one in the middle: with two wrong images of four it is between the two right ones.
-    let usual = -median(changes.map(|change| -change))?;
+    // The lower median: with two wrong images of four it is between the two right ones.
+    let usual = -median_of(changes.map(|change| -change))?;
     Some((TIMES_USUAL * usual).clamp(MIN_LIMIT, MAX_LIMIT))
 }
 
 /// The rows of images that belong together.
 fn groups(pictures: &[(usize, &CoarsePicture)], limit: f64) -> Vec<Vec<usize>> {
-    /// The latest image of a group, and the rows of all.
+    /// The group's latest image and all rows.
     struct Group<'a>(&'a CoarsePicture, Vec<usize>);
     let mut groups: Vec<Group> = Vec::new();
     for &(row, picture) in pictures {
@@ -203,7 +200,7 @@ fn groups(pictures: &[(usize, &CoarsePicture)], limit: f64) -> Vec<Vec<usize>> {
     groups.into_iter().map(|Group(_, rows)| rows).collect()
 }
 
-/// The difference between an image and the nearest in time of a group.
+/// Difference between an image and the group's nearest one in time.
 fn between(pictures: &[CoarsePicture], group: &[usize], row: usize) -> f64 {
     let nearest = group.iter().min_by_key(|other| other.abs_diff(row));
     nearest.map_or(0.0, |other| pictures[row].difference(&pictures[*other]))
@@ -231,7 +228,7 @@ fn in_groups(
     )
 }
 
-/// Rows as ranges, the first few of them.
+/// Rows as ranges, shortened to the first few.
 fn in_words(rows: &[usize]) -> String {
     let mut sorted = rows.to_vec();
     sorted.sort_unstable();
@@ -262,7 +259,7 @@ fn in_words(rows: &[usize]) -> String {
 mod tests {
     use super::*;
 
-    /// An image of one brightness with a roughness, grey levels.
+    /// An evenly bright image with a roughness, grey levels.
     fn even(grey: f32, roughness: f64) -> CoarsePicture {
         CoarsePicture {
             blocks: [grey; BLOCKS],
@@ -278,7 +275,7 @@ mod tests {
         findings.map(|finding| finding.to_string()).collect()
     }
 
-    /// A view of which some images have another brightness.
+    /// A view with images whose brightness differs.
     fn view(count: usize, grey_of: impl Fn(usize) -> f32) -> Vec<CoarsePicture> {
         (0..count).map(|row| even(grey_of(row), 0.1)).collect()
     }

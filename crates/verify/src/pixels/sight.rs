@@ -1,25 +1,28 @@
 //! One box in one image: what stands out from the background around it, and where.
 //!
-//! The background is a plane through the brightness of the pixels around the box: over so few pixels the brightness of the sky
-//! changes linearly. The residual of the pixels around the box is noise, that of those inside is the aircraft.
+//! The background is a plane through the brightness of the pixels around the box: over so few pixels the brightness of the sky changes
+//! linearly. The residual of the pixels around the box is noise, that of those inside is the aircraft.
 
 use glam::{DMat3, DVec2, DVec3};
 
 use super::outline::Outline;
+use dataset::numbers::spread::quantile;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::BYTES_PER_PIXEL;
 
-/// Smaller boxes have too few pixels, pixels.
+/// Minimum box size with enough pixels.
 const MIN_WIDTH_PX: f64 = 4.0;
 const MIN_HEIGHT_PX: f64 = 2.0;
-/// Width of the border around the box: this part of its longer side, within these bounds.
-const MARGIN: f64 = 0.5;
-const MIN_MARGIN_PX: f64 = 6.0;
-const MAX_MARGIN_PX: f64 = 48.0;
+/// Width of the border around the box: this part of the longer side, within these bounds.
+pub(super) const BORDER_OF_SIDE: f64 = 0.5;
+const MIN_BORDER_PX: f64 = 6.0;
+const MAX_BORDER_PX: f64 = 48.0;
 /// Pixels next to the box that belong to neither: encoding and lamps smear the aircraft over them.
 const SMEAR_PX: f64 = 2.0;
-/// Fewer background pixels do not define a plane.
+/// Minimum number of background pixels for a plane.
 const MIN_BACKGROUND: usize = 40;
+/// Contrast of something that is clearly there, grey levels: far above the effect of encoding the same image twice.
+pub(super) const MIN_CONTRAST: f64 = 10.0;
 /// A background with a larger residual is not smooth, grey levels.
 const MAX_NOISE: f64 = 5.0;
 
@@ -30,36 +33,36 @@ pub(super) struct DecodedPicture<'a> {
     height: i64,
 }
 
-/// What is in a box.
+/// What stands out in a box.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sight {
+pub(super) struct BoxContent {
     /// Mean of the tenth of the pixels in the box that stand out most, grey levels.
     pub(super) contrast: f64,
     /// Level that nine tenths of the surrounding pixels stay below, grey levels.
     pub(super) noise: f64,
-    /// Centre of what stands out, relative to the centre of the box, pixels.
+    /// Centre of the object, relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
-    /// Its outline.
+    /// Outline of the object.
     pub(super) outline: Option<Outline>,
 }
 
-impl Sight {
-    /// Whether something is in the box.
+impl BoxContent {
+    /// True if something is in the box.
     pub(super) fn is_filled(&self) -> bool {
         self.contrast >= self.least_to_be_filled()
     }
 
-    /// Whether it is clearly empty: between the two, the answer is open.
+    /// True if it is clearly empty: between the two, the answer is open.
     pub(super) fn is_empty(&self) -> bool {
         self.contrast < 1.6 * self.noise + 1.5
     }
 
-    /// Minimum contrast of a filled box, grey levels.
+    /// Minimum contrast in filled boxes, grey levels.
     pub(super) fn least_to_be_filled(&self) -> f64 {
         3.0 * self.noise + 2.0
     }
 
-    /// Whether the background is smooth enough to decide.
+    /// True if the background is smooth enough to decide.
     pub(super) fn is_before_smooth(&self) -> bool {
         self.noise <= MAX_NOISE
     }
@@ -74,7 +77,7 @@ impl<'a> DecodedPicture<'a> {
         }
     }
 
-    /// Another image of this size.
+    /// A second image of this size.
     pub(super) fn of_same_size<'b>(&self, rgb: &'b [u8]) -> DecodedPicture<'b> {
         DecodedPicture {
             rgb,
@@ -83,7 +86,7 @@ impl<'a> DecodedPicture<'a> {
         }
     }
 
-    /// All of it.
+    /// All bytes.
     pub(super) fn bytes(&self) -> &[u8] {
         self.rgb
     }
@@ -100,7 +103,7 @@ impl<'a> DecodedPicture<'a> {
         [self.width, self.height]
     }
 
-    /// Brightness of neighbouring pixels in a row, every `step`th of them in every `step`th row, with the place of the left one.
+    /// Brightness of neighbouring pixels in a row, every `step`th pixel in every `step`th row, with the place of the left one.
     pub(super) fn neighbours(&self, step: usize) -> impl Iterator<Item = ([usize; 2], [f64; 2])> {
         let columns = move || (0..self.width - 1).step_by(step);
         let rows = (0..self.height).step_by(step);
@@ -112,7 +115,7 @@ impl<'a> DecodedPicture<'a> {
         })
     }
 
-    /// Whole pixels of a box that are in the image.
+    /// The box's whole pixels that are in the image.
     fn pixels(&self, within: &PixelBox, margin_px: f64) -> impl Iterator<Item = (i64, i64)> {
         let [left, top, right, bottom] = within.edges();
         let first = |edge: f64| ((edge - margin_px).ceil() as i64).max(0);
@@ -124,12 +127,12 @@ impl<'a> DecodedPicture<'a> {
 }
 
 /// Examines a box; `None` if it is too small, or if there is too little background around it.
-pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight> {
+pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<BoxContent> {
     if within.width_px < MIN_WIDTH_PX || within.height_px < MIN_HEIGHT_PX {
         return None;
     }
     let longer_px = within.width_px.max(within.height_px);
-    let margin_px = (MARGIN * longer_px).clamp(MIN_MARGIN_PX, MAX_MARGIN_PX);
+    let margin_px = (BORDER_OF_SIDE * longer_px).clamp(MIN_BORDER_PX, MAX_BORDER_PX);
     let centre = DVec2::new(within.cx_px, within.cy_px);
     let beyond = |x: i64, y: i64| {
         let away = (DVec2::new(x as f64, y as f64) - centre).abs();
@@ -151,7 +154,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
     }
     let plane = Plane::through(&around)?;
     let mut left: Vec<f64> = around.iter().map(|pixel| plane.left_of(pixel)).collect();
-    // A lamp's glow or the edge of a distant cloud must not tilt the plane.
+    // A lamp's glow or a distant cloud's edge must not tilt the plane.
     let noise = quantile(&mut left, 0.9);
     let calm: Vec<_> = around
         .into_iter()
@@ -165,7 +168,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
         .map(|(pixel, _)| plane.left_of(pixel))
         .collect();
     let contrast = mean_of_top_tenth(&mut stands_out)?;
-    let threshold = (2.0 * noise + 1.0).max(contrast / 4.0);
+    let threshold = above_noise(noise).max(contrast / 4.0);
     let reach_px = margin_px * 0.7;
     let (mut sum, mut moment) = (0.0, DVec2::ZERO);
     let residuals = inside.iter().map(|(pixel, beyond_px)| {
@@ -180,7 +183,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
             moment += pixel.0 * weight;
         }
     }
-    Some(Sight {
+    Some(BoxContent {
         contrast,
         noise,
         offset_px: if sum > 0.0 { moment / sum } else { DVec2::ZERO },
@@ -188,8 +191,7 @@ pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight>
     })
 }
 
-/// How much changed between two images where the aircraft was and is, grey levels: the mean of the tenth of the pixels that
-/// changed most.
+/// Change between two images where the aircraft was and is, grey levels: the mean of the tenth of the pixels that changed most.
 pub(super) fn change_between(
     before: &DecodedPicture,
     after: &DecodedPicture,
@@ -213,6 +215,11 @@ pub(super) fn change_between(
     mean_of_top_tenth(&mut changes)
 }
 
+/// Residual brightness that noise hardly reaches, grey levels.
+pub(super) fn above_noise(noise: f64) -> f64 {
+    2.0 * noise + 1.0
+}
+
 fn mean_of_top_tenth(values: &mut [f64]) -> Option<f64> {
     let top = values.len().div_ceil(10);
     if top == 0 {
@@ -221,11 +228,6 @@ fn mean_of_top_tenth(values: &mut [f64]) -> Option<f64> {
     let first = values.len() - top;
     values.select_nth_unstable_by(first, f64::total_cmp);
     Some(values[first..].iter().sum::<f64>() / top as f64)
-}
-
-fn quantile(values: &mut [f64], part: f64) -> f64 {
-    let at = ((values.len() - 1) as f64 * part) as usize;
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 /// Brightness that changes linearly: `at the centre + slope . place`.
@@ -242,7 +244,7 @@ impl Plane {
         (normal.determinant().abs() > 1e-9).then(|| Self(normal.inverse() * right))
     }
 
-    /// The absolute residual of a pixel.
+    /// A pixel's absolute residual.
     fn left_of(&self, (place, grey): &(DVec2, f64)) -> f64 {
         (grey - self.0.dot(place.extend(1.0))).abs()
     }
@@ -315,7 +317,7 @@ mod tests {
             });
             assert!(nothing.is_empty(), "({x}, {y}): {nothing:?}");
             assert!(bar.is_filled(), "({x}, {y}): {bar:?}");
-            // What is seen of it lies inwards of its centre.
+            // The visible part lies inwards of the centre.
             let inwards = DVec2::splat(47.5) - DVec2::new(x, y);
             assert!(bar.offset_px.dot(inwards) > 0.0, "({x}, {y}): {bar:?}");
         }

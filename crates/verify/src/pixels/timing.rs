@@ -1,22 +1,23 @@
 //! Images of other ticks: from a tick on, or single ones.
 //!
 //! The offset of the centre of brightness from the box has two parts: a share of the size, because the visible part of an aircraft is not
-//! centred in its box, and its motion in the image during the time by which image and table differ:
-//! `offset = share * size + ahead * motion per tick`. Both are fitted by least squares; the tick at which the time ahead starts is the one
-//! with the best fit. Lags that are smaller than an aircraft are measured by its outline ([`lag`](super::lag)).
+//! centred in its box, and its motion in the image during the time by which image and table differ: `offset = share * size + ahead * motion
+//! per tick`. Both are fitted by least squares; the tick where the time ahead starts is the one with the best fit. Lags that are smaller
+//! than an aircraft are measured by its outline ([`lag`](super::lag)).
 
 use std::ops::RangeInclusive;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::super::Faults;
-use dataset::numbers::spread;
+use super::outline::ERROR_PX;
+use crate::faults::Faults;
+use dataset::numbers::spread::median_of;
 
-/// The observation of one image.
+/// Observation in an image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub(super) tick: usize,
-    /// Centre of what stands out relative to the centre of the box, pixels.
+    /// Centre of the object relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
     /// Motion of the box in one tick, pixels.
     pub(super) per_tick_px: DVec2,
@@ -30,25 +31,23 @@ pub(super) struct Point {
 /// Images are of other ticks if they differ by this much, ticks: a little more than half ...
 const MIN_TICKS: f64 = 0.6;
 /// ... by this many standard errors ...
-const SURE: f64 = 4.0;
+const MIN_STANDARD_ERRORS: f64 = 4.0;
 /// ... and by this part of the aircraft's way, metres: what stands out may be at either end of the aircraft.
 const MIN_WAY_M: f64 = 20.0;
-/// Fewer points can be fitted by anything.
+/// Minimum number of points: anything fits fewer.
 const MIN_POINTS: usize = 6;
-/// Error of an offset: pixels ...
-const OFFSET_ERROR_PX: f64 = 0.3;
-/// ... and a part of the size, as light and attitude change what stands out.
+/// Error of offsets beside [`ERROR_PX`], as a part of the size: light and attitude change what stands out.
 const OFFSET_ERROR: f64 = 0.01;
-/// The same for a single image that is not plain, or has a neighbour that is not. Where lamps outshine the aircraft, one at a wing tip
-/// comes into sight as the aircraft turns by half a degree, and moves the centre of brightness by 3 %; streaks of rain move a faint one
+/// Error of a single offset in an image that is not plain, or has a neighbour that is not. Where lamps outshine the aircraft, one at a wing
+/// tip comes into sight as the aircraft turns by half a degree, and moves the centre of brightness by 3 %; streaks of rain move a faint one
 /// as far.
 const OFFSET_ERROR_OF_LAMPS_AND_RAIN: f64 = 0.04;
-/// Number of places that are tried first for the start of a lag.
-const PLACES: usize = 128;
+/// Number of places that are tried first for a lag's start.
+const TRIED_STARTS: usize = 128;
 /// Points on either side used to decide whether a point is out of line.
 const NEIGHBOURS: usize = 5;
 
-/// Names the tick from which on the images are of other ticks, or single images that are.
+/// Names the first tick whose image is of a different tick, or single images that are.
 pub(super) fn check(points: &[Point], period_s: f64, file: &str, view: &str, faults: &mut Faults) {
     let Some((from, fit)) = out_of_step(points, period_s) else {
         check_each(points, file, view, faults);
@@ -67,7 +66,7 @@ pub(super) fn check(points: &[Point], period_s: f64, file: &str, view: &str, fau
     faults.view_row(view, file, point.tick, "out of step", message);
 }
 
-/// The best-fitting start of a shift, if there is one. Tries some places first, then all around the best of them.
+/// The best-fitting start of the shift, if there is one. Tries some places first, then all around the best.
 fn out_of_step(points: &[Point], period_s: f64) -> Option<(usize, Fit)> {
     let last = points.len().checked_sub(MIN_POINTS / 2)?;
     let best = |places: &mut dyn Iterator<Item = usize>| {
@@ -76,7 +75,7 @@ fn out_of_step(points: &[Point], period_s: f64) -> Option<(usize, Fit)> {
             .filter(|(from, fit)| fit.is_of_other_ticks(period_s * points[*from].speed_mps))
             .min_by(|(_, a), (_, b)| a.misfit.total_cmp(&b.misfit))
     };
-    let step = last.div_ceil(PLACES).max(1);
+    let step = last.div_ceil(TRIED_STARTS).max(1);
     let (near, _) = best(&mut (0..=last).step_by(step))?;
     best(&mut (near.saturating_sub(step)..=(near + step).min(last)))
 }
@@ -95,7 +94,7 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
         let found = out_of_line.iter().enumerate();
         found.filter_map(|(index, off_px)| Some((index, (*off_px)?)))
     };
-    let Some(usual) = median(offs().map(|(index, off_px)| part(index, off_px).abs())) else {
+    let Some(usual) = median_of(offs().map(|(index, off_px)| part(index, off_px).abs())) else {
         return;
     };
     for (index, off_px) in offs() {
@@ -107,10 +106,10 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
         } else {
             OFFSET_ERROR_OF_LAMPS_AND_RAIN
         };
-        let sure_px = OFFSET_ERROR_PX * 3.0 + error * point.size_px.max_element();
+        let sure_px = ERROR_PX * 3.0 + error * point.size_px.max_element();
         if ticks.abs() >= MIN_TICKS
             && off_px.abs() >= sure_px
-            && part(index, off_px).abs() >= 2.5 * SURE * usual
+            && part(index, off_px).abs() >= 2.5 * MIN_STANDARD_ERRORS * usual
         {
             let message = format!(
                 "shows the aircraft {:.1} pixels from where it should be: where it is {:.1} ticks {}",
@@ -128,7 +127,7 @@ fn neighbourhood(points: &[Point], index: usize) -> RangeInclusive<usize> {
     index.saturating_sub(NEIGHBOURS)..=(index + NEIGHBOURS).min(points.len() - 1)
 }
 
-/// How far a point is ahead along the path of the aircraft, given the offset of its neighbours, pixels.
+/// Distance by which the point is ahead along the path of the aircraft, given the neighbours' offset, pixels.
 fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
     let point = &points[index];
     let way = point.per_tick_px.try_normalize()?;
@@ -137,15 +136,15 @@ fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
         return None;
     }
     let share = |axis: usize| {
-        median(others().map(|other| points[other].offset_px[axis] / points[other].size_px[axis]))
+        median_of(others().map(|other| points[other].offset_px[axis] / points[other].size_px[axis]))
     };
     let usual_px = DVec2::new(share(0)?, share(1)?) * point.size_px;
     Some((point.offset_px - usual_px).dot(way))
 }
 
-/// A fit to all points, with a time ahead that starts at one of them.
+/// A fit to all points, with a time ahead that starts at one point.
 struct Fit {
-    /// Time by which the images are ahead of the tables, ticks.
+    /// Lead of the images over the tables, ticks.
     ahead_ticks: f64,
     /// Standard error if the errors of all offsets are independent.
     error_ticks: f64,
@@ -160,7 +159,7 @@ impl Fit {
         }
         let (mut normal, mut right, mut squares) = (DMat3::ZERO, DVec3::ZERO, 0.0);
         for (index, point) in points.iter().enumerate() {
-            let error_px = OFFSET_ERROR_PX + OFFSET_ERROR * point.size_px.max_element();
+            let error_px = ERROR_PX + OFFSET_ERROR * point.size_px.max_element();
             let weight = 1.0 / (error_px * error_px);
             let way = if index >= from {
                 point.per_tick_px
@@ -195,15 +194,9 @@ impl Fit {
     fn is_of_other_ticks(&self, way_per_tick_m: f64) -> bool {
         let ahead = self.ahead_ticks.abs();
         ahead >= MIN_TICKS
-            && ahead >= SURE * self.error_ticks
+            && ahead >= MIN_STANDARD_ERRORS * self.error_ticks
             && ahead * way_per_tick_m >= MIN_WAY_M
     }
-}
-
-/// The middle value.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    (!values.is_empty()).then(|| spread::median(&mut values))
 }
 
 #[cfg(test)]

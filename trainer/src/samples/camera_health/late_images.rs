@@ -178,7 +178,7 @@ mod tests {
                 view: view.clone(),
                 state: HealthState::Unknown,
                 motion: None,
-                state_live: None,
+                state_live: HealthState::Unknown,
                 lag,
                 vertical_px: None,
             };

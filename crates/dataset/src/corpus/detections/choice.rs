@@ -18,7 +18,7 @@ pub enum NoChoice {
     Several(String),
 }
 
-/// The requested detections of these scenarios, by the model's file name or by hash, or the only ones that there are.
+/// The requested detections, by the model's file name or by hash, or the only ones that there are.
 ///
 /// # Errors
 /// A folder cannot be read.
@@ -33,7 +33,7 @@ pub fn choose(
                 .entry(hash)
                 .or_insert_with_key(|hash| named(folder, hash));
             if detections.model.is_none() {
-                // The record in another scenario may be undamaged.
+                // A different scenario's record may be undamaged.
                 *detections = named(folder, &detections.hash);
             }
         }

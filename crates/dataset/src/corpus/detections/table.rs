@@ -10,10 +10,11 @@ use schemars::JsonSchema;
 use crate::error::Result;
 use crate::numbers::limits;
 use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
-use crate::tables::pixel_box::{BOX_FIELDS, PixelBox};
+use crate::tables::pixel_box::PixelBox;
+use crate::tables::row_parts::{NumberColumn, Numbers, words};
 use crate::work::memory;
 
-/// A model's detections in the images of a scenario.
+/// A model's detections in a scenario's images.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detections {
     /// The boxes, by tick.
@@ -35,15 +36,15 @@ pub struct Detection {
     pub score: f64,
     /// Number of the window of the first pass that saw it, row by row from 0; in images of the mode `tracked`, number of the crop.
     pub tile: u32,
-    /// Number of its track, which is one aircraft in one view; null without tracking.
+    /// Number of the track, which is one aircraft in one view; null without tracking.
     pub track: Option<u32>,
-    /// Way in which its image was searched.
+    /// Search mode of the image.
     pub mode: SearchMode,
     /// Whether the box counts: its track has enough boxes and does not stand still (docs/tracks.md). True without tracking, false in rows
     /// without a box.
     pub confirmed: bool,
     /// True if the box counts at its tick, by the images up to it: its track has been confirmed by then, and does not stand still. Missing
-    /// in tables of earlier versions and without tracking, false in rows without a box.
+    /// without tracking, false in rows without a box.
     pub counts_live: Option<bool>,
 }
 
@@ -60,7 +61,7 @@ pub struct Miss {
     pub reason: MissReason,
 }
 
-/// Search mode of an image.
+/// Search modes of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, JsonSchema)]
 #[schemars(rename_all = "kebab-case")]
 pub enum SearchMode {
@@ -82,41 +83,25 @@ pub enum MissReason {
     Refuted,
     /// The windows of the known tracks were empty, and the rest was not searched.
     Lost,
-    /// There was no track to follow, and the next search of a whole image was not due.
+    /// There was no track to follow, and the next full search was not due.
     NotSearched,
 }
 
-impl SearchMode {
-    /// All modes.
-    pub const ALL: [Self; 3] = [Self::Full, Self::Tracked, Self::Scaled];
+words!(SearchMode, 3, {
+    Full: "full",
+    Tracked: "tracked",
+    Scaled: "scaled",
+});
 
-    /// The word for it in the table.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Full => "full",
-            Self::Tracked => "tracked",
-            Self::Scaled => "scaled",
-        }
-    }
-}
-
-impl MissReason {
-    /// All reasons.
-    pub const ALL: [Self; 4] = [Self::Nothing, Self::Refuted, Self::Lost, Self::NotSearched];
-
-    /// The word for it in the table.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Nothing => "nothing",
-            Self::Refuted => "refuted",
-            Self::Lost => "lost",
-            Self::NotSearched => "not-searched",
-        }
-    }
-}
+words!(MissReason, 4, {
+    Nothing: "nothing",
+    Refuted: "refuted",
+    Lost: "lost",
+    NotSearched: "not-searched",
+});
 
 impl Detection {
-    /// A box from a search of one whole image without tracking. It counts as confirmed, for lack of other evidence.
+    /// A box from a full search without tracking. It counts as confirmed, for lack of other evidence.
     pub fn untracked(
         tick: u32,
         view: impl Into<String>,
@@ -154,8 +139,14 @@ impl From<Vec<Detection>> for Detections {
     }
 }
 
-/// The column that earlier versions of this software did not write.
+/// Missing in tables made without tracking.
 const COUNTS_LIVE: &str = "counts_live";
+
+/// Columns of boxes and their scores.
+const SCORED_BOX: [NumberColumn; 5] = {
+    let [cx, cy, width, height] = PixelBox::COLUMNS;
+    [cx, cy, width, height, ("score", limits::SCORE)]
+};
 
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq)]
@@ -203,7 +194,7 @@ impl Row {
 }
 
 impl From<Vec<Row>> for Detections {
-    /// Another program may have written the rows in another order.
+    /// Other programs may have written the rows in a different order.
     fn from(mut rows: Vec<Row>) -> Self {
         rows.sort_by_key(Row::tick);
         let mut detections = Self::default();
@@ -229,21 +220,18 @@ pub fn detection_columns(detections: &Detections) -> TableWriter {
         .chain(detections.misses.iter().cloned().map(Row::Miss))
         .collect();
     rows.sort_by_key(Row::tick);
+    let found = rows.iter().map(Row::found);
+    let numbers = found.clone().map(|found| {
+        let Detection {
+            pixel_box, score, ..
+        } = found?;
+        let [cx, cy, width, height] = pixel_box.to_array();
+        Some([cx, cy, width, height, *score])
+    });
     let table = TableWriter::new()
         .u32("tick", rows.iter().map(Row::tick))
-        .text("view", rows.iter().map(Row::view));
-    let found = rows.iter().map(Row::found);
-    let table = BOX_FIELDS
-        .into_iter()
-        .fold(table, |table, (name, limits, get)| {
-            let values = found.clone().map(|found| Some(get(&found?.pixel_box)));
-            table.optional_f64_within(name, limits, values)
-        })
-        .optional_f64_within(
-            "score",
-            limits::SCORE,
-            found.clone().map(|found| Some(found?.score)),
-        )
+        .text("view", rows.iter().map(Row::view))
+        .optional_numbers(SCORED_BOX, numbers)
         .optional_u32("tile", found.clone().map(|found| Some(found?.tile)))
         .optional_u32("track", found.clone().map(|found| found?.track))
         .text("mode", rows.iter().map(|row| row.mode().word()))
@@ -264,7 +252,7 @@ pub fn detection_columns(detections: &Detections) -> TableWriter {
     }
 }
 
-/// Reads the content of `detections/<model>.parquet` of a scenario with this many images; messages name it as `path`.
+/// Reads the content of `detections/<model>.parquet` for this number of images; messages name it as `path`.
 ///
 /// # Errors
 /// A number is outside its limits, or a row has neither a whole box nor a known reason.
@@ -272,96 +260,47 @@ pub fn parse_detections(content: Vec<u8>, path: &Path, pictures: u64) -> Result<
     Ok(parse_rows(content, path, pictures)?.into())
 }
 
-/// The same as rows, for messages that number them.
+/// Like [`parse_detections`], as rows, for messages that number them.
 pub fn parse_rows(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Row>> {
     rows_of(&mut Table::parse(content, path, most_rows(pictures))?)
 }
 
-/// The same from a file, but collecting numbers outside their limits.
+/// Reads a file's rows and collects numbers outside their limits.
 pub fn read_rows_with_faults(
     path: &Path,
     pictures: u64,
 ) -> Result<(Vec<Row>, Vec<ColumnOutOfLimits>)> {
-    let mut table = Table::read(path, most_rows(pictures))?.collecting();
-    let rows = rows_of(&mut table)?;
-    Ok((rows, table.into_collected()))
+    Table::read_with_faults(path, most_rows(pictures), rows_of)
 }
 
 fn most_rows(pictures: u64) -> u64 {
     pictures.saturating_mul(limits::MAX_DETECTIONS_PER_PICTURE)
 }
 
-fn modes_of(table: &Table) -> Result<Vec<SearchMode>> {
-    let words = table.text("mode")?.into_iter().enumerate();
-    words
-        .map(|(row, word)| {
-            let known = SearchMode::ALL.into_iter();
-            known
-                .clone()
-                .find(|mode| mode.word() == word)
-                .ok_or_else(|| {
-                    let known = known.map(SearchMode::word).collect::<Vec<_>>().join(", ");
-                    table.fault(format!(
-                        "row {row}: mode is {word:?}, expected one of {known}"
-                    ))
-                })
-        })
-        .collect()
-}
-
-fn reasons_of(table: &Table) -> Result<Vec<Option<MissReason>>> {
-    let words = table.optional_text("reason")?.into_iter().enumerate();
-    words
-        .map(|(row, word)| {
-            let Some(word) = word else {
-                return Ok(None);
-            };
-            let known = MissReason::ALL.into_iter();
-            let found = known.clone().find(|reason| reason.word() == word);
-            found.map(Some).ok_or_else(|| {
-                let known = known.map(MissReason::word).collect::<Vec<_>>().join(", ");
-                table.fault(format!(
-                    "row {row}: reason is {word:?}, expected one of {known}"
-                ))
-            })
-        })
-        .collect()
-}
-
 fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
     let row_bytes = 2 * size_of::<Row>() + 96;
     memory::check("table of detections", (table.rows() * row_bytes) as u64)?;
     let ticks = table.u32("tick")?;
-    let mut columns = Vec::with_capacity(BOX_FIELDS.len() + 1);
-    for (name, limits, _) in BOX_FIELDS {
-        columns.push(table.optional_f64_within(name, limits)?);
-    }
-    columns.push(table.optional_f64_within("score", limits::SCORE)?);
+    let boxes = table.optional_numbers(SCORED_BOX)?;
     let tiles = table.optional_u32("tile")?;
     let tracks = table.optional_u32("track")?;
-    let modes = modes_of(table)?;
+    let modes = table.words::<SearchMode>("mode")?;
     let confirmed = table.bool("confirmed")?;
     let live = if table.has(COUNTS_LIVE) {
         Some(table.bool(COUNTS_LIVE)?)
     } else {
         None
     };
-    let reasons = reasons_of(table)?;
+    let reasons = table.optional_words::<MissReason>("reason")?;
     let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
     keys.map(|(row, (tick, view))| {
-        let numbers: Vec<_> = columns.iter().filter_map(|column| column[row]).collect();
         let mode = modes[row];
-        match (numbers.as_slice(), tiles[row], reasons[row]) {
-            (&[cx_px, cy_px, width_px, height_px, score], Some(tile), None) => {
+        match (boxes[row], tiles[row], reasons[row]) {
+            (Ok([cx, cy, width, height, score]), Some(tile), None) => {
                 Ok(Row::Box(Detection {
                     tick,
                     view,
-                    pixel_box: PixelBox {
-                        cx_px,
-                        cy_px,
-                        width_px,
-                        height_px,
-                    },
+                    pixel_box: PixelBox::of_array([cx, cy, width, height]),
                     score,
                     tile,
                     track: tracks[row],
@@ -370,20 +309,21 @@ fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
                     counts_live: live.as_ref().map(|live| live[row]),
                 }))
             }
-            (&[], None, Some(reason)) => Ok(Row::Miss(Miss {
+            (Err(0), None, Some(reason)) => Ok(Row::Miss(Miss {
                 tick,
                 view,
                 mode,
                 reason,
             })),
             (numbers, tile, reason) => {
+                let count = numbers.map_or_else(|count| count, |all| all.len());
                 let reason = reason.map_or("no reason".into(), |found| {
                     format!("reason {:?}", found.word())
                 });
                 Err(table.fault(format!(
                     "row {row} has {} of {} numbers and {reason}, expected all numbers, or none and a reason",
-                    numbers.len() + usize::from(tile.is_some()),
-                    columns.len() + 1
+                    count + usize::from(tile.is_some()),
+                    SCORED_BOX.len() + 1
                 )))
             }
         }
@@ -453,7 +393,7 @@ mod tests {
         assert_eq!(ticks, [0, 1, 2, 3, 4, 5, 6]);
     }
 
-    /// A table of one row, without its mode and reason.
+    /// A table with one row, without mode and reason.
     fn row_of(numbers: [Option<f64>; 5], tile: Option<u32>) -> TableWriter {
         let table = TableWriter::new().u32("tick", [0]).text("view", ["left"]);
         ["cx_px", "cy_px", "width_px", "height_px", "score"]

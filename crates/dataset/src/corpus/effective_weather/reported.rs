@@ -27,7 +27,7 @@ pub struct ReportedWeather {
     pub unreported: usize,
     /// The ranges of the reported quantities; those that no scenario has are missing.
     pub ranges: BTreeMap<EffectiveQuantity, Range>,
-    /// The marked scenarios, with what differs from the plan.
+    /// The marked scenarios, with their differences from the plan.
     pub marked: BTreeMap<String, Vec<String>>,
 }
 
@@ -79,7 +79,7 @@ impl ReportedWeather {
     }
 }
 
-/// One line: `visibility 79500 m to 80100 m, rain 0.00, 1 of 12 scenarios marked`.
+/// A line of text: `visibility 79500 m to 80100 m, rain 0.00, 1 of 12 scenarios marked`.
 impl fmt::Display for ReportedWeather {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ranges = self.ranges.iter().map(|(quantity, range)| {

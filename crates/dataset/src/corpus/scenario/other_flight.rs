@@ -1,12 +1,12 @@
-//! Checks that a run answered for the flight in the corpus. The name of a scenario only states time, weather and repeat, so another corpus
-//! may use the same name; the true distances beside the answers distinguish them.
+//! Checks that a run answered for the flight in the corpus. A scenario's name only states time, weather and repeat, so a second corpus may
+//! use the same name; the true distances beside the answers distinguish them.
 
 use crate::tables::frames::TickRow;
 
 /// Tolerance between a distance as written and as read, metres.
 const SAME_M: f64 = 1e-3;
 
-/// The first tick that shows that it is another flight.
+/// The first tick that shows a different flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum OtherFlight {
     /// The flight of the corpus is shorter.
@@ -18,17 +18,17 @@ pub enum OtherFlight {
     },
     /// The distances differ.
     Elsewhere {
-        /// The first at which they do.
+        /// The first differing tick.
         tick: u32,
         /// Beside the answer.
         answered_m: f64,
-        /// In the corpus.
+        /// Distance in the corpus.
         flown_m: f64,
     },
 }
 
 impl OtherFlight {
-    /// Compares ticks with answers, and the true distances beside them as far as they were known, with what was flown.
+    /// Compares ticks with answers, and the true distances beside them as far as they were known, with the flown distance.
     #[must_use]
     pub fn find(
         answered: impl IntoIterator<Item = (u32, Option<f64>)>,

@@ -1,10 +1,9 @@
 //! A sealed folder as readers see it. Reading takes no lock, does not write, and works on a read-only file system.
 //!
-//! The files alone determine the state of the folder. `DONE.json.new` if it exists, else `DONE.json`, names the manifest by its
-//! hash, and the manifest names each file by its hash. So each file is searched by its hash: under its name, as `<name>.new`, and
-//! under its name again, because a writer that completes a change may have renamed it in between. If no file has the hash and the
-//! seal has changed, a writer was faster and reading starts again ([`Error::Changing`] for one file); if the seal is the same, the
-//! file is damaged.
+//! The files alone determine the state of the folder. `DONE.json.new` if it exists, else `DONE.json`, names the manifest by its hash, and
+//! the manifest names each file by its hash. So each file is searched by its hash: under its name, as `<name>.new`, and under its name
+//! again, because a writer that completes a change may have renamed it in between. If no file has the hash and the seal has changed, a
+//! writer was faster and reading starts again ([`Error::Changing`] for one file); if the seal is the same, the file is damaged.
 
 use std::path::{Path, PathBuf};
 
@@ -28,19 +27,19 @@ pub struct Sealed {
     files: Vec<SealedFile>,
 }
 
-/// State of a sealed file.
+/// State of the sealed file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Found<T> {
-    /// With its hash.
+pub enum FileState<T> {
+    /// The file has the sealed hash.
     Whole(T),
     /// No file has its name.
     Missing,
-    /// The file with its name has another hash.
+    /// The file with its name has a different hash.
     Other,
 }
 
 impl Sealed {
-    /// Reads seal and manifest of a folder; `None` if it has no seal.
+    /// Reads a folder's seal and manifest; `None` without a seal.
     ///
     /// # Errors
     /// The seal cannot be read, or the manifest does not match it.
@@ -55,7 +54,7 @@ impl Sealed {
                 Ok((blake3::hash(&text).to_string(), text))
             })?;
             let path = folder.join(MANIFEST);
-            if let Found::Whole(text) = manifest {
+            if let FileState::Whole(text) = manifest {
                 let text = String::from_utf8(text).map_err(|error| Error::corpus(&path, error))?;
                 let files = sealed_files(&text, &seal).map_err(|bad| Error::corpus(folder, bad))?;
                 return Ok(Some(Self {
@@ -67,7 +66,7 @@ impl Sealed {
             }
             if read_seal(folder)?.as_ref() == Some(&seal) {
                 return Err(match manifest {
-                    Found::Missing => Error::corpus(&path, "is missing"),
+                    FileState::Missing => Error::corpus(&path, "is missing"),
                     _ => Error::corpus(
                         folder,
                         format!("{MANIFEST} does not match the hash in {DONE}"),
@@ -98,19 +97,19 @@ impl Sealed {
         &self.files
     }
 
-    /// The hash of a file, if it is sealed.
+    /// A file's hash, if it is sealed.
     pub fn hash_of(&self, name: &str) -> Option<&str> {
         let file = self.files.iter().find(|file| file.name == name)?;
         Some(&file.blake3)
     }
 
-    /// The name of a view's video, if one is sealed.
+    /// Name of the view's video, if one is sealed.
     pub fn video_of(&self, view: &str) -> Option<&str> {
         let mut names = self.files.iter().map(|file| file.name.as_str());
         names.find(|name| view_of(name) == Some(view))
     }
 
-    /// The content of a sealed file; `None` if it is not sealed.
+    /// A sealed file's content; `None` if it is not sealed.
     ///
     /// # Errors
     /// It is missing or damaged, or a writer has replaced it since the seal was read ([`Error::Changing`]).
@@ -125,38 +124,40 @@ impl Sealed {
         self.expect_whole(name, found).map(Some)
     }
 
-    /// Reads all of a sealed file and rejects it if it does not match the seal.
+    /// Reads the whole sealed file and rejects it if it does not match the seal.
     ///
     /// # Errors
     /// See [`Sealed::content`].
     pub fn check(&self, name: &str) -> Result<PathBuf> {
         let found = match self.hash_of(name) {
             Some(blake3) => self.find(name, blake3)?,
-            None => Found::Missing,
+            None => FileState::Missing,
         };
         self.expect_whole(name, found)
     }
 
-    /// Rejects a sealed file that is missing or, if it is a video, has another size, without reading it.
+    /// Rejects a sealed file that is missing or, if it is a video, has a different size, without reading it.
     ///
     /// # Errors
     /// See [`Sealed::content`].
     pub(crate) fn check_unread(&self, name: &str) -> Result<PathBuf> {
         let found = match self.other_size(name)? {
-            Some(_) => Found::Other,
+            Some(_) => FileState::Other,
             None => self.find_unread(name)?,
         };
         self.expect_whole(name, found)
     }
 
-    fn expect_whole<T>(&self, name: &str, found: Found<T>) -> Result<T> {
+    fn expect_whole<T>(&self, name: &str, found: FileState<T>) -> Result<T> {
         let fault = match found {
-            Found::Whole(content) => return Ok(content),
+            FileState::Whole(content) => return Ok(content),
             _ if read_seal(&self.folder)?.as_ref() != Some(&self.seal) => {
                 return Err(changing(&self.folder));
             }
-            Found::Missing => "is missing, though it was sealed".to_owned(),
-            Found::Other => format!("does not match its seal: its hash differs from {MANIFEST}"),
+            FileState::Missing => "is missing, though it was sealed".to_owned(),
+            FileState::Other => {
+                format!("does not match its seal: its hash differs from {MANIFEST}")
+            }
         };
         let path = self.folder.join(name);
         Err(Error::corpus(
@@ -166,16 +167,16 @@ impl Sealed {
     }
 
     /// The path that has this sealed file's content now. The file is read completely, unless its size already differs.
-    pub(crate) fn find(&self, name: &str, blake3: &str) -> Result<Found<PathBuf>> {
+    pub(crate) fn find(&self, name: &str, blake3: &str) -> Result<FileState<PathBuf>> {
         if self.other_size(name)?.is_some() {
-            return Ok(Found::Other);
+            return Ok(FileState::Other);
         }
         find(&self.folder, name, blake3, |path| {
             Ok((hash_sealed(name, path)?, path.to_owned()))
         })
     }
 
-    /// The sizes, in bytes, of a file whose size differs from the seal: actual and sealed. Only the sizes of videos are sealed.
+    /// Sizes in bytes if the file's size differs from the seal: actual and sealed. Only the sizes of videos are sealed.
     pub(crate) fn other_size(&self, name: &str) -> Result<Option<(u64, u64)>> {
         let Some(&sealed) = self.seal.video_bytes.get(name) else {
             return Ok(None);
@@ -188,35 +189,35 @@ impl Sealed {
     }
 
     /// Finds a file by its name, without reading its content.
-    pub(crate) fn find_unread(&self, name: &str) -> Result<Found<PathBuf>> {
+    pub(crate) fn find_unread(&self, name: &str) -> Result<FileState<PathBuf>> {
         let path = own_path(&self.folder, name)?;
         Ok(if path.is_file() {
-            Found::Whole(path)
+            FileState::Whole(path)
         } else {
-            Found::Missing
+            FileState::Missing
         })
     }
 }
 
-/// Searches for the file with a hash under its name and the names used during a change; `read` returns hash and content of a path.
+/// Searches for the file with a hash under its name and the names used during a change; `read` returns hash and content.
 pub(crate) fn find<T>(
     folder: &Path,
     name: &str,
     blake3: &str,
     read: impl Fn(&Path) -> Result<(String, T)>,
-) -> Result<Found<T>> {
+) -> Result<FileState<T>> {
     let path = own_path(folder, name)?;
     let new = with_new_suffix(&path);
-    let mut found = Found::Missing;
+    let mut found = FileState::Missing;
     for path in [&path, &new, &path] {
         if path == &new && refuse_link(path).is_err() {
             // Not left by any of our writers.
             continue;
         }
         match read(path) {
-            Ok((hash, content)) if hash == blake3 => return Ok(Found::Whole(content)),
+            Ok((hash, content)) if hash == blake3 => return Ok(FileState::Whole(content)),
             Ok(_) if path == &new => {}
-            Ok(_) => found = Found::Other,
+            Ok(_) => found = FileState::Other,
             Err(error) if error.is_not_found() => {}
             Err(error) => return Err(error),
         }

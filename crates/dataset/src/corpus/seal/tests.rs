@@ -54,7 +54,7 @@ impl Example {
         faults(&self.folder).unwrap()
     }
 
-    /// The leftovers of a writer that is killed right after committing the replacement of `frames.parquet`.
+    /// The leftovers when a writer is killed right after committing the replacement of `frames.parquet`.
     fn decide_new_frames(&self) {
         fs::write(self.path("frames.parquet.new"), "new").unwrap();
         let old = Sealed::read(&self.folder).unwrap().unwrap();
@@ -218,7 +218,7 @@ fn readers_of_a_decided_change_see_the_new_state_at_every_step_and_change_nothin
         let sealed = Sealed::read(&example.folder).unwrap().unwrap();
         let hash = sealed.hash_of("frames.parquet").unwrap();
         assert_eq!(hash, blake3::hash(b"new").to_string());
-        let Found::Whole(path) = sealed.find("frames.parquet", hash).unwrap() else {
+        let FileState::Whole(path) = sealed.find("frames.parquet", hash).unwrap() else {
             panic!("it is there");
         };
         assert_eq!(fs::read(path).unwrap(), b"new");
@@ -430,7 +430,7 @@ fn a_sync_that_fails_at_any_point_of_a_change_leaves_one_of_the_two_states_and_t
                 replace_files(&example.claim(), &example.folder, &NAMES, write)
             });
             assert_eq!(result.is_err(), struck, "sync {before}: {result:?}");
-            // Readers find every sealed file, and all of one state.
+            // Readers find every sealed file, all from the same state.
             assert_eq!(example.faults(), Vec::<String>::new(), "sync {before}");
             let sealed = Sealed::read(&example.folder).unwrap().unwrap();
             let content = |name| sealed.content(name, FileKind::TABLE).unwrap();

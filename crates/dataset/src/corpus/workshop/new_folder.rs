@@ -1,7 +1,7 @@
 //! A folder of files that appears as a whole.
 //!
 //! It is made in its workshop. If a process is killed or the disk fails, the same command writes the files again. An empty folder that is
-//! there already, such as `.` or the root of a volume, cannot be replaced in every place: it is filled, is complete with the last file, and
+//! there already, such as `.` or a volume's root, cannot be replaced in every place: it is filled, is complete with the last file, and
 //! contains the claim meanwhile.
 
 use std::fs;
@@ -20,16 +20,15 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Names and contents.
 type Files<'a> = [(&'a str, &'a [u8])];
 
-/// Writes files into a folder that does not exist, is empty, or holds some of these files from an interrupted call. Missing parents are
-/// created.
+/// Writes files into a folder that does not exist, is empty, or holds some files from an interrupted call. Missing parents are created.
 ///
 /// # Errors
-/// The folder or its workshop contains something else, another process is writing the folder, or the disk fails.
+/// The folder or its workshop contains something else, a different process is writing the folder, or the disk fails.
 pub fn write(folder: &Path, files: &Files<'_>) -> Result<()> {
     let folder = resolve(folder)?;
     if !folder.is_dir() {
         let workshop = Workshop::enter(&folder, &[], PATIENCE)?;
-        // Another process may have made it until then.
+        // A different process may have made it by then.
         if !folder.is_dir() {
             return make(&workshop, files);
         }
@@ -119,14 +118,17 @@ mod tests {
     const FILES: [(&str, &[u8]); 2] = [("a.onnx", b"model"), ("CARD.md", b"card")];
     const OTHERS: [(&str, &[u8]); 2] = [("a.onnx", b"another"), ("CARD.md", b"other")];
 
-    #[test]
-    fn a_folder_is_there_as_a_whole_or_not_at_all_and_the_same_call_again_makes_it() {
+    /// Writes the files again after each sync that can fail. `was_there`: an empty folder is filled.
+    fn interrupted_calls_go_on(was_there: bool) {
         for before in 0.. {
             let temporary = tempfile::tempdir().unwrap();
             let folder = temporary.path().join("models");
+            if was_there {
+                fs::create_dir(&folder).unwrap();
+            }
             let (result, struck) = failing_sync::after(before, || write(&folder, &FILES));
             assert_eq!(result.is_err(), struck, "sync {before}: {result:?}");
-            if result.is_err() && folder.exists() {
+            if result.is_err() && !was_there && folder.exists() {
                 assert!(is_written(&folder, &FILES).unwrap(), "sync {before}");
             }
             write(&folder, &FILES).unwrap();
@@ -139,20 +141,13 @@ mod tests {
     }
 
     #[test]
+    fn a_folder_is_there_as_a_whole_or_not_at_all_and_the_same_call_again_makes_it() {
+        interrupted_calls_go_on(false);
+    }
+
+    #[test]
     fn an_empty_folder_is_filled_and_an_interrupted_call_goes_on() {
-        for before in 0.. {
-            let temporary = tempfile::tempdir().unwrap();
-            let folder = temporary.path().join("models");
-            fs::create_dir(&folder).unwrap();
-            let (result, struck) = failing_sync::after(before, || write(&folder, &FILES));
-            assert_eq!(result.is_err(), struck, "sync {before}: {result:?}");
-            write(&folder, &FILES).unwrap();
-            assert!(is_written(&folder, &FILES).unwrap());
-            assert_eq!(fs::read_dir(temporary.path()).unwrap().count(), 1);
-            if !struck {
-                break;
-            }
-        }
+        interrupted_calls_go_on(true);
     }
 
     #[test]

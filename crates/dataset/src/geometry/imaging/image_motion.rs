@@ -2,13 +2,13 @@
 //!
 //! Each motion is a Gaussian process along both axes of the image, as a sum of waves with frequencies from its spectrum (Shinozuka and
 //! Deodatis, "Simulation of Stochastic Processes by Spectral Representation", Applied Mechanics Reviews 44, 1991): any instant can be
-//! computed independently, so that the stand-in draws with the same function by which `dtd verify` knows where to look. Seeds of two
-//! cameras are different, and so their motions are independent.
+//! computed independently, so that the stand-in draws with the same function that tells `dtd verify` where to look. Seeds of two cameras
+//! are different, and so their motions are independent.
 //!
 //! **Tilt** moves the aircraft and leaves the background. Its variance grows with the length of the path through even air (D. L. Fried,
 //! "Optical Resolution Through a Randomly Inhomogeneous Medium", JOSA 56, 1966). In time it either has the correlation `exp(-|t| / tau)`,
 //! or comes from turbulence that a crosswind carries along: then the power spectrum falls as f^(-2/3) up to a knee and as f^(-11/3) beyond
-//! (G. A. Tyler, "Bandwidth considerations for tracking through turbulence", JOSA A 11, 1994, for the centroid of an image). Tyler's
+//! (G. A. Tyler, "Bandwidth considerations for tracking through turbulence", JOSA A 11, 1994, for an image's centroid). Tyler's
 //! asymptotes meet at 0.24 wind / aperture for the image and at 0.28 for the wavefront's tilt; we round to 0.3. There is no outer scale:
 //! slow motion is as strong as it can be.
 //!
@@ -24,22 +24,22 @@ use crate::numbers::noise_hash::unit_hash;
 
 /// Reference distance of seeing, metres.
 pub const SEEING_REFERENCE_M: f64 = 10_000.0;
-/// Radians of an arcsecond.
+/// Radians per arcsecond.
 pub const RADIANS_PER_ARCSEC: f64 = PI / 180.0 / 3_600.0;
-/// Waves of a tilt along each axis: with a correlation time, in a crosswind, whose spectrum is far wider, and of a sway.
+/// Tilt waves along each axis: with a correlation time, in a crosswind, whose spectrum is far wider, and sway waves.
 const CORRELATED_WAVES: u32 = 96;
 const CROSSWIND_WAVES: u32 = 512;
 const SWAY_WAVES: u32 = 128;
-/// They distinguish the phases of tilt and sway of one seed.
+/// They distinguish the phases of tilt and sway with the same seed.
 const TILT: u32 = 0x5EE1_0000;
 const SWAY: u32 = 0x5A4A_0000;
-/// Ratio of a mast's damping to the critical one. EN 1991-1-4, annex F, has logarithmic decrements of 0.012 to 0.05 for steel masts, which
-/// are ratios of 0.002 to 0.008; the air adds as much as the wind is strong.
+/// Ratio of the mast's damping to the critical one. EN 1991-1-4, annex F, has logarithmic decrements of 0.012 to 0.05 for steel masts,
+/// which are ratios of 0.002 to 0.008; the air adds as much as the wind is strong.
 const DAMPING_RATIO: f64 = 0.02;
-/// Frequencies of a sway are within this part of the natural one.
+/// Sway frequencies are within this part of the natural one.
 const SWAY_BAND: f64 = 0.5;
 
-/// Motion of the image of a distant aircraft by turbulence.
+/// Image motion of a distant aircraft by turbulence.
 #[derive(Debug, Clone)]
 pub struct TiltMotion {
     rms_px: f64,
@@ -71,14 +71,14 @@ impl TiltMotion {
         self.rms_px
     }
 
-    /// Displacement of the image of an object at a distance at a time, pixels right and down.
+    /// Image displacement for an object at a distance at a time, pixels right and down.
     pub fn shift_px(&self, distance_m: f64, time_s: f64) -> DVec2 {
         self.waves.at(time_s) * (self.rms_px * (distance_m / SEEING_REFERENCE_M).sqrt())
     }
 }
 
 impl Crosswind {
-    /// The frequency below which this part of the variance is, hertz: 8/9 of it are below the knee.
+    /// The frequency below which this part of the variance is, hertz: 8/9 are below the knee.
     fn frequency_hz(&self, part: f64) -> f64 {
         let relative = if part < 8.0 / 9.0 {
             (part * 9.0 / 8.0).powi(3)
@@ -89,7 +89,7 @@ impl Crosswind {
     }
 }
 
-/// Motion of a whole image by the sway of its mast.
+/// Motion of the whole image by the mast's sway.
 #[derive(Debug, Clone)]
 pub struct SwayMotion {
     rms_px: f64,
@@ -97,9 +97,9 @@ pub struct SwayMotion {
 }
 
 impl SwayMotion {
-    /// The motion of one camera.
+    /// A camera's motion.
     pub fn new(sway: &Sway, seed: u64) -> Self {
-        // The peak of a resonator's spectrum is Cauchy's distribution of frequencies.
+        // A resonator's spectral peak is Cauchy's distribution of frequencies.
         let widest = (SWAY_BAND / DAMPING_RATIO).atan();
         let waves = Waves::new(SWAY_WAVES, seed, SWAY, |part| {
             let aside = DAMPING_RATIO * (widest * (2.0 * part - 1.0)).tan();

@@ -9,16 +9,16 @@ const FAR_M: f64 = 30_000.0;
 
 /// Seconds between distances from the line that tell a lag: errors of neighbouring images are alike.
 pub const LAG_STEP_S: f64 = 0.95;
-/// Standard deviation of a distance from the line, pixels, and per pixel of the aircraft's width: its parts have other distances.
+/// Standard deviation of distances from the line, pixels, and per pixel of the aircraft's width: its parts have other distances.
 const SD_PX: f64 = 0.04;
 const SD_PART: f64 = 0.003;
 
-/// Standard deviation of the distance of registered places of an aircraft from the line, pixels. `width_px`: of the aircraft.
+/// Standard deviation of the distance between an aircraft's registered places and the line, pixels. `width_px`: of the aircraft.
 pub fn across_sd_px(width_px: f64) -> f64 {
     SD_PX.hypot(SD_PART * width_px)
 }
 
-/// The line of the second view on which is what the first view shows at a pixel.
+/// The line in the second view where the first view's pixel must appear.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EpipolarLine {
     far_px: DVec2,
@@ -39,7 +39,7 @@ impl EpipolarLine {
         })
     }
 
-    /// Distance of a pixel of the second view from it, pixels.
+    /// Distance of the second view's pixel from it, pixels.
     pub fn off_px(&self, pixel: DVec2) -> f64 {
         self.across.dot(pixel - self.far_px)
     }

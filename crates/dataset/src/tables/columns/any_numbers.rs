@@ -1,4 +1,4 @@
-//! Columns of numbers that another program wrote, in whichever type it keeps them.
+//! Columns of numbers that other programs wrote, in whichever type it keeps them.
 
 use arrow_array::types::{
     ArrowPrimitiveType, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type,
@@ -34,7 +34,7 @@ impl Table {
     }
 }
 
-/// The numbers of an array if it is of this type.
+/// The array's numbers if it has this type.
 fn floats<T: ArrowPrimitiveType>(
     array: &ArrayRef,
     float: impl Fn(T::Native) -> f64,

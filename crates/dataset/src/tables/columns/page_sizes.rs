@@ -1,12 +1,12 @@
-//! Decompressed sizes of the pages of a Parquet file, according to the page headers: the decoder allocates by these, whatever the file's
-//! metadata says.
+//! Decompressed page sizes in a Parquet file, according to the page headers: the decoder allocates by these, whatever the file's metadata
+//! says.
 //!
 //! A page's header is a structure of Thrift's compact protocol before the page: field 2 is the size of the decompressed page, field 3 the
 //! size of the page in the file. All other fields are skipped.
 
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
 
-/// Fields of a page's header.
+/// Page header fields.
 const DECOMPRESSED: i64 = 2;
 const COMPRESSED: i64 = 3;
 /// Levels of structures in a header; Parquet's have three.
@@ -52,7 +52,7 @@ impl Header<'_> {
         Some([decompressed?, compressed?])
     }
 
-    /// The kind of the next field, whose number is given relative to the one before; `Some(None)` at the end of a structure.
+    /// The kind of the next field, whose number is given relative to the one before; `Some(None)` at the structure's end.
     fn next_field(&mut self, field: &mut i64) -> Option<Option<Kind>> {
         let byte = self.byte()?;
         if byte == 0 {
@@ -83,7 +83,7 @@ impl Header<'_> {
                 }
                 Some(())
             }
-            // No header of a page has lists or maps.
+            // No page header has lists or maps.
             _ => None,
         }
     }
@@ -118,7 +118,7 @@ impl Header<'_> {
     }
 }
 
-/// The kind of a field.
+/// A field's kind.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Kind(u8);
 

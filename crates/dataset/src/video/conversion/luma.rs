@@ -1,4 +1,4 @@
-//! The brightness of a decoded image, where the decoder left it.
+//! A decoded image's brightness, where the decoder left it.
 
 /// A plane of brightness: rows of bytes, with gaps between them.
 #[derive(Debug, Clone, Copy)]

@@ -15,20 +15,20 @@ use ffmpeg_next::software::scaling::{Context, Flags};
 
 use crate::video::BYTES_PER_PIXEL;
 
-/// Converts images of one size from one pixel format to another.
+/// Converts equally sized images between two pixel formats.
 pub(crate) struct Scaler(Context);
 
 /// swscale reads whole vectors: it may read some bytes past its input, but never this many.
 const READ_BEHIND_BYTES: usize = 256;
 
-/// The end of an image, with readable memory behind it.
+/// The image's end, with readable memory behind it.
 #[derive(Default)]
 pub(crate) struct PaddedEnd(Vec<u8>);
 
 // SAFETY: this value alone owns the context, and swscale keeps no per-thread state.
 unsafe impl Send for Scaler {}
 
-/// The YUV matrix of an image.
+/// An image's YUV matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Matrix {
     /// ITU-R BT.601, for old or untagged standard-definition video.
@@ -84,8 +84,8 @@ impl Scaler {
         self.0.run(input, output)
     }
 
-    /// Converts one RGB image whose rows are contiguous in memory, in place: only its last rows are copied, to `end`, since the
-    /// memory behind them may not be readable.
+    /// Converts one RGB image whose rows are contiguous in memory, in place: only its last rows are copied, to `end`, since the memory
+    /// behind them may not be readable.
     pub(crate) fn run_rgb(
         &mut self,
         rgb: &[u8],

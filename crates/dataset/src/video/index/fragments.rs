@@ -1,4 +1,4 @@
-//! Progress of an unfinished video: each of its images is a fragment of the file.
+//! Progress of unfinished videos: each image is a fragment of the file.
 
 use std::io::{BufReader, ErrorKind, Read};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::files::outside_file::{self, FileKind};
 
-/// Size and type of a box of the file, bytes.
+/// Size and type of a file's box, bytes.
 const HEADER_BYTES: u32 = 8;
 
 /// The number of images in a video that is being written, or was left by a kill; `None` if it is finished.
@@ -28,7 +28,7 @@ pub fn recorded_pictures(path: &Path) -> Result<Option<u64>> {
         let bytes = u32::from_be_bytes([a, b, c, d]);
         match &kind {
             b"moof" => pictures += 1,
-            // The images of a finished file are in one box, with a size of 0 or 1 if 32 bits are too few for it.
+            // A finished file's images are in one box, with a size of 0 or 1 if 32 bits are too few for it.
             b"mdat" if pictures == 0 => return Ok(None),
             _ => {}
         }

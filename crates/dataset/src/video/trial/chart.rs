@@ -1,8 +1,8 @@
-//! The image of a trial: patches of known colours above, its number in black and white below.
+//! A trial's image: patches of known colours above, its number in black and white below.
 
 use super::super::BYTES_PER_PIXEL;
 
-/// Digits of the number, least significant first, and then each of them inverted: a grey or misplaced image shows no number.
+/// Digits of the number, least significant first, and then each bit inverted: a grey or misplaced image shows no number.
 const DIGITS: u32 = 7;
 const CELLS: usize = 2 * DIGITS as usize;
 
@@ -18,7 +18,7 @@ const PATCHES: [(&str, [u8; 3]); 8] = [
     ("sky", [120, 160, 210]),
 ];
 
-/// A chart of one size.
+/// A chart with a fixed size.
 pub(super) struct Chart {
     width: usize,
     height: usize,
@@ -48,7 +48,7 @@ impl Chart {
         }
     }
 
-    /// The number of an image, if it shows one.
+    /// An image's number, if it shows one.
     pub(super) fn number(&self, rgb: &[u8]) -> Option<u32> {
         let lower = (self.height / 2, self.height);
         let bright = |cell: usize| self.mean(rgb, (cell, CELLS), lower)[1] > 128.0;
@@ -73,7 +73,7 @@ impl Chart {
         })
     }
 
-    /// Mean colour of the middle of a cell: its edges mix with its neighbours.
+    /// Mean colour of the cell's middle: the edges mix with its neighbours.
     fn mean(
         &self,
         rgb: &[u8],

@@ -23,7 +23,7 @@ fn software(path: &Path, rate: FrameRate) -> Result<VideoWriter> {
     VideoWriter::create(path, &settings, SIZE_PX.0, SIZE_PX.1, rate)
 }
 
-/// A software encoder with a fault in what passes through it.
+/// A software encoder with a fault.
 struct Faulty {
     writer: VideoWriter,
     path: PathBuf,

@@ -1,7 +1,7 @@
-//! Frames in the memory of a GPU, for encoders that take no others (VA-API).
+//! Frames in GPU memory, for encoders that take no others (VA-API).
 //!
-//! `ffmpeg-next` wraps neither the device nor the frames of a GPU, and such an encoder does not open without them. This project has no
-//! such GPU: the trial before a recording (`docs/video.md`) shows whether it works.
+//! `ffmpeg-next` wraps neither GPU devices nor GPU frames, and such an encoder does not open without them. This project has no such GPU:
+//! the trial before a recording (`docs/video.md`) shows whether it works.
 #![allow(unsafe_code)]
 
 use std::ptr;
@@ -12,7 +12,7 @@ use ffmpeg_next::{encoder, frame};
 /// Frames that a GPU keeps at most: the one that is encoded, its references, and some that the driver holds.
 const POOL_FRAMES: i32 = 20;
 
-/// The pool of a GPU's frames of one size.
+/// A pool of equally sized GPU frames.
 pub(crate) struct UploadedFrames(*mut ffi::AVBufferRef);
 
 // SAFETY: this value alone owns its reference, and FFmpeg counts references atomically.
@@ -48,7 +48,7 @@ impl UploadedFrames {
             });
         }
         let pool = Self(frames);
-        // SAFETY: the data of a frames reference is an AVHWFramesContext, which no other code uses before it is initialised.
+        // SAFETY: the data of the frames reference is an AVHWFramesContext, which no other code uses before it is initialised.
         let code = unsafe {
             let context = (*pool.0).data.cast::<ffi::AVHWFramesContext>();
             (*context).format = ffi::AVPixelFormat::AV_PIX_FMT_VAAPI;
@@ -72,7 +72,7 @@ impl UploadedFrames {
         }
     }
 
-    /// A copy of an image in the GPU's memory, with its timestamp and tags.
+    /// A copy of the image in GPU memory, with its timestamp and tags.
     pub(crate) fn upload(
         &self,
         picture: &frame::Video,

@@ -14,14 +14,14 @@ fn seeing(correlation_s: Option<f64>, crosswind: Option<Crosswind>) -> Seeing {
     }
 }
 
-/// A knee at 3 Hz: well inside of what 30 images per second show.
+/// A knee at 3 Hz: well within the band of 30 images per second.
 const SLOW: Crosswind = Crosswind {
     wind_mps: 2.0,
     aperture_m: 0.2,
 };
 
-/// One-sided power spectral densities by Bartlett's average of periodograms with a Hann window, as the books compute them: `(hertz,
-/// power per hertz)` for each frequency of the transform. Each series is from another seed.
+/// One-sided power spectral densities by Bartlett's average of periodograms with a Hann window, as the books compute them: `(hertz, power
+/// per hertz)` for each frequency of the transform. Each series has a different seed.
 fn periodogram(series: impl Iterator<Item = Vec<f64>>) -> Vec<(f64, f64)> {
     let hann: Vec<f64> = (0..SAMPLES)
         .map(|i| 0.5 - 0.5 * (TAU * i as f64 / SAMPLES as f64).cos())

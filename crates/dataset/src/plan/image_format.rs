@@ -1,9 +1,9 @@
-//! Size and rate of the images of a corpus.
+//! Size and rate of the corpus's images.
 
 use serde::{Deserialize, Serialize};
 
 use crate::numbers::frame_rate::{self, FrameRate};
-use crate::numbers::limits::{self, Check};
+use crate::numbers::limits::{self, Check, check_fields};
 
 /// Size and rate of the images, the same for all scenarios and views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,8 +20,9 @@ pub struct Picture {
 impl Picture {
     /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
-        for (name, side_px) in [("width_px", self.width_px), ("height_px", self.height_px)] {
-            check.number(name, side_px, limits::PICTURE_SIDE_PX);
-        }
+        check_fields!(check, self, {
+            width_px: limits::PICTURE_SIDE_PX,
+            height_px: limits::PICTURE_SIDE_PX,
+        });
     }
 }

@@ -1,4 +1,4 @@
-//! Places where a corpus may be written: a corpus, or a folder in which no other program has anything.
+//! Places where a corpus may be written: a corpus, or a folder without files of other programs.
 //!
 //! A corpus shows by its content, a plan or a sealed scenario: other programs have folders and files with the same names.
 
@@ -8,21 +8,22 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::{Corpus, SCENARIOS};
-use crate::corpus::seal;
+use crate::corpus::claim::CLAIMS;
 use crate::corpus::splits::Splits;
+use crate::corpus::{Corpus, seal};
 use crate::error::{Error, Result};
+use crate::files::corpus_names::SCENARIOS;
 use crate::files::new_file::TEMPORARY_SUFFIX;
 use crate::files::outside_file::{self, FileKind};
 
-/// The mark of a stage, and the folder that a new disk comes with.
+/// The staging mark, and the folder that a new disk comes with.
 const HARMLESS: [&str; 2] = ["stage.json", "lost+found"];
 /// Maximum number of foreign entries that a message names.
 const MAX_SHOWN: usize = 3;
-/// The folders of a corpus that are reserved for its scenarios, its claims and its failure reports.
-const OWN_FOLDERS: [&str; 3] = [SCENARIOS, "claims", "failed"];
+/// The corpus folders that are reserved for scenarios, claims and failure reports.
+const OWN_FOLDERS: [&str; 3] = [SCENARIOS, CLAIMS, "failed"];
 
-/// The reserved folder of a corpus that contains this path, if any: only the corpus' own files may be written there.
+/// The reserved corpus folder that contains this path, if any: only the corpus' own files may be written there.
 pub fn own_folder_around(path: &Path) -> Option<&Path> {
     path.ancestors().find(|folder| {
         let name = folder.file_name().and_then(|name| name.to_str());
@@ -32,8 +33,8 @@ pub fn own_folder_around(path: &Path) -> Option<&Path> {
     })
 }
 
-/// Rejects a path that cannot hold a corpus, before anything is done: FFmpeg accepts only UTF-8 paths, and so do most tools that
-/// read a corpus.
+/// Rejects a path that cannot hold a corpus, before anything is done: FFmpeg accepts only UTF-8 paths, and so do most tools that read a
+/// corpus.
 pub(crate) fn check_path(root: &Path) -> Result<()> {
     match root.to_str() {
         Some(_) => Ok(()),
@@ -44,8 +45,8 @@ pub(crate) fn check_path(root: &Path) -> Result<()> {
     }
 }
 
-/// Rejects a folder that contains anything but a corpus: the corpus would mix with other files or replace them. Remains of an interrupted
-/// start are part of a corpus; hidden files and the `lost+found` of a new disk are ignored.
+/// Rejects a folder that contains anything but a corpus: the corpus would mix with other files or replace them. Remains of interrupted
+/// start are part of a corpus; hidden files and a new disk's `lost+found` are ignored.
 pub fn check_place(root: &Path) -> Result<()> {
     check_path(root)?;
     if has_plan(root)? || has_sealed_scenario(root) {
@@ -69,8 +70,7 @@ pub fn check_place(root: &Path) -> Result<()> {
     }
 }
 
-/// The entries of a place without plan and sealed scenarios that keep a corpus from being written there, as text; `None` if there are
-/// none.
+/// The entries that keep a corpus from being written to a place without plan and sealed scenarios, as text; `None` if there are none.
 pub fn foreign_entries(names: impl Iterator<Item = String>) -> Option<String> {
     let mut foreign: Vec<String> = names.filter(|name| !is_harmless(name)).collect();
     if foreign.is_empty() {
@@ -84,7 +84,7 @@ pub fn foreign_entries(names: impl Iterator<Item = String>) -> Option<String> {
     })
 }
 
-/// True if a corpus may begin beside this entry of its folder.
+/// True if a corpus may begin beside this entry.
 fn is_harmless(name: &str) -> bool {
     name.starts_with('.')
         || name.ends_with(TEMPORARY_SUFFIX)
@@ -92,7 +92,7 @@ fn is_harmless(name: &str) -> bool {
         || HARMLESS.contains(&name)
 }
 
-/// True if the file may be the remains of a start that was interrupted before it wrote the plan. A sweep of another name or text is judged
+/// True if the file may be left by a start that was interrupted before it wrote the plan. A sweep with a different name or text is judged
 /// before it is replaced.
 fn is_of_interrupted_start(root: &Path, name: &str) -> bool {
     let path = root.join(name);

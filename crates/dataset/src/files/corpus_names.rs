@@ -1,0 +1,28 @@
+//! Names of the files and folders of a corpus.
+
+/// Folder of the scenarios.
+pub(crate) const SCENARIOS: &str = "scenarios";
+/// Suffix of a folder that is still being filled.
+pub const PARTIAL_SUFFIX: &str = ".partial";
+/// Name of the claim on the files that belong to the whole corpus.
+pub const WHOLE_CORPUS: &str = "corpus";
+
+/// All parameters of a scenario.
+pub const RECORD: &str = "scenario.json";
+/// The cameras of a scenario.
+pub const CALIBRATION: &str = "calibration.json";
+/// The ticks of a scenario.
+pub const FRAMES: &str = "frames.parquet";
+/// The ground-truth boxes of a scenario.
+pub const TRUTH_BOXES: &str = "boxes_truth.parquet";
+/// The files of a scenario except videos, detections with their tables, and seal.
+pub const FILES: [&str; 4] = [RECORD, CALIBRATION, FRAMES, TRUTH_BOXES];
+
+/// Folder of the detections within a scenario.
+pub const DETECTIONS: &str = "detections";
+/// Folder of the registrations that belong to them.
+pub const REGISTRATIONS: &str = "registrations";
+/// Folder of the tables of the cameras' health that belong to them.
+pub const HEALTH: &str = "health";
+/// All folders with tables of a model.
+pub const MODEL_FOLDERS: [&str; 3] = [DETECTIONS, REGISTRATIONS, HEALTH];
