@@ -293,6 +293,14 @@ impl Error {
         }
     }
 
+    /// Rejects a record with numbers outside their limits by the first of them.
+    pub(crate) fn refuse_first(path: &Path, faults: Vec<FieldOutOfLimits>) -> Result<()> {
+        match faults.into_iter().next() {
+            None => Ok(()),
+            Some(fault) => Err(Self::out_of_limits(path, None, fault)),
+        }
+    }
+
     pub(crate) fn table(path: &Path, message: impl ToString) -> Self {
         Self::Table {
             path: path.to_owned(),

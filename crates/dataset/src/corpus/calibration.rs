@@ -239,10 +239,8 @@ impl Calibration {
     }
 
     fn sound(self, path: &Path) -> Result<Self> {
-        match self.out_of_limits().into_iter().next() {
-            None => Ok(self),
-            Some(fault) => Err(Error::out_of_limits(path, None, fault)),
-        }
+        Error::refuse_first(path, self.out_of_limits())?;
+        Ok(self)
     }
 
     /// Like [`Self::read`], but collects numbers outside their limits.
@@ -254,10 +252,8 @@ impl Calibration {
 
     /// Writes `calibration.json` if all its numbers are within their limits.
     pub fn write(&self, path: &Path) -> Result<()> {
-        match self.out_of_limits().into_iter().next() {
-            None => write_json(path, self),
-            Some(fault) => Err(Error::out_of_limits(path, None, fault)),
-        }
+        Error::refuse_first(path, self.out_of_limits())?;
+        write_json(path, self)
     }
 
     fn out_of_limits(&self) -> Vec<FieldOutOfLimits> {

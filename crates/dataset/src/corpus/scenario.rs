@@ -178,10 +178,8 @@ impl ScenarioRecord {
 
     fn sound(self, path: &Path) -> Result<Self> {
         let (record, faults) = self.readable(path)?;
-        match faults.into_iter().next() {
-            None => Ok(record),
-            Some(fault) => Err(Error::out_of_limits(path, None, fault)),
-        }
+        Error::refuse_first(path, faults)?;
+        Ok(record)
     }
 
     /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a view whose

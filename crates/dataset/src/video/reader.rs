@@ -148,11 +148,6 @@ impl VideoReader {
         Ok(pts)
     }
 
-    /// Decodes the next image without converting it, and returns its timestamp: enough to check that it can be decoded.
-    pub fn skip_frame(&mut self) -> Result<Option<i64>> {
-        self.decode()
-    }
-
     /// Continues at a keyframe at or before the image with this timestamp: the next ones lead to it. From then on the number of images is
     /// no longer compared with the header, and messages count from the keyframe.
     pub fn seek(&mut self, pts: i64) -> Result<()> {
@@ -248,7 +243,8 @@ impl VideoReader {
         Err(self.fault(format!("convert image {last}"), cause))
     }
 
-    fn decode(&mut self) -> Result<Option<i64>> {
+    /// Decodes the next image without converting it, and returns its timestamp: enough to check that it can be decoded.
+    pub fn skip_frame(&mut self) -> Result<Option<i64>> {
         std::mem::swap(&mut self.coded, &mut self.previous);
         loop {
             match self.decoder.receive_frame(&mut self.coded) {

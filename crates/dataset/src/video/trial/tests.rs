@@ -127,28 +127,16 @@ fn a_good_encoder_passes_with_every_codec_that_it_offers() {
 
 #[test]
 fn pictures_out_of_order_are_refused() {
-    let fault = fault_of(Fault::Order);
-    assert!(
-        matches!(
+    for fault in [Fault::Order, Fault::Loss].map(fault_of) {
+        let expected = matches!(
             fault,
             TrialFault::Order {
                 place: 40,
                 found: Some(41)
             }
-        ),
-        "{fault}"
-    );
-    let fault = fault_of(Fault::Loss);
-    assert!(
-        matches!(
-            fault,
-            TrialFault::Order {
-                place: 40,
-                found: Some(41)
-            }
-        ),
-        "{fault}"
-    );
+        );
+        assert!(expected, "{fault}");
+    }
 }
 
 #[test]
