@@ -26,9 +26,8 @@ const CAMERA_RATE: FrameRate = FrameRate {
     numerator: 30,
     denominator: 1,
 };
-/// Seconds between key frames, and of images in the rate control's buffer.
+/// Time between key frames, s.
 const KEY_FRAME_S: f64 = 2.0;
-const BUFFER_S: f64 = 1.0;
 /// About as good as encoders in cameras.
 const PRESET: &str = "veryfast";
 const LIMITED_RANGE: bool = false;
@@ -178,7 +177,8 @@ fn options(stream: Stream) -> Dictionary<'static> {
     options.set("tune", "zerolatency");
     options.set("b", &bit_per_s.to_string());
     options.set("maxrate", &bit_per_s.to_string());
-    options.set("bufsize", &(BUFFER_S * bit_per_s).round().to_string());
+    // The rate control's buffer holds a second of images.
+    options.set("bufsize", &bit_per_s.round().to_string());
     options
 }
 
