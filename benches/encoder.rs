@@ -23,7 +23,7 @@ use testkit::processor_time;
 const ROUNDS: usize = 5;
 /// Target of the ratio.
 const GOAL: f64 = 0.95;
-/// As in `crates/dataset/src/video/writer.rs`.
+/// Equal to `crates/dataset/src/video/writer.rs`.
 const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
 const RATE: FrameRate = FrameRate {
     numerator: 30,

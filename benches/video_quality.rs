@@ -94,7 +94,7 @@ const PIXEL_FORMATS: [(&str, Levels); 6] = [
     ("10 bits 4:4:4 limited range", levels(876.0, 896.0, false)),
 ];
 
-/// What we do not offer: pixel format, range, x264's parameters, rate factor.
+/// Settings that we do not offer: pixel format, range, x264's parameters, rate factor.
 struct Variant(&'static str, &'static str, &'static str, &'static str);
 
 const NEAREST: &str = "deadzone-inter=0:deadzone-intra=0";
@@ -131,7 +131,7 @@ const VARIANTS: [Variant; 19] = [
     Variant("yuv420p10le", "pc", NEAREST, "12"),
 ];
 
-/// Who encodes.
+/// Encoders.
 enum Way {
     Ours(VideoSettings),
     Program(Variant),
@@ -219,7 +219,7 @@ fn candidates() -> Vec<VideoSettings> {
 struct Recording {
     name: &'static str,
     pictures: Vec<Vec<u8>>,
-    /// The same images for the program.
+    /// The raw images for the program.
     raw_file: PathBuf,
     backdrops: Vec<Patch>,
     raw: Vec<Patch>,
@@ -307,7 +307,7 @@ fn compare(raw: &Patch, decoded: &Patch) -> (f64, DVec2) {
     (found.x, DVec2::new(found.y, found.z) / found.x)
 }
 
-/// The result for the images of one scene.
+/// The result for a scene's images.
 #[derive(Default)]
 struct Comparison {
     shifts_px: Vec<f64>,
@@ -379,7 +379,7 @@ fn rounded_patch(rgb: &[u8], (cx, cy): (i64, i64), levels: Levels) -> Patch {
     grey
 }
 
-/// Of this process and its child processes.
+/// Processor time of this process and its children.
 fn processor() -> Duration {
     processor_time::own_and_children().iter().sum()
 }

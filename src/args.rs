@@ -63,7 +63,7 @@ const GLOBAL: &str = "Global options";
     after_help = help::ENDINGS
 )]
 pub(crate) struct Args {
-    /// More output: -v for events, -vv for every detail
+    /// Verbose output: -v for events, -vv for every detail
     ///
     /// RUST_LOG overrides it.
     #[arg(short, long, global = true, action = ArgAction::Count, display_order = 900, help_heading = GLOBAL)]
@@ -123,7 +123,7 @@ fn arguments(mut given: Vec<OsString>) -> Vec<OsString> {
     given
 }
 
-/// Ends with the error of an argument. It repeats the argument, but not its credentials: logs keep what is printed.
+/// Ends with clap's error. It repeats the argument, but not its credentials: logs keep the output.
 fn exit_without_secrets(error: &clap::Error) -> ! {
     let mut text = error.render().to_string();
     let arguments: Vec<String> = env::args_os()
@@ -172,7 +172,7 @@ pub(crate) enum Verb {
     Fetch(FetchArgs),
     /// Upload a corpus to an object store; resumes
     ///
-    /// Labels and detections are part of it.
+    /// Labels and detections are included.
     #[command(after_help = help::PUSH)]
     Push(PushArgs),
     /// Compute DTD and ground-truth boxes; resumes
@@ -184,7 +184,7 @@ pub(crate) enum Verb {
     /// Train distance estimators, split by trajectory; resumes
     #[command(after_help = help::TRAIN)]
     Train(TrainArgs),
-    /// Fit one camera of a run again from a few approaches
+    /// Fit a run's camera again from a few approaches
     ///
     /// For a camera that is new, moved, turned or zoomed. Everything else is left unchanged (docs/training.md).
     #[command(after_help = help::REFIT)]
@@ -216,7 +216,7 @@ pub(crate) enum Verb {
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
-    /// Make the table of a runway for a sweep from published ones
+    /// Make a runway's table for a sweep from published ones
     #[command(after_help = help::AIRPORT_IMPORT)]
     Airport(AirportArgs),
     /// Make recordings for a sweep from tracks of real arrivals
@@ -263,9 +263,9 @@ pub(crate) enum Verb {
 pub(crate) enum SchemaOf {
     /// Sweeps: SWEEP.toml of plan and generate
     Sweep,
-    /// Settings of a training: TRAIN.toml of train
+    /// Training settings: TRAIN.toml of train
     Train,
-    /// Settings of an estimation: ESTIMATE.toml of estimate
+    /// Settings of live estimation: ESTIMATE.toml of estimate
     Estimate,
     /// Lines on stderr with --progress json
     Progress,
@@ -297,9 +297,6 @@ pub(crate) struct PlanArgs {
     pub(crate) pictures_per_second: Option<f64>,
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,
-    /// One row per scenario, however many there are
-    #[arg(long)]
-    pub(crate) all: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -339,7 +336,7 @@ pub(crate) struct GenerateArgs {
     pub(crate) keep_staged: bool,
     /// The simulator, or several that share the work, separated by commas
     ///
-    /// `mock` starts the bundled simulator on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of a live
+    /// `mock` starts the bundled simulator on this machine, `mock:N` starts N, `mock:awkward` one with all awkward habits of live
     /// X-Plane (docs/simulator.md). HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE
     /// a session recorded with `dtd tape`.
     #[arg(
@@ -482,9 +479,9 @@ pub(crate) struct DetectArgs {
     /// Detect again even if this model's detections exist
     #[arg(long)]
     pub(crate) force: bool,
-    /// Only register the views again, with the cameras that this run has fitted
+    /// Register the views again, with the cameras fitted by this run
     ///
-    /// For a wrong calibration.json, of which `dtd train` warns. Existing boxes stay.
+    /// For a wrong calibration.json, as `dtd train` reports. Existing boxes stay.
     #[arg(long, value_name = "RUN", value_parser = folder(), conflicts_with = "force")]
     pub(crate) registration_of: Option<PathBuf>,
     /// Print the result as JSON
@@ -517,10 +514,10 @@ impl RuntimeArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct EvaluateDetectorArgs {
-    /// Folder of a labelled corpus, which is only read
+    /// Folder of the labelled corpus; it is only read
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// Folder for evaluation.json and report.html, and for what was found so far
+    /// Folder for evaluation.json, report.html and partial results
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
     /// The detector, an ONNX file [default: the bundled one]
@@ -566,7 +563,7 @@ pub(crate) struct VerifyArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainDetectorArgs {
-    /// Folder of a labelled corpus
+    /// Folder of the labelled corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// The ONNX file to write; settings, checkpoint and report are written next to it
@@ -702,10 +699,10 @@ pub(crate) struct MockXplaneArgs {
         hide_default_value = true
     )]
     pub(crate) faults: Faults,
-    /// Awkward habits of a live X-Plane to imitate
+    /// Awkward habits of live X-Planes to imitate
     ///
     /// All of this X-Plane version, none, quick (those that do not slow clients down), or names from docs/reference/quirks.md separated by
-    /// commas; a - before a name excludes it, e.g. all,-late_clouds. With all of them a first scenario takes minutes.
+    /// commas; a - before a name excludes it, e.g. all,-late_clouds. With `all`, the first scenario takes minutes.
     #[arg(
         long,
         value_name = "all|none|quick|NAME,..",
@@ -716,7 +713,7 @@ pub(crate) struct MockXplaneArgs {
     /// Run the simulator's clock this many times faster than real time
     #[arg(long, value_name = "N", default_value = "1", value_parser = clock_rate)]
     pub(crate) clock_rate: f64,
-    /// Show what is drawn in a window on the X11 display that DISPLAY names
+    /// Show the images in a window on the X11 display named by DISPLAY
     ///
     /// For `dtd generate --pixels screen`.
     #[arg(
@@ -735,7 +732,7 @@ pub(crate) struct MockXplaneArgs {
     /// Size of the window that the plugin sees: the images' size
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
     pub(crate) plugin_window: WindowSize,
-    /// States of an X-Plane that a client meets rarely, for tests
+    /// Rare states of X-Plane, for tests
     #[arg(
         long,
         value_enum,
@@ -795,7 +792,7 @@ pub(crate) struct DoctorArgs {
 pub(crate) struct TapeArgs {
     /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the bundled simulator
     ///
-    /// The bundled simulator (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
+    /// The bundled simulator (`mock:awkward` has all awkward habits) runs as long as the recorder.
     #[arg(long, value_name = "auto|mock|HOST:PORT")]
     pub(crate) sim: String,
     #[command(flatten)]
@@ -889,12 +886,11 @@ pub(crate) struct PaperArgs {
 pub(crate) enum Scale {
     /// Eight scenarios with small images and little training, as a smoke test
     Small,
-    /// All of it
+    /// The complete experiment
     Full,
 }
 
 impl Scale {
-    /// Its name on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Small => "small",
@@ -915,7 +911,7 @@ fn frame_rate(text: &str) -> Result<FrameRate, String> {
     FrameRate::new(numerator, denominator).map_err(|error| error.to_string())
 }
 
-/// One of some words, which help and completions list.
+/// Parser of a word from a list, which help and completions show.
 fn one_of<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
 where
     T: FromStr<Err: std::error::Error + Send + Sync> + Clone + Send + Sync + 'static,
@@ -936,7 +932,7 @@ fn clock_rate(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected 1 to 1000".into())
 }
 
-/// Size of a window, pixels.
+/// Window size, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct WindowSize {
     pub(crate) width_px: u32,

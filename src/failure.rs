@@ -14,10 +14,10 @@ const LOSSES: u8 = 3;
 /// Interrupted or disturbed from outside: the same call resumes.
 pub(crate) const TRY_AGAIN: u8 = 75;
 
-/// Ending of a verb that did not fail.
+/// Ending of a successful verb.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// All of it.
+    /// Complete.
     Done,
     /// Some scenarios were lost and reported.
     Losses,
@@ -26,13 +26,12 @@ pub(crate) enum Ending {
 }
 
 impl Ending {
-    /// The ending of both.
     pub(crate) fn and(self, other: Self) -> Self {
         if self == Self::Done { other } else { self }
     }
 }
 
-/// Failure of a verb.
+/// Why a verb failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The caller has to change something first.
@@ -62,7 +61,7 @@ impl Failure {
         }
     }
 
-    /// A corpus that cannot be read or written: the caller must fix it, another process holds it, or the machine failed.
+    /// A corpus that cannot be read or written: the caller must fix it, it is locked by a process, or the machine failed.
     pub(crate) fn of_corpus(error: dataset::Error) -> Self {
         match error {
             error if error.is_passing() => Self::TryAgain(error.into()),
@@ -71,7 +70,7 @@ impl Failure {
         }
     }
 
-    /// The same failure of a verb that starts over after an interruption.
+    /// This failure for a verb that starts over after an interruption.
     pub(crate) fn without_results(self) -> Self {
         match self {
             Self::Interrupted { .. } => Self::Interrupted { resumes: false },

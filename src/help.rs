@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use clap::Command;
 
-/// Widest line of a help text.
+/// Maximum width of help texts.
 pub(crate) const COLUMNS: usize = 80;
 
-/// Verbs by what a user is about to do, in the order in which they are used.
+/// Verbs grouped by task, in the order of use.
 const GROUPS: &[(&str, &[&str])] = &[
     ("Start here", &["demo", "paper", "examples"]),
     (
@@ -242,7 +242,7 @@ pub(crate) const MAN: &str = "\
 Example:
   dtd man ~/.local/share/man/man1 && man dtd-generate";
 
-/// The template that shows the verbs of a command in groups.
+/// Help template with the verbs in groups.
 pub(crate) fn template(command: &Command) -> String {
     format!("{BEFORE_GROUPS}{}{AFTER_GROUPS}", groups(command))
 }

@@ -1,6 +1,6 @@
 //! Logs go to stderr and results to stdout, so that both can be redirected separately.
 //!
-//! An event is one line, whatever its fields contain: a peer's text can neither begin another line nor reach the terminal's control
+//! An event is one line, whatever its fields contain: a peer's text can neither begin a new line nor reach the terminal's control
 //! characters. Events about a peer (field `from`) are written once a minute for each place in the code and address.
 
 pub(crate) mod repeats;
@@ -18,9 +18,6 @@ use tracing_subscriber::{EnvFilter, Layer, registry};
 
 use repeats::Source;
 use stderr::Level;
-
-/// The crate of the stand-in and of replayed tapes, whose clients choose what its events say.
-const SERVER: &str = "mock_xplane";
 
 /// Starts logging: warnings by default, `-v` adds events, `-vv` every detail. `RUST_LOG` overrides both.
 pub(crate) fn start(verbose: u8) {
@@ -53,9 +50,6 @@ impl<S: Subscriber> Layer<S> for Lines {
         }
         let source = match line.from {
             Some(from) => Source::Peer(about.callsite(), from),
-            None if about.target().starts_with(SERVER) => {
-                Source::Served(about.callsite(), text.clone())
-            }
             None => Source::Event(about.callsite(), text.clone()),
         };
         if let Some(repeated) = repeats::admit(source, level, &text) {

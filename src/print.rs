@@ -1,6 +1,6 @@
 //! Variants of `println!` and `eprintln!` that stay quiet when the reader is gone.
 //!
-//! The standard ones panic when a pipe is closed, as in `dtd plan scenarios.toml | head -1`. The reader has what it wanted; the
+//! The standard ones panic when a pipe is closed, as in `dtd plan scenarios.toml | head -1`. The reader has seen enough; the
 //! verb continues and ends with its own exit code. These macros shadow the standard ones in all modules after this one.
 //!
 //! Output may contain text from a simulator, a client or a file. So it is also sanitised here: no control characters from outside
@@ -41,7 +41,7 @@ macro_rules! eprint_error {
     };
 }
 
-/// Writes a line of a result for a person, possibly through a pager or into a file. If the result cannot be written to its
+/// Writes a result line for a person, possibly through a pager or into a file. If the result cannot be written to its
 /// destination, e.g. a full disk, the process ends.
 pub(crate) fn to_stdout(line: Arguments<'_>) {
     write_to_stdout(&plain(&line.to_string()));

@@ -42,13 +42,13 @@ pub(crate) fn beside_bars<T>(write: impl FnOnce() -> T) -> T {
     BARS.suspend(write)
 }
 
-/// A bar that counts `unit`s of one step of the work.
+/// A progress bar that counts `unit`s.
 pub(crate) struct Bar {
     step: Arc<Step>,
     bar: ProgressBar,
 }
 
-/// The content of a bar.
+/// State behind a bar.
 struct Step {
     name: &'static str,
     unit: &'static str,
@@ -160,12 +160,12 @@ impl Bar {
         lock(&self.step.standing).working_on = one_line(what).into_owned();
     }
 
-    /// Shows which scenario of how many is in work.
+    /// Shows the number of the current scenario.
     pub(crate) fn set_scenarios(&self, scenarios: Scenarios) {
         lock(&self.step.standing).scenarios = Some(scenarios);
     }
 
-    /// Shows what was written, and what is free.
+    /// Shows the bytes written and free.
     pub(crate) fn set_disk(&self, disk: Disk) {
         lock(&self.step.standing).disk = Some(disk);
     }
@@ -175,7 +175,7 @@ impl Bar {
         self.say_as(Level::Info, line);
     }
 
-    /// The same for what went wrong although the work goes on.
+    /// Prints a warning, like [`Self::say`].
     pub(crate) fn warn(&self, line: &str) {
         self.say_as(Level::Warning, line);
     }
@@ -234,7 +234,7 @@ impl Step {
         let words = standing.words(self.unit, elapsed, true);
         let mut line = format!("{}: {words}", self.name);
         if standing.is_complete() {
-            // Of many short steps of one kind, such as the networks of each view, the log has one.
+            // Equal short steps, such as each view's networks, share one line in the log.
             let stage = standing.working_on.split(':').next().unwrap_or_default();
             let source = Source::LastOfStep(format!("{}: {stage}", self.name));
             match repeats::admit(source, Level::Info, "") {
@@ -295,7 +295,7 @@ fn beat() {
     });
 }
 
-/// The newest step that is not complete. One may have begun, and be complete, within another.
+/// The newest incomplete step. Steps may be nested.
 fn newest_unfinished(in_work: &[Weak<Step>]) -> Option<Arc<Step>> {
     let mut steps = in_work.iter().rev().filter_map(Weak::upgrade);
     steps.find(|step| !lock(&step.standing).is_complete())

@@ -105,7 +105,6 @@ impl Detector {
         })
     }
 
-    /// Its file.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }

@@ -52,7 +52,7 @@ fn made(simulator: &SimulatorProcess, only: &str) -> Result<std::path::PathBuf, 
     }
 }
 
-/// What is wrong with the scenarios of a simulator with some habits, if anything.
+/// Faults in the scenarios of a simulator with some habits.
 fn wrong_with(xplane: &str, quirks: Option<&str>, only: &str) -> Option<String> {
     let simulator = SimulatorProcess::start(DTD, xplane, quirks, &plugin::folder());
     let corpus = match made(&simulator, only) {
@@ -253,7 +253,7 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
     watch.end().await;
 }
 
-/// How far the haze's images are from the expected ones if the plugin lacks its remedy for a habit.
+/// Difference of the haze's images from the expected ones without the plugin's remedy for a habit.
 fn without_remedy(quirk: &str, change: (&str, &str, &str)) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let plugin = plugin::with(folder.path(), &[change]);

@@ -12,7 +12,7 @@ use testkit::{MadeOnce, program_of_venv, repository};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-/// A labelled corpus of a sweep with six scenarios.
+/// A labelled corpus with six scenarios.
 fn make(sweep: &str, folder: &Path) {
     let corpus = folder.join("corpus");
     let made = DTD.json(&["generate", sweep, "--out", text(&corpus), "--json"]);
@@ -161,7 +161,7 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
     // better than its method, which is a leak from the training side.
     for (name, measured, lowest, highest) in [
         ("triangulation", "0.083", 0.05, 0.13),
-        // Another machine's arithmetic moves it by 0.1 in the demo.
+        // Arithmetic of other machines moves it by 0.1 in the demo.
         ("paper_lstm", "0.95", 0.4, 1.5),
         ("inverse_range", "0.014", 0.005, 0.03),
         ("inverse_range_filtered", "0.014", 0.005, 0.03),

@@ -22,10 +22,10 @@ use testkit::{
 };
 use tiny::{MODEL, SCENARIOS, Tiny};
 
-/// An image: its aircraft, and what was found.
+/// An image: its aircraft and detections.
 type Pictured = (Option<TrueAircraft>, Vec<(PixelBox, f64)>);
 
-/// What pycocotools says about some images.
+/// pycocotools' figures for some images.
 fn pycocotools(pictures: &[Pictured]) -> Value {
     let bbox = |pixel_box: &PixelBox| {
         let [left, top, ..] = pixel_box.edges();
@@ -154,7 +154,7 @@ fn evaluated(tiny: &Tiny, more: &[&str]) -> Value {
     evaluation
 }
 
-/// The same without what two runs need not have in common.
+/// The evaluation without values that differ between runs.
 fn without_cost(mut evaluation: Value) -> Value {
     for figures in evaluation["modes"].as_object_mut().unwrap().values_mut() {
         for key in ["cpu_ms_per_picture", "cpu_ms_by_stage"] {
@@ -164,7 +164,7 @@ fn without_cost(mut evaluation: Value) -> Value {
     evaluation
 }
 
-/// What a mode found in the corpus, as the files say.
+/// A mode's findings, from the files.
 fn pictured(tiny: &Tiny, mode: &str) -> Vec<Pictured> {
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let mut pictures = Vec::new();

@@ -1,5 +1,5 @@
 //! `dtd detect` with the models of others: every output layout, other tasks and contradicting settings; and with hostile ones: windows
-//! and batches that exceed any memory, NaN, and libraries that another user could have planted.
+//! and batches that exceed any memory, NaN, and libraries that other users could have planted.
 
 #[path = "detector_models/layouts.rs"]
 mod layouts;
@@ -75,10 +75,10 @@ fn corpus(folder: &Path) -> PathBuf {
 
 /// Runs `dtd detect` in a copy of the corpus.
 trait Detect {
-    /// In a folder of its own.
+    /// Writes it into a new folder.
     fn detect(&self) -> Output;
 
-    /// In `folder`, with more arguments.
+    /// Runs in `folder`, with more arguments.
     fn detect_in(&self, folder: &Path, more: &[&str]) -> Output;
 }
 
@@ -88,7 +88,7 @@ impl Detect for Model<'_> {
         self.detect_in(folder.path(), &[])
     }
 
-    /// In a copy of the corpus in `folder`.
+    /// Runs on a copy of the corpus in `folder`.
     fn detect_in(&self, folder: &Path, more: &[&str]) -> Output {
         let model = folder.join("model.onnx");
         self.write(&model);

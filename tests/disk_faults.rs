@@ -54,7 +54,7 @@ const VERBS: [(&str, &str); 13] = [
 ];
 /// Faults for each verb if nothing else is said.
 const FEW: usize = 3;
-/// Errors of a disk that breaks and of one that is full.
+/// Errors of broken and full disks.
 const EIO: i32 = 5;
 const ENOSPC: i32 = 28;
 
@@ -62,12 +62,12 @@ const ENOSPC: i32 = 28;
 #[derive(Debug, Clone)]
 struct Fault {
     operation: String,
-    /// How many operations of this kind there are up to and including it.
+    /// Number of operations of this kind up to and including it.
     number: usize,
     error: i32,
 }
 
-/// A corpus of which the last scenario is only in the store.
+/// A corpus whose last scenario is only in the store.
 static LACKING: LazyLock<Tiny> = LazyLock::new(|| {
     let tiny = Tiny::made().copy();
     tiny.leave_to_store(tiny.scenarios().last().unwrap());
@@ -82,7 +82,7 @@ static LABELLED_OTHERWISE: LazyLock<Tiny> = LazyLock::new(|| {
     tiny
 });
 
-/// Where a verb begins, so that it has work to do.
+/// The start of a verb, with work to do.
 fn start_of(verb: &str) -> Tiny {
     match verb {
         "generate" | "fetch" => LACKING.copy(),
@@ -133,7 +133,7 @@ fn files(tiny: &Tiny, varying: &[PathBuf]) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-/// What a verb makes if nothing fails, and all that it does with its disk.
+/// The verb's files without faults, and all its disk operations.
 struct Undisturbed {
     files: BTreeMap<PathBuf, Vec<u8>>,
     varying: Vec<PathBuf>,

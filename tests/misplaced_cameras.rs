@@ -23,7 +23,7 @@ heading_deg = { mean = 0, sd = 0.1 }
 visibility_m = 80000
 "#;
 
-/// Formulas alone count: networks of a few steps.
+/// Only formulas count: networks after a few steps.
 const TRAINING: &str = r#"
 calibration = { hidden = [8], features = 8, head_hidden = [8], min_steps = 5, optimisation = { steps = 10, batch_size = 16, learning_rate = 2e-3 } }
 estimator = { lstm = [8], head_hidden = [8], optimisation = { steps = 10, batch_size = 16, learning_rate = 1e-3 } }

@@ -41,7 +41,7 @@ use tiny::{Tiny, said};
 
 /// Far longer than any of this takes; anything longer is a hang.
 const TOO_LONG: Duration = Duration::from_secs(120);
-/// Address space of a verb, KiB: exceeding it means that a decompression bomb worked.
+/// Address space per verb, KiB: exceeding it means that a decompression bomb worked.
 const MEMORY_KIB: u64 = 8 << 20;
 
 /// The tiny corpus, with a recorded flight, a tape and a model, and in an object store as well.
@@ -71,7 +71,7 @@ static BASE: LazyLock<Tiny> = LazyLock::new(|| {
     base
 });
 
-/// What the model does without them, too.
+/// Settings equal to the model's defaults.
 const SETTINGS: &str = r#"
 layout = "rows"
 aircraft_class = 0
@@ -98,7 +98,7 @@ fn run(tiny: &Tiny, verb: &str) -> Option<Output> {
     )
 }
 
-/// What a verb does to the unchanged base.
+/// The outcome of a verb for the unchanged base.
 fn undisturbed(verb: &'static str) -> &'static Outcome {
     static KNOWN: LazyLock<BTreeMap<&str, OnceLock<Outcome>>> = LazyLock::new(|| {
         VERBS
@@ -166,7 +166,7 @@ impl Mutated {
         self.what += ", and sealed again";
     }
 
-    /// What is wrong with an outcome that reports success.
+    /// The fault of an outcome that reports success.
     fn silent_change(&self, verb: &'static str, output: &Output) -> Option<String> {
         // Recording, detecting or uploading again repairs the fault, and reports it.
         let mends = match verb {
@@ -197,7 +197,7 @@ impl Mutated {
     }
 }
 
-/// Runs a case. Returns what was done, and what is wrong with the outcome.
+/// Runs a case. Returns the change, and the outcome's fault.
 fn case(number: usize, seed: u64) -> (String, Vec<String>) {
     let mut random = ChaCha12Rng::seed_from_u64(seed);
     random.set_stream(number as u64);

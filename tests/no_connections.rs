@@ -29,12 +29,12 @@ struct Cell {
     folder: PathBuf,
     home: PathBuf,
     trace: PathBuf,
-    /// How to create a network namespace: some systems allow it only to root, some only to the root of a user namespace.
+    /// Commands that create a network namespace: some systems allow it only to root, some only to the root of a user namespace.
     unshare: &'static [&'static str],
 }
 
 impl Cell {
-    /// None if this system does not allow it, which is reported.
+    /// `None` if this system does not allow it, which is reported.
     fn new(folder: &Path) -> Option<Self> {
         let (home, trace) = (folder.join("home"), folder.join("trace"));
         fs::create_dir(&home).unwrap();
@@ -83,7 +83,7 @@ impl Cell {
     }
 }
 
-/// What is between two marks.
+/// The text between two marks.
 fn between<'a>(line: &'a str, before: &str, after: &str) -> Option<&'a str> {
     let (_, rest) = line.split_once(before)?;
     Some(rest.split_once(after)?.0)

@@ -10,7 +10,7 @@ use testkit::command::{Dtd, said, text};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-/// A folder with what the verbs of others have made.
+/// A folder with outputs of several verbs.
 struct World {
     folder: TempDir,
 }
@@ -38,7 +38,7 @@ impl World {
         self.folder.path().join(name)
     }
 
-    /// Every path with what is there: the bytes of a file, the target of a link.
+    /// Every path with its content: file bytes or link target.
     fn state(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut found = BTreeMap::new();
         let mut folders = vec![self.folder.path().to_owned()];
@@ -60,7 +60,7 @@ impl World {
         found
     }
 
-    /// Runs a verb, in which `OUT` stands for a place; it must be refused as bad input, with these words, and change nothing.
+    /// Runs a verb, where `OUT` stands for a place; it must be refused as bad input, with these words, and change nothing.
     fn refuse(&self, verb: &[&str], out: &Path, words: &str) {
         let fill = |argument: &&str| {
             argument

@@ -38,14 +38,14 @@ fn unpack(archive: &Path, into: &Path) -> PathBuf {
     folder
 }
 
-/// Standard output of a command that succeeded.
+/// Standard output of a successful command.
 fn successful(output: &Output, what: &str) -> String {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{what}: {stderr}");
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-/// The names of the sections of a program.
+/// A program's section names.
 fn sections(program: &Path) -> String {
     let output = Command::new("readelf")
         .args(["--section-headers", "--wide"])

@@ -25,7 +25,7 @@ validation = 0
 test = 0.5
 ";
 
-/// Where this project's own camera sees points around the path, and a decoded image.
+/// Points around the path as projected by this project's camera, and a decoded image.
 fn expected(corpus: &Path) -> Value {
     let corpus = Corpus::open(corpus).unwrap();
     let scenario = corpus.scenarios().unwrap().remove(0).open().unwrap();

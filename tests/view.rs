@@ -14,7 +14,7 @@ use testkit::command::Server;
 use testkit::judge_in_chromium;
 use tiny::{SCENARIOS, Tiny, said};
 
-/// The server of a folder, and how to ask it.
+/// A folder's server and its client.
 struct Page {
     server: Server,
 }
@@ -76,7 +76,7 @@ impl Page {
         self.json(&format!("/api/scenario?scenario={id}"))
     }
 
-    /// The row of a scenario in the overview.
+    /// A scenario's row in the overview.
     fn row(&self, id: &str) -> Value {
         let rows = self.json("/api/corpus")["scenarios"].take();
         let mut rows = rows.as_array().unwrap().iter();
@@ -458,7 +458,7 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
         (&json!([]), &Value::Null)
     );
 
-    // Without labels or detections, all of its last image.
+    // Without labels or detections, the whole last image.
     let last = page.thumbnail(unlabelled).image();
     assert_eq!(last.dimensions(), (480, 320));
     let refused = page.thumbnail(without_pictures);

@@ -95,7 +95,7 @@ impl Scenery {
         self.draw(&Self::pose(number), number)
     }
 
-    /// The same image without the aircraft.
+    /// The image without the aircraft.
     #[allow(dead_code, reason = "one of the two benches asks for it")]
     pub(crate) fn backdrop(&self, number: u32) -> Vec<u8> {
         let elsewhere = Pose {

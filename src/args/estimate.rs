@@ -31,7 +31,7 @@ pub(crate) struct EstimateArgs {
     /// View of the run to estimate without; may be repeated
     #[arg(long, value_name = "VIEW")]
     pub(crate) without: Vec<String>,
-    /// Seconds to add to the times of a view's images, e.g. right=+0.120, or auto
+    /// Seconds to add to a view's image times, e.g. right=+0.120, or auto
     ///
     /// Offsets of streams whose clocks run free are measured, from the aircraft that both views see. With `auto`, offsets of
     /// video files are measured too; otherwise all files are taken to begin at the same time.
@@ -42,7 +42,7 @@ pub(crate) struct EstimateArgs {
     /// Valid only for this run and these source addresses, parameters included. No other process may use it meanwhile.
     #[arg(long, value_name = "FILE")]
     pub(crate) keep_offsets: Option<PathBuf>,
-    /// File with the password of a view's server, on its first line
+    /// File whose first line is the password of the view's server
     #[arg(long = "password-file", value_name = "VIEW=FILE")]
     pub(crate) password_files: Vec<OfView<PathBuf>>,
     /// Estimator that answers [default: the training's choice, `inverse_range` with its filter]
@@ -71,16 +71,16 @@ pub(crate) struct EstimateArgs {
     /// Read recordings as fast as they can be searched, and search every image
     #[arg(long)]
     pub(crate) as_fast_as_possible: bool,
-    /// Open every source, print what it is, and end
+    /// Open every source, print its properties, and end
     #[arg(long)]
     pub(crate) check: bool,
 }
 
-/// The offset of a view's clock.
+/// Clock offset given for a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum GivenOffset {
     Seconds(f64),
-    /// It is measured.
+    /// To be measured.
     Auto,
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
-use trainer::{MAX_APPROACHES, TrainingBackend};
+use trainer::MAX_APPROACHES;
 
 use crate::args::folder;
 use crate::args::output::Output;
@@ -27,7 +27,7 @@ pub(crate) struct TrainArgs {
     /// All resulting settings are saved in RUN/config.json, which this option also accepts.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Hyperparameter search over the settings and seeds of a TOML file: a run in RUN for each, and their comparison (docs/training.md)
+    /// Hyperparameter search over settings and seeds in a TOML file: a run in RUN for each, and a comparison (docs/training.md)
     #[arg(long, value_name = "SEARCH.toml", conflicts_with_all = ["quick", "config", "seed"])]
     pub(crate) search: Option<PathBuf>,
     /// Model whose detections to use, by its file name or hash
@@ -54,33 +54,9 @@ pub(crate) struct TrainArgs {
     /// Seed of weights and batches
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Device for training [default: as in the settings, which is cpu]
-    #[arg(long)]
-    pub(crate) backend: Option<BackendArg>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// Devices for training.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BackendArg {
-    /// The processor
-    Cpu,
-    /// A GPU by Vulkan, Metal or DirectX 12; needs a `dtd` built with --features wgpu
-    Wgpu,
-    /// An NVIDIA GPU by CUDA; needs a `dtd` built with --features cuda
-    Cuda,
-}
-
-impl From<BackendArg> for TrainingBackend {
-    fn from(arg: BackendArg) -> Self {
-        match arg {
-            BackendArg::Cpu => Self::Cpu,
-            BackendArg::Wgpu => Self::Wgpu,
-            BackendArg::Cuda => Self::Cuda,
-        }
-    }
 }
 
 #[derive(Debug, ClapArgs)]
@@ -120,10 +96,10 @@ fn parquet(path: PathBuf) -> Result<PathBuf, String> {
 /// Scenarios to judge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub(crate) enum SideArg {
-    /// Those on the test side of the corpus's split
+    /// Scenarios on the test side of the split
     #[default]
     Test,
-    /// All of them, if the training saw none of their trajectories
+    /// Every scenario, if the training saw none of the trajectories
     All,
 }
 
@@ -132,7 +108,7 @@ pub(crate) struct RefitArgs {
     /// Folder of the run, as written by `dtd train`
     #[arg(value_parser = folder())]
     pub(crate) run: PathBuf,
-    /// Folder of a corpus with approaches that the new camera saw, labelled and detected
+    /// Folder of the corpus recorded with the new camera, labelled and detected
     #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// View whose camera is fitted again
@@ -158,7 +134,7 @@ pub(crate) struct EvaluateArgs {
     /// Table of predictions to judge instead of a run: Parquet or .csv
     ///
     /// Its columns are `scenario`, `tick` and, for each estimator, `NAME_dtd_m` in metres, empty where it has no prediction; optionally
-    /// `NAME_dtd_m_from` and `NAME_dtd_m_to` (or `NAME_from_m` and `NAME_to_m`), the ends of a 90 % interval, and `detections`, the number
+    /// `NAME_dtd_m_from` and `NAME_dtd_m_to` (or `NAME_from_m` and `NAME_to_m`), a 90 % interval, and `detections`, the number
     /// of views that saw the aircraft. Other columns are ignored. A table of `dtd predict` is such a table.
     #[arg(long, value_name = "TABLE", conflicts_with = "detections")]
     pub(crate) predictions: Option<PathBuf>,
@@ -167,7 +143,7 @@ pub(crate) struct EvaluateArgs {
     pub(crate) corpus: PathBuf,
     /// Folder for the results, new or empty; by default they are added to RUN
     ///
-    /// Results of another evaluation are never replaced. With --predictions, the default is to write no files.
+    /// Results of other evaluations are never replaced. With --predictions, the default is to write no files.
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: Option<PathBuf>,
     /// Side of the split to judge

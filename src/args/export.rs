@@ -10,7 +10,7 @@ use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 use crate::args::output::Output;
 use crate::args::{WindowSize, folder, from_one};
 
-/// Options of an export.
+/// Options of `dtd export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
     /// Folder of the corpus; only `--to croissant` writes to it

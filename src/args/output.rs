@@ -15,14 +15,14 @@ use trainer::RunFolder;
 
 use crate::args::local;
 
-/// Kind of output of a verb.
+/// Kind of output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Output {
     /// A new file in a folder that is there.
     NewFile,
-    /// A file, possibly in the place of an earlier one, which the verb checks.
+    /// A file that may replace an earlier one, which the verb checks.
     File,
-    /// A folder of files, of which the verb checks those that are there.
+    /// A folder; the verb checks existing files.
     Folder,
     /// A corpus, new or not.
     Corpus,
@@ -63,14 +63,14 @@ impl Owner {
 }
 
 impl Output {
-    /// The parser of a local path to write this to. Paths that cannot be it are rejected before anything is done.
+    /// Parser of a local output path. Unsuitable paths are rejected before any work.
     pub(crate) fn parser(self) -> impl TypedValueParser<Value = PathBuf> {
         PathBufValueParser::new()
             .try_map(local)
             .try_map(move |path| self.check(&path).map(|()| path))
     }
 
-    /// The parser of a corpus to write, in a folder or a store.
+    /// Parser of a corpus to write: a folder or a store.
     pub(crate) fn corpus_or_url() -> impl TypedValueParser<Value = CorpusLocation> {
         PathBufValueParser::new().try_map(|path| match CorpusLocation::of(&path) {
             Ok(CorpusLocation::Folder(path)) => Self::Corpus
@@ -83,7 +83,7 @@ impl Output {
         })
     }
 
-    /// The parser of a store to write to.
+    /// Parser of a store to write to.
     pub(crate) fn url() -> impl TypedValueParser<Value = StoreUrl> {
         clap::builder::StringValueParser::new().try_map(|text| {
             let url = text
@@ -151,14 +151,14 @@ impl Output {
         )
     }
 
-    /// Rejects what is not a file or folder as this needs it. A device that a file is renamed over would be replaced.
+    /// Rejects other kinds of files. Renaming a file over a device would replace the device.
     fn check_kind(self, path: &Path) -> Result<(), String> {
         let is_link = fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
         let found = fs::metadata(path).ok();
         let is_folder = found.as_ref().is_some_and(fs::Metadata::is_dir);
         let is_file = found.as_ref().is_some_and(fs::Metadata::is_file);
         let makes_file = matches!(self, Self::NewFile | Self::File);
-        // A corpus or run on another disk may be named by a link to it.
+        // A corpus or run on a second disk may be named by a link.
         let may_be_link = matches!(self, Self::Corpus | Self::Run);
         let fault = if found.is_some() && !is_folder && !is_file {
             "is a device, FIFO or socket, or a link to one; expected a name where a file or folder can be made"

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use labeller::tiling::TilingSettings;
-use labeller::{Mode, ModeSettings, RowBand, SearchBands};
+use labeller::{Mode, RowBand, SearchBands};
 
 use crate::failure::Failure;
 use crate::verbs::output::listed;
@@ -18,9 +18,9 @@ pub(crate) struct SearchArgs {
     /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     only: Vec<String>,
-    /// Rows of the images to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
+    /// Rows of the images to search: `training`, where the training side has aircraft, or TOP:BOTTOM [default: all]
     ///
-    /// A band of a third of the rows takes a third of the time. `training` needs labels; it searches the rows in which aircraft are
+    /// A third of the rows takes a third of the time. `training` needs labels; it searches the rows where aircraft are
     /// large at half the scale, which takes a quarter.
     #[arg(long, value_name = "ROWS")]
     rows: Option<Rows>,
@@ -29,17 +29,6 @@ pub(crate) struct SearchArgs {
     /// Only for a model that takes any size; others have tiles of their own size.
     #[arg(long, value_name = "N")]
     tile: Option<u32>,
-    /// Overlap of neighbouring tiles in pixels
-    #[arg(long, value_name = "N", default_value = "0")]
-    overlap: u32,
-    /// Seconds between searches of whole images with --mode tracked or auto
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        default_value = "1",
-        allow_negative_numbers = true
-    )]
-    full_every: f64,
 }
 
 /// Modes of searching images.
@@ -85,14 +74,6 @@ impl FromStr for Rows {
 }
 
 impl SearchArgs {
-    /// Settings for the parts of the images to search.
-    pub(crate) fn modes(&self, mode: SearchMode) -> ModeSettings {
-        ModeSettings {
-            mode: mode.into(),
-            full_search_s: self.full_every,
-        }
-    }
-
     /// The scenarios to search; rejects identifiers of others.
     pub(crate) fn scenarios(&self, corpus: &Corpus) -> Result<Option<BTreeSet<String>>, Failure> {
         if self.only.is_empty() {
@@ -110,7 +91,7 @@ impl SearchArgs {
         }
     }
 
-    /// The settings of a search in this corpus.
+    /// Settings for searching this corpus.
     pub(crate) fn settings(&self, corpus: &Corpus) -> Result<TilingSettings, Failure> {
         let (rows, half_scale_rows) = match self.rows {
             None => (None, None),
@@ -122,7 +103,6 @@ impl SearchArgs {
         };
         Ok(TilingSettings {
             tile_px: self.tile,
-            overlap_px: self.overlap,
             rows,
             half_scale_rows,
             ..TilingSettings::default()

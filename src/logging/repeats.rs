@@ -1,6 +1,5 @@
 //! Lines that repeat: the first is written, the others are counted, so that neither a flood of bad datagrams nor a store that is away for a
-//! night fills a log. Peers choose some of the text of some lines: of those that differ, one place in the code writes a limited number a
-//! minute. Counts are written when their minute is over, and before the process ends.
+//! night fills a log. Counts are written when their minute is over, and before the process ends.
 
 use std::collections::HashMap;
 use std::net::IpAddr;
@@ -12,27 +11,23 @@ use tracing::callsite::Identifier;
 
 use crate::logging::stderr::{self, Level};
 
-/// The same line is written at most once in this time.
+/// Minimum time between two equal lines.
 const PERIOD: Duration = Duration::from_secs(60);
-/// Different lines with text of peers that one place in the code writes in this time.
-const MAX_DIFFERENT: u64 = 60;
-/// Lines that are remembered.
+/// Maximum number of remembered lines.
 const MAX_REMEMBERED: usize = 1_024;
 /// Interval for looking for counts whose minute is over.
 const COUNT_INTERVAL: Duration = Duration::from_secs(5);
 
-/// The identity of a line.
+/// Identity of a log line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) enum Source {
     /// An event about a peer: whatever it says, by its place in the code and the peer's address.
     Peer(Identifier, IpAddr),
-    /// Another event of a server, whose text its clients choose: by its place in the code and its text.
-    Served(Identifier, String),
     /// Any other event, by its place in the code and its text.
     Event(Identifier, String),
-    /// A line of a verb, by its text.
+    /// A verb's line, by its text.
     Line(String),
-    /// The last line of a short step of the work, by its kind. Its repetitions are no loss.
+    /// The last line of a short step, by its kind. Repetitions are not counted.
     LastOfStep(String),
 }
 
@@ -89,8 +84,6 @@ fn lock() -> std::sync::MutexGuard<'static, Repeats> {
 #[derive(Debug, Default)]
 struct Repeats {
     lines: HashMap<Source, Written>,
-    /// By place in the code.
-    places: HashMap<Identifier, Place>,
     /// Counts of lines that were forgotten.
     forgotten: Vec<Count>,
 }
@@ -102,18 +95,6 @@ struct Written {
     level: Level,
     text: String,
     /// Number of times that it was left out since then.
-    left_out: u64,
-}
-
-/// The different lines of one place in the code.
-#[derive(Debug)]
-struct Place {
-    since: Instant,
-    /// Number of them since then.
-    different: u64,
-    level: Level,
-    /// The first that was left out since a count was written.
-    text: String,
     left_out: u64,
 }
 
@@ -152,26 +133,6 @@ impl Repeats {
             written.at = now;
             return Some(Repeated(mem::take(&mut written.left_out)));
         }
-        if let Source::Peer(place, _) | Source::Served(place, _) = &source {
-            let place = self.places.entry(place.clone()).or_insert(Place {
-                since: now,
-                different: 0,
-                level,
-                text: String::new(),
-                left_out: 0,
-            });
-            if !is_recent(place.since) {
-                (place.since, place.different) = (now, 0);
-            }
-            place.different += 1;
-            if place.different > MAX_DIFFERENT {
-                if place.left_out == 0 {
-                    text.clone_into(&mut place.text);
-                }
-                place.left_out += 1;
-                return None;
-            }
-        }
         if self.lines.len() >= MAX_REMEMBERED {
             self.forget(|written| is_recent(written.at));
         }
@@ -196,7 +157,7 @@ impl Repeats {
             .extend(forgotten.filter_map(|(source, mut written)| written.count(&source)));
     }
 
-    /// The counts of what was left out at least `period` ago, each once.
+    /// Counts of lines left out at least `period` ago, each once.
     fn counts(&mut self, now: Instant, period: Duration) -> Vec<Count> {
         let is_over = |since: Instant| now.saturating_duration_since(since) >= period;
         let mut counts = mem::take(&mut self.forgotten);
@@ -208,27 +169,17 @@ impl Repeats {
                 counts.push(count);
             }
         }
-        for place in self.places.values_mut() {
-            if is_over(place.since) && place.left_out > 0 {
-                let left_out = mem::take(&mut place.left_out);
-                counts.push(Count {
-                    text: format!("{} (and {left_out} more like this one)", place.text),
-                    is_event: true,
-                    level: place.level,
-                });
-            }
-        }
         counts.sort();
         counts
     }
 }
 
 impl Written {
-    /// The line of its count, which begins anew.
+    /// The line that states its count, which is reset.
     fn count(&mut self, source: &Source) -> Option<Count> {
         let left_out = Some(mem::take(&mut self.left_out)).filter(|count| *count > 0)?;
         let is_event = match source {
-            Source::Peer(..) | Source::Served(..) | Source::Event(..) => true,
+            Source::Peer(..) | Source::Event(..) => true,
             Source::Line(_) => false,
             Source::LastOfStep(_) => return None,
         };
@@ -255,12 +206,6 @@ mod tests {
 
     fn texts(counts: Vec<Count>) -> Vec<String> {
         counts.into_iter().map(|count| count.text).collect()
-    }
-
-    fn place() -> Identifier {
-        tracing::subscriber::with_default(tracing_subscriber::registry(), || {
-            tracing::info_span!("here").metadata().unwrap().callsite()
-        })
     }
 
     #[test]
@@ -315,37 +260,12 @@ mod tests {
     }
 
     #[test]
-    fn one_place_in_the_code_writes_sixty_different_lines_of_peers_a_minute_and_counts_the_others()
-    {
-        let place = place();
-        let mut repeats = Repeats::default();
-        let begin = Instant::now();
-        let written = |repeats: &mut Repeats, now: Instant| {
-            let admitted = (0..1_000).filter(|number| {
-                let text = number.to_string();
-                let source = Source::Served(place.clone(), text.clone());
-                repeats.admit(source, Level::Warning, &text, now).is_some()
-            });
-            admitted.count()
-        };
-        assert_eq!(written(&mut repeats, begin), 60);
-        assert_eq!(written(&mut repeats, begin + Duration::from_secs(59)), 0);
-        let counts = texts(repeats.counts(begin + PERIOD, PERIOD));
-        assert_eq!(counts.len(), 61);
-        assert!(counts.contains(&"60 (and 1880 more like this one)".into()));
-        // The first sixty were counted a moment ago; as many others may be written.
-        assert_eq!(written(&mut repeats, begin + PERIOD), 60);
-    }
-
-    #[test]
     fn every_different_line_about_our_own_work_is_written() {
-        let place = place();
         let mut repeats = Repeats::default();
         let now = Instant::now();
         for number in 0..500 {
             let text = format!("scenario {number} is damaged");
-            let source = Source::Event(place.clone(), text.clone());
-            assert!(repeats.admit(source, Level::Warning, &text, now).is_some());
+            assert!(admit(&mut repeats, &text, now).is_some());
         }
     }
 }

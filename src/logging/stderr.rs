@@ -25,7 +25,7 @@ pub(crate) enum Form {
     Json,
 }
 
-/// The importance of a line.
+/// Severity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Level {
@@ -62,12 +62,12 @@ pub(crate) fn form() -> Form {
     })
 }
 
-/// Writes a message of a verb. `step`: the step of the work that it is about, as `generate: `, or empty.
+/// Writes a verb's message. `step`: its step of the work, as `generate: `, or empty.
 pub(crate) fn say(level: Level, step: &str, text: &str) {
     write(level, &message(level, step, text));
 }
 
-/// A message of a verb in the form of this process, safe for a terminal.
+/// A verb's message in this process's form, safe for a terminal.
 pub(crate) fn message(level: Level, step: &str, text: &str) -> String {
     form().text_of(level, step, text, has_colours())
 }
@@ -116,7 +116,7 @@ pub(crate) fn utc(time: SystemTime) -> String {
 }
 
 impl Form {
-    /// A message of a verb, safe for a terminal. Errors and warnings are named as such, and later lines are indented, so that no text of
+    /// A verb's message, safe for a terminal. Errors and warnings are named as such, and later lines are indented, so that no text of
     /// others begins a line.
     fn text_of(self, level: Level, step: &str, text: &str, has_colours: bool) -> String {
         let text = if self == Self::Json {
@@ -145,7 +145,7 @@ impl Level {
     }
 }
 
-/// Whether the terminal shows colours, and the user wants them (<https://no-color.org>).
+/// True if the terminal shows colours and the user has not disabled them (<https://no-color.org>).
 fn has_colours() -> bool {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");

@@ -1,22 +1,22 @@
-//! The times at which a line of progress is due in a log: not so often that a night's log is unreadable, not so rarely that a run seems
+//! When a line of progress is due in a log: not so often that a night's log is unreadable, not so rarely that a run seems
 //! dead. Pure.
 
 use std::time::Duration;
 
 use super::standing::Standing;
 
-/// Parts of the work after each of which a line is due.
+/// Number of parts of the work with a line each.
 const PARTS: u64 = 10;
-/// Lines of progress are at least this far apart, except for the last one of a step.
+/// Minimum time between lines, except for a step's last one.
 const MIN_TIME: Duration = Duration::from_secs(10);
-/// Programs get more of them.
+/// Minimum time between lines for programs.
 const MIN_FOR_PROGRAMS: Duration = Duration::from_secs(1);
-/// Without any other reason a line is due after this long: within five minutes of the last one, looked at every [`BEAT`].
+/// A line is due after this time at the latest: within five minutes of the last one, looked at every [`BEAT`].
 const MAX_TIME: Duration = Duration::from_secs(290);
-/// How often it is looked whether a line is due although the work does not move.
+/// Interval of checks for a due line while the work does not move.
 pub(super) const BEAT: Duration = Duration::from_secs(5);
 
-/// The progress of a step that was written last.
+/// The last written progress of a step.
 #[derive(Debug, Default)]
 pub(super) struct Cadence {
     part: u64,
@@ -25,7 +25,7 @@ pub(super) struct Cadence {
 }
 
 impl Cadence {
-    /// A step of which an earlier process did a part.
+    /// Starts from the progress of an earlier process.
     pub(super) fn resume(&mut self, standing: &Standing) {
         *self = Self {
             part: part(standing),
@@ -34,7 +34,7 @@ impl Cadence {
         };
     }
 
-    /// Whether a line is due. `since`: the time since the last line of progress of this process, or since its step began. If so, it counts
+    /// True if a line is due. `since`: the time since the last line of progress of this process, or since its step began. If so, it counts
     /// as written.
     pub(super) fn is_due(
         &mut self,

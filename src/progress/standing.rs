@@ -1,34 +1,34 @@
-//! The state of a step of the work, and its pace. Pure.
+//! A step's progress and pace. Pure.
 
 use std::time::Duration;
 
 use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
 
-/// A shorter time says nothing about the pace.
+/// Minimum time for a meaningful pace.
 const MIN_TIME: Duration = Duration::from_secs(1);
 
-/// The scenarios of a run.
+/// Progress in scenarios.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(crate) struct Scenarios {
     /// Number of the one in work, from 1; the last one at the end.
     pub(crate) number: usize,
-    /// How many there are.
+    /// Their total number.
     pub(crate) of: usize,
-    /// How many failed so far.
+    /// Number of failures.
     pub(crate) failed: usize,
 }
 
-/// The disk that a run writes to.
+/// The output disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Disk {
-    /// Bytes that this run has written.
+    /// Bytes written by this run.
     pub(crate) written: u64,
-    /// Bytes that are left; absent if the system does not report it.
+    /// Free bytes, if the system reports them.
     pub(crate) free: Option<u64>,
 }
 
-/// The state of a step.
+/// Progress of a step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Standing {
     pub(crate) total: Option<u64>,
@@ -41,12 +41,12 @@ pub(crate) struct Standing {
 }
 
 impl Standing {
-    /// Whether all is done.
+    /// True at the end.
     pub(crate) fn is_complete(&self) -> bool {
         self.total.is_some_and(|total| self.done >= total)
     }
 
-    /// Units a second, once there is something to tell it from.
+    /// Units per second, once known.
     pub(crate) fn per_s(&self, elapsed: Duration) -> Option<f64> {
         let done = self
             .done
@@ -64,7 +64,7 @@ impl Standing {
         Duration::try_from_secs_f64(left as f64 / self.per_s(elapsed)?).ok()
     }
 
-    /// All that is known, as words. `says_elapsed`: with the time so far.
+    /// The progress in words. `says_elapsed`: with the elapsed time.
     pub(crate) fn words(&self, unit: &str, elapsed: Duration, says_elapsed: bool) -> String {
         let mut parts = Vec::new();
         let mut count = match self.total {

@@ -1,4 +1,4 @@
-//! The watch of a long verb: a bar for each stage of its work, and a clean end at the first Ctrl-C or SIGTERM.
+//! Progress and cancellation of a long verb: a bar per stage, and a clean end at the first Ctrl-C or SIGTERM.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -7,7 +7,7 @@ use dataset::work::watch::Watch;
 use crate::progress::Bar;
 use crate::signals::CleanStop;
 
-/// Shows the progress of a verb. While it exists, the first signal stops the work that it watches.
+/// Shows a verb's progress. While it exists, the first signal stops the work.
 pub(crate) struct VerbWatch {
     verb: &'static str,
     unit: &'static str,

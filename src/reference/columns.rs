@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::markdown::table;
 use super::settings::{described_values, limits};
 
-/// Placeholder of a view in the name of a column.
+/// Placeholder for a view in a column's name.
 const VIEW: &str = "<view>";
 /// Columns whose field has another name: the start of a column's name and the name of the field.
 const OTHER_NAMES: [(&str, &str); 4] = [

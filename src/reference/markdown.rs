@@ -1,4 +1,4 @@
-//! Parts of a Markdown page.
+//! Markdown elements.
 
 const WIDTH: usize = 140;
 
@@ -7,7 +7,7 @@ pub(super) fn paragraph(text: &str) -> String {
     wrapped("", text) + "\n"
 }
 
-/// An item of a list.
+/// A list item.
 pub(super) fn item(text: &str) -> String {
     wrapped("- ", text)
 }

@@ -128,7 +128,7 @@ impl Found<'_> {
     }
 }
 
-/// The keys of a table.
+/// A table's keys.
 fn keys(table_schema: &Value, schema: &Value) -> String {
     let required = required(table_schema);
     let shown: Vec<_> = required_first(table_schema)

@@ -4,7 +4,7 @@ use std::net::{SocketAddr, ToSocketAddrs};
 
 use crate::failure::Failure;
 
-/// The address of the simulator (of a host name with several, the first IPv4 one, on which X-Plane listens); `None` with `auto`,
+/// The simulator's address (a host name's first IPv4 address, where X-Plane listens); `None` with `auto`,
 /// for the one that announces itself.
 pub(super) fn simulator(text: &str) -> Result<Option<SocketAddr>, Failure> {
     if text == "auto" {

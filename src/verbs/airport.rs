@@ -1,4 +1,4 @@
-//! `dtd airport import`: the table of a runway from published ones.
+//! `dtd airport import`: a runway's table from published ones.
 
 use generator::airports::{Conflict, Imported, UNCONFIRMED, import};
 use serde::Serialize;
@@ -57,6 +57,6 @@ pub(crate) fn run(args: &AirportArgs) -> Outcome {
 struct Printed<'a> {
     #[serde(flatten)]
     imported: &'a Imported,
-    /// The table of a sweep, unless the figures are not agreed on.
+    /// The table for a sweep, if the figures agree.
     toml: Option<String>,
 }

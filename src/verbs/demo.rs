@@ -73,7 +73,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     if !(labelled.failed.is_empty() && detected.failed.is_empty()) {
         return Ok(Ending::Losses);
     }
-    // An earlier demo may have left the detections of another model.
+    // An earlier demo may have left detections of a different model.
     let config = TrainConfig {
         model_hash: Some(detected.model_hash.clone()),
         ..TrainConfig::demo()

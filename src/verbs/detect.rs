@@ -13,8 +13,8 @@ use dataset::plan::Plan;
 use dataset::work::watch::Watch;
 use generator::plan::shard::Shard;
 use labeller::{
-    DetectOptions, DetectOutcome, FalseBoxes, FittedCameras, RegistrationCounts, TruthCounts,
-    Unhealthy, detect_corpus,
+    DetectOptions, DetectOutcome, FalseBoxes, FittedCameras, ModeSettings, RegistrationCounts,
+    TruthCounts, Unhealthy, detect_corpus,
 };
 use trainer::RunFolder;
 
@@ -46,7 +46,10 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             onnx_runtime: args.runtime.library.clone(),
             device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
-            modes: args.search.modes(args.mode),
+            modes: ModeSettings {
+                mode: args.mode.into(),
+                ..ModeSettings::default()
+            },
             only,
             force: args.force,
             registration_of: args
@@ -128,7 +131,7 @@ fn new_run() -> String {
     free.next().unwrap_or_default()
 }
 
-/// The scenarios of a shard, by its part of the plan; `None`: all.
+/// The shard's scenarios; `None`: all.
 fn of_shard(corpus: &Corpus, shard: Shard) -> Result<Option<BTreeSet<String>>, Failure> {
     if shard.is_whole() {
         return Ok(None);
@@ -138,7 +141,7 @@ fn of_shard(corpus: &Corpus, shard: Shard) -> Result<Option<BTreeSet<String>>, F
     Ok(Some(part.map(|scenario| scenario.id.clone()).collect()))
 }
 
-/// The ending of a run that was stopped; says what is left.
+/// The ending of a stopped run; prints how much is left.
 pub(crate) fn interrupted(outcome: &DetectOutcome) -> Option<Ending> {
     if !outcome.stopped {
         return None;
@@ -285,7 +288,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     );
 }
 
-/// Part of the images with the aircraft in sight in which it was found, and the number of images in which it is hidden.
+/// Share of the images that show the aircraft where it was found, and the number of images that hide it.
 pub(crate) fn in_sight(truth: &TruthCounts) -> String {
     let hidden = [
         (truth.hidden_by_haze, "beyond the visibility"),

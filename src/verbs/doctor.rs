@@ -67,7 +67,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
     }
 }
 
-/// The sweep in question, and the size of its images.
+/// The sweep to record, and its image size.
 fn intent(sweep: Option<&Path>) -> Result<Option<Intent>, Failure> {
     let file = match sweep {
         Some(file) => file.to_owned(),

@@ -99,14 +99,14 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
     Ok(options)
 }
 
-/// Threads of a search. One of a whole image delays the images after it, so all cores shorten it; the small windows between need few.
+/// Number of search threads. Searching a whole image delays the next images, so more cores help; small windows need few.
 fn threads() -> usize {
     const MAX_COUNT: usize = 4;
     let cores = thread::available_parallelism().map_or(1, usize::from);
     cores.min(MAX_COUNT)
 }
 
-/// A run is of one detector: boxes of another one have other errors.
+/// Rejects detectors other than the run's, whose boxes have other errors.
 fn refuse_another_detector(run: &OnlineRun, searcher: &Searcher) -> Result<(), Failure> {
     let (name, trained_on) = run.model();
     let given = searcher.model().name();

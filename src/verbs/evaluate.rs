@@ -1,4 +1,4 @@
-//! `dtd evaluate`: the errors of a run on the held-out trajectories, or of a table of predictions.
+//! `dtd evaluate`: errors of a run, or a table of predictions, on the held-out trajectories.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -86,7 +86,7 @@ pub(crate) fn evaluate(
     trainer::evaluate(&RunFolder::at(run), corpus, config, &watch).map_err(failure_of)
 }
 
-/// Prints the errors of each estimator of a table.
+/// Prints the errors of a table's estimators.
 fn print_table_metrics(metrics: &TableMetrics) {
     print_estimators(&metrics.estimators, false);
     let flights = &metrics.split.test;
@@ -107,14 +107,14 @@ fn print_table_metrics(metrics: &TableMetrics) {
     print_stated_intervals(&metrics.estimators);
 }
 
-/// Prints the errors of each estimator of a run.
+/// Prints the errors of a run's estimators.
 pub(crate) fn print_metrics(metrics: &Metrics) {
     print_estimators(&metrics.estimators, true);
     print_judged(metrics);
     print_stated_intervals(&metrics.estimators);
 }
 
-/// Prints the errors of each estimator. Those of a run have meanings; a table may have other ones of the same name.
+/// Prints the errors of each estimator. The names of a run's estimators are explained; a table may use the same names for others.
 fn print_estimators(estimators: &BTreeMap<String, EstimatorMetrics>, is_run: bool) {
     let rows: Vec<Vec<String>> = estimators
         .iter()
@@ -147,7 +147,7 @@ fn print_estimators(estimators: &BTreeMap<String, EstimatorMetrics>, is_run: boo
     print_table(&heading, &rows);
 }
 
-/// Prints what a run was judged on.
+/// Prints the flights and ticks of the evaluation.
 fn print_judged(metrics: &Metrics) {
     let test = &metrics.split.test;
     let trajectories = match (test.trajectories, metrics.split.by.as_str()) {

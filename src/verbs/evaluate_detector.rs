@@ -7,14 +7,13 @@ use dataset::work::watch::Watch;
 use detector_evaluation::{
     Ended, Error, EvaluatedMode, Evaluation, EvaluationOptions, ModeFigures, evaluate_detector,
 };
-use labeller::{DetectOptions, Mode};
+use labeller::{DetectOptions, Mode, ModeSettings};
 
 use super::Outcome;
 use super::detect::refuse_other_models;
 use super::open_corpus::open_filled_corpus;
 use super::output::{Next, count, finish, print_json, print_table};
 use crate::args::EvaluateDetectorArgs;
-use crate::args::search::SearchMode;
 use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 use crate::shipped::Detector;
@@ -31,7 +30,10 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
             onnx_runtime: args.runtime.library.clone(),
             device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
-            modes: args.search.modes(SearchMode::Full),
+            modes: ModeSettings {
+                mode: Mode::Full,
+                ..ModeSettings::default()
+            },
             only: args.search.scenarios(&corpus)?,
             ..DetectOptions::default()
         },
@@ -66,7 +68,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
     })
 }
 
-/// Evaluates a detector with a progress bar; `None` if it was interrupted, which says what is left.
+/// Evaluates a detector with a progress bar; `None` if interrupted.
 pub(crate) fn evaluate(
     corpus: &Corpus,
     options: &EvaluationOptions,

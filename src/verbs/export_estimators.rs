@@ -1,4 +1,4 @@
-//! `dtd export-estimators`: the estimators of a run as ONNX models, each checked against ONNX Runtime before anything is written.
+//! `dtd export-estimators`: a run's estimators as ONNX models, each checked against ONNX Runtime before anything is written.
 
 use std::path::Path;
 use std::time::Instant;
@@ -18,13 +18,13 @@ use crate::failure::{Ending, Failure};
 
 const CARD: &str = "MODEL_CARD.md";
 
-/// One file of the result, for programs.
+/// An exported file, as JSON.
 #[derive(Serialize)]
 struct Exported<'a> {
     estimator: &'static str,
     file: String,
     takes_registrations: bool,
-    /// Inputs that it was checked with, and how many of them have an answer.
+    /// Number of inputs in the check.
     probes: usize,
     answered: usize,
     /// Largest relative difference from this program's answers.

@@ -133,7 +133,7 @@ fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
     }
 }
 
-/// Options to record all of a sweep.
+/// Options to record a whole sweep.
 pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure> {
     Ok(GenerateOptions {
         stand_in_program: env::current_exe()?,
@@ -141,7 +141,7 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
     })
 }
 
-/// The exit status of a run; prints what the user must know to stderr.
+/// The exit status of a run; prints the reason to stderr.
 pub(crate) fn ending_of(generated: &Generated) -> Outcome {
     match &generated.stopped {
         Some(Stopped::Interrupted)
@@ -227,7 +227,7 @@ struct ShowEvents {
     current: BTreeMap<String, Current>,
 }
 
-/// Ticks of a scenario, as far as they are known.
+/// Ticks of a scenario in progress.
 struct Current {
     planned: u64,
     done: u64,
@@ -271,7 +271,7 @@ impl ShowEvents {
         self.bar.working_on(&names.join(" "));
     }
 
-    /// A scenario that another process completed, or that is set aside.
+    /// A scenario that was completed by a different process, or set aside.
     fn finished_without_us(&mut self, id: &str, ticks: u64) {
         self.bar.add_foreign(ticks);
         self.finished(id, ticks);
@@ -415,7 +415,7 @@ impl ShowEvents {
     }
 }
 
-/// Bytes of all files in a folder; what is no longer there does not count.
+/// Total size of a folder's files; vanished files do not count.
 fn bytes_in(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let size = |entry: DirEntry| match entry.metadata() {

@@ -7,7 +7,7 @@ use super::output::print_json;
 use crate::args::InstallPluginArgs;
 use crate::failure::{Ending, Failure};
 
-/// Runs the verb. An X-Plane in which the plugin cannot work is bad input.
+/// Runs the verb. An X-Plane that cannot run the plugin is bad input.
 pub(crate) fn run(args: &InstallPluginArgs) -> Outcome {
     let report = install_plugin(&args.folder).map_err(Failure::bad_input)?;
     if args.json {

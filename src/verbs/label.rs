@@ -40,7 +40,7 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
     })
 }
 
-/// The ending of a run that was stopped before its end; says what is left.
+/// The ending of a stopped run; prints how much is left.
 pub(crate) fn interrupted(outcome: &LabelOutcome) -> Option<Ending> {
     if outcome.left.is_empty() {
         return None;

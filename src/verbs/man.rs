@@ -13,7 +13,7 @@ use crate::args::Args;
 use crate::failure::{Ending, Failure};
 
 const PAGE: FileKind = FileKind::new("manual page", 1 << 20).unlinked();
-/// In the title line of every page.
+/// Start of every page's title line.
 const TITLE: &str = ".TH dtd";
 
 /// Runs the verb: a page for the program, and one for each verb. Earlier pages are replaced, and no other files.

@@ -9,12 +9,11 @@ use trainer::RunFolder;
 use super::output::listed;
 use crate::failure::{Ending, Failure};
 
-/// The corpus in a folder. A missing one is an input error.
 pub(crate) fn open_corpus(root: &Path) -> Result<Corpus, Failure> {
     Corpus::open(root).map_err(Failure::bad_input)
 }
 
-/// The same without its damaged scenarios, for verbs that read all of it. They are named, and the work is then done with losses.
+/// The corpus without its damaged scenarios, for verbs that read every scenario. Damaged ones are named and count as losses.
 pub(crate) fn open_sound_corpus(verb: &str, root: &Path) -> Result<(Corpus, Ending), Failure> {
     let (sound, damaged) = open_corpus(root)?
         .without_damaged()
@@ -43,7 +42,7 @@ pub(crate) fn out_of(root: &Path) -> String {
     )
 }
 
-/// The same as a line of its own, after scenarios that failed.
+/// The remedy as a line, after scenarios that failed.
 pub(crate) fn repair(root: &Path) -> String {
     format!("move the folder of a damaged scenario {}", out_of(root))
 }
@@ -81,7 +80,7 @@ pub(crate) fn leave_out_unsearched(
     Ok((corpus.without(unsearched), Ending::Losses))
 }
 
-/// The same for the model of a run, unless another one is asked for.
+/// [`leave_out_unsearched`] with the run's model, unless `asked` names a model.
 pub(crate) fn leave_out_unsearched_by_run(
     verb: &str,
     corpus: Corpus,
@@ -99,7 +98,7 @@ pub(crate) fn leave_out_unsearched_by_run(
     }
 }
 
-/// The same as [`open_corpus`], for verbs that need scenarios in it.
+/// A corpus with at least one scenario.
 pub(crate) fn open_filled_corpus(root: &Path) -> Result<Corpus, Failure> {
     let corpus = open_corpus(root)?;
     refuse_empty(&corpus)?;

@@ -18,7 +18,7 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The part of a summary for what failed.
+/// The number of failures in a summary.
 pub(crate) fn failed(number: usize) -> String {
     match number {
         0 => String::new(),
@@ -103,7 +103,7 @@ impl Next {
         Self(vec![verb.into()]).and(argument.display())
     }
 
-    /// With one more argument.
+    /// Adds an argument.
     pub(crate) fn and(mut self, argument: impl Display) -> Self {
         self.0.push(argument.to_string());
         self

@@ -1,7 +1,7 @@
 //! `dtd paper`: the paper's own experiment, from recording to the page that compares every table and figure with ours.
 //!
-//! The stages are the other verbs, in their order. What a stage found, and its time, is kept in `PAPER.json`, so that a later call goes on
-//! where an earlier one ended.
+//! The stages are the other verbs, in their order. Each stage's findings and time are kept in `PAPER.json`, so that a later call resumes
+//! there.
 
 mod notes;
 mod results;
@@ -43,7 +43,7 @@ use sweeps::PaperSweep;
 const TEST_SHARE: f64 = 0.3;
 /// Side of the paper's tiles, pixels.
 const TILE_PX: u32 = 640;
-/// Factor by which the weaker detector shrinks images for its first pass.
+/// Shrink factor of the weaker detector's first pass.
 const SHRINK: u32 = 2;
 /// Shares of ticks that one view alone sees that are near enough to the paper's.
 const SHARES: ops::Range<f64> = 0.13..0.17;
@@ -127,7 +127,7 @@ enum Place {
 }
 
 impl Place {
-    /// Start of the names of folders with the ranges of a detector.
+    /// Prefix of folders with a detector's ranges.
     const RANGES_OF: &str = "ranges-";
 
     const ALL: [Self; 5] = [
@@ -149,7 +149,7 @@ impl Place {
     }
 }
 
-/// Work of a stage.
+/// A stage's work.
 type Stage = fn(&mut Experiment<'_>) -> Outcome;
 
 /// The experiment in its folder.
@@ -172,7 +172,7 @@ impl Experiment<'_> {
         Corpus::open(&self.place(Place::Corpus)).map_err(Failure::of_corpus)
     }
 
-    /// All stages; the ending of one that did not reach its end.
+    /// Runs all stages; returns the ending of an incomplete one.
     fn stages(&mut self) -> Result<Option<Ending>, Failure> {
         let stages: [(&str, Stage); 8] = [
             (CORPUS, |this| this.record(&this.recorded, Place::Corpus)),
@@ -407,7 +407,6 @@ impl Experiment<'_> {
         })
     }
 
-    /// The run of a split.
     fn run_folder(&self, place: Place) -> RunFolder {
         RunFolder::at(&self.place(place))
     }
@@ -428,13 +427,12 @@ fn share(seen: &SingleViews) -> f64 {
     seen.all.of_seen().unwrap_or(0.0)
 }
 
-/// Hash of a model and its settings.
+/// Hash of the model and its settings.
 fn identity(model: &Path) -> Result<String, Failure> {
     let file = ModelFile::read(model).map_err(Failure::bad_input)?;
     Ok(file.identity().blake3())
 }
 
-/// The beginning of a hash.
 fn short(hash: &str) -> &str {
     &hash[..8]
 }

@@ -1,4 +1,4 @@
-//! `dtd plan`: the scenarios of a sweep, their cost, and how they differ from a corpus.
+//! `dtd plan`: a sweep's scenarios, their cost, and differences from a corpus.
 
 mod pacing;
 mod show;
@@ -57,7 +57,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
     if args.json {
         print_json(&report.document())?;
     } else {
-        report.show(args.all);
+        report.show();
     }
     Ok(Ending::Done)
 }
@@ -69,7 +69,7 @@ pub(crate) fn read_plan(path: &Path) -> Result<(Sweep, Plan), Failure> {
     Ok((sweep, plan))
 }
 
-/// Held-out data stays held out: a new [split] does not move scenarios of an existing corpus.
+/// Held-out data stays held out: a new [split] does not move existing scenarios.
 fn warn_of_another_split(sweep: &Sweep, corpus: &Corpus) {
     let split = |text: &str| toml::from_str::<toml::Table>(text).ok()?.remove("split");
     let there = outside_file::read_text(&corpus.sweep_path(), FileKind::SWEEP);
@@ -112,7 +112,7 @@ fn compare_with_store(plan: &Plan, url: &StoreUrl) -> Result<Compared, Failure> 
 }
 
 struct Compared {
-    /// Its folder or URL.
+    /// Folder or URL.
     corpus: String,
     /// True if the corpus was not named and has the default name.
     is_default: bool,
@@ -240,13 +240,13 @@ struct Row<'a> {
     profile: Option<&'a str>,
     start_dtd_nm: f64,
     visibility_m: f64,
-    /// Of the sun's centre, without refraction.
+    /// Elevation of the sun's centre, without refraction.
     sun_elevation_deg: f64,
     /// Clockwise from north.
     sun_azimuth_deg: f64,
     ticks: u32,
     config_hash: &'a str,
-    /// Only if there is a corpus to compare with.
+    /// State in the corpus, if compared with one.
     #[serde(skip_serializing_if = "Option::is_none")]
     standing: Option<Standing>,
 }

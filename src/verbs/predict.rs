@@ -1,4 +1,4 @@
-//! `dtd predict`: what a run's estimators answer for a corpus, without truth.
+//! `dtd predict`: the answers of a run's estimators for a corpus, without ground truth.
 
 use trainer::{Moment, RunFolder};
 

@@ -1,4 +1,4 @@
-//! `dtd refit`: fits one camera of a run again.
+//! `dtd refit`: fits a run's camera again.
 
 use std::time::Instant;
 

@@ -11,7 +11,7 @@ pub(super) async fn stdin_ended() {
     thread::spawn(move || {
         let mut ignored = [0; 64];
         while matches!(io::stdin().read(&mut ignored), Ok(1..)) {}
-        // The receiver is gone if the stand-in was stopped in another way.
+        // The receiver is gone if the stand-in was stopped by other means.
         let _ = ended.send(());
     });
     let _ = wait.await;

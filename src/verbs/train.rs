@@ -1,4 +1,4 @@
-//! `dtd train`: trains the distance estimators of a corpus.
+//! `dtd train`: trains distance estimators on a corpus.
 
 mod search;
 
@@ -20,7 +20,7 @@ use crate::args::estimator::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 
-/// The result of a training for programs.
+/// The result as JSON.
 #[derive(Serialize)]
 struct Trained<'a> {
     run: &'a Path,
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
     Ok(ending)
 }
 
-/// The evaluation of a run, if the corpus has flights for it.
+/// The command that evaluates the run, if the corpus has test flights.
 pub(crate) fn judged_next(run: &Path, corpus: &Corpus) -> Next {
     if has_scenario_on(corpus, Side::Test) {
         Next::verb("evaluate", run)
@@ -78,7 +78,7 @@ pub(crate) fn judged_next(run: &Path, corpus: &Corpus) -> Next {
     }
 }
 
-/// True if a corpus has a scenario on this side of its split.
+/// True if the corpus has scenarios on this side of the split.
 pub(crate) fn has_scenario_on(corpus: &Corpus, side: Side) -> bool {
     let (Ok(splits), Ok(scenarios)) = (corpus.splits(), corpus.scenarios()) else {
         return false;
@@ -97,7 +97,7 @@ pub(crate) fn train(
     trainer::train_on_all(corpora, out, config, &watch).map_err(failure_of)
 }
 
-/// The same, but a finished run of the same settings, samples and version stays.
+/// Trains, unless there is a finished run with equal settings, samples and version.
 pub(crate) fn train_unless_done(
     corpora: &[Corpus],
     out: &Path,
@@ -136,9 +136,6 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if let Some(seed) = args.seed {
         config.seed = seed;
     }
-    if let Some(backend) = args.backend {
-        config.backend = backend.into();
-    }
     if args.detections.is_some() {
         config.model_hash.clone_from(&args.detections);
     }
@@ -156,7 +153,7 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     config
 }
 
-/// The settings in a file, TOML or the `config.json` of a run. One that is out of range is shown in its line of the former.
+/// Settings from a TOML file or a run's `config.json`. Mistakes in TOML are shown in their line.
 pub(crate) fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
     if path
         .extension()

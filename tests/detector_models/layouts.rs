@@ -46,7 +46,7 @@ pub(crate) fn columns_with(columns: usize, classes: usize, class: usize) -> Answ
     Answer::floats("output0", &[1, 4 + classes as i64, columns as i64], numbers)
 }
 
-/// Final boxes: one of the given class, the others of another.
+/// Final boxes: one of the given class, the others not.
 pub(crate) fn final_rows(rows: usize, class: f32) -> Answer {
     let row = |class: f32| [&CORNERS[..], &[SCORE, class]].concat();
     let mut numbers = [row(class), row(class + 1.0)].concat();
@@ -54,7 +54,7 @@ pub(crate) fn final_rows(rows: usize, class: f32) -> Answer {
     Answer::floats("output0", &[1, rows as i64, 6], numbers)
 }
 
-/// The four outputs of exports for TensorRT: another class, the aircraft, and a box past their number.
+/// The four outputs of exports for TensorRT: a different class, the aircraft, and a box past their number.
 pub(crate) fn efficient_nms() -> Vec<Answer> {
     vec![
         Answer::integers("num_dets", &[1, 1], vec![2]),
@@ -104,7 +104,7 @@ pub(crate) fn scores_of(candidate: usize, classes: usize, class: usize) -> Vec<f
     scores
 }
 
-/// Rows of a box and what follows it.
+/// Rows of boxes and what follows.
 pub(crate) fn rows_of(boxes: &[[f32; 4]], rest: impl Fn(usize) -> Vec<f32>) -> Answer {
     let rows = boxes.iter().enumerate();
     let numbers: Vec<f32> = rows
@@ -114,7 +114,7 @@ pub(crate) fn rows_of(boxes: &[[f32; 4]], rest: impl Fn(usize) -> Vec<f32>) -> A
     Answer::floats("output0", &[1, boxes.len() as i64, columns as i64], numbers)
 }
 
-/// Columns of a box and its class scores.
+/// Columns of boxes and class scores.
 pub(crate) fn columns_of(
     name: &'static str,
     boxes: &[[f32; 4]],

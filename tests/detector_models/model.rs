@@ -37,7 +37,7 @@ pub(crate) struct Model<'a> {
     input: [Dimension; 4],
     outputs: Vec<Answer>,
     metadata: &'a [(&'a str, &'a str)],
-    /// Name of a further input.
+    /// Name of the further input.
     second_input: Option<&'a str>,
     /// The settings beside it.
     settings: Option<&'a str>,
@@ -75,7 +75,7 @@ impl Answer {
         }
     }
 
-    /// The same number everywhere.
+    /// A constant.
     pub(crate) fn constant(shape: &[i64], number: f32) -> Self {
         let count = shape.iter().product::<i64>() as usize;
         Self::floats("boxes", shape, vec![number; count])

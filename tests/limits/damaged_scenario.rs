@@ -7,7 +7,7 @@ use super::{assert_says, dtd};
 
 const DAMAGED: &str = "DONE.json: is empty, expected a seal";
 
-/// A copy of the corpus in which the seal of one training scenario is empty, as after a power failure; and that scenario.
+/// A copy of the corpus where a training scenario's seal is empty, as after a power failure; and that scenario.
 fn damaged() -> (Tiny, String) {
     let tiny = Tiny::made().copy();
     let splits = fs::read(tiny.path("corpus/splits.json")).unwrap();

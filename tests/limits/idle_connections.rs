@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use testkit::command::Server;
 
 const IDLE: usize = 120;
-/// Fewer descriptors than idle clients.
+/// Limit of descriptors, below the number of idle clients.
 const DESCRIPTORS: u32 = 64;
 const PATIENCE: Duration = Duration::from_secs(60);
 

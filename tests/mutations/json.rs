@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::text;
 
-/// Changes one value of a document, or its text. Returns what was done.
+/// Changes one value of a document, or its text. Returns the change.
 pub(super) fn mutate(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, String) {
     let Ok(mut document) = serde_json::from_slice::<Value>(bytes) else {
         return text::mutate(bytes, random);
@@ -98,7 +98,7 @@ fn strange_value(old: &Value, random: &mut ChaCha12Rng) -> Value {
             _ => pick(&numbers, random).clone(),
         },
         (0..4, Value::String(text)) if text.len() > 1 => {
-            // A digit of a hash, a letter of a name.
+            // A hash's digit, a name's letter.
             let mut letters: Vec<char> = text.chars().collect();
             let at = random.random_range(0..letters.len());
             letters[at] = if letters[at] == '0' { '1' } else { '0' };

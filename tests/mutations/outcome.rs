@@ -1,4 +1,4 @@
-//! The outcome of a verb: its answer and everything on disk afterwards, value by value, for comparison with another run.
+//! A verb's outcome: its answer and everything on disk afterwards, value by value, for comparison with another run.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -28,14 +28,14 @@ impl Outcome {
         Self(values)
     }
 
-    /// Without what differs between two equal runs: mostly times.
+    /// The outcome without differences between equal runs: mostly times.
     pub(super) fn steady_part(mut self, other: &Self) -> Self {
         self.0
             .retain(|place, value| other.0.get(place) == Some(value));
         self
     }
 
-    /// The first value that differs from another outcome, except those of one file and counts of bytes, which a damaged file
+    /// The first value that differs from the other outcome, except those of one file and counts of bytes, which a damaged file
     /// changes legitimately.
     pub(super) fn difference(&self, other: &Self, besides: &str) -> Option<String> {
         self.0

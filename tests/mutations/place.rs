@@ -24,7 +24,7 @@ enum Kind {
 /// [`mutate`]'s name for an additional file next to the chosen one, which no verb needs to notice.
 pub(super) const BESIDE: &str = "NotUtf8Beside";
 
-/// Replaces a file by something else. `outside` is a file that nothing may change. Returns what was done.
+/// Replaces a file by something else. `outside` is a file that nothing may change. Returns the change.
 pub(super) fn mutate(path: &Path, outside: &Path, random: &mut ChaCha12Rng) -> String {
     let kinds = [
         Kind::Gone,

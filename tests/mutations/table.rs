@@ -9,7 +9,7 @@ use rand_chacha::ChaCha12Rng;
 use super::json::pick;
 use super::text;
 
-/// More than any table of the tiny corpus has.
+/// Number of rows, more than in any table of the tiny corpus.
 const MAX_ROWS: u64 = 1_000_000;
 
 enum Column {
@@ -21,7 +21,7 @@ enum Column {
     Words(Vec<Option<String>>),
 }
 
-/// Changes a table on disk. Returns what was done.
+/// Changes a table on disk. Returns the change.
 pub(super) fn mutate(path: &Path, random: &mut ChaCha12Rng) -> String {
     if random.random_bool(0.2) {
         let (bytes, what) = text::mutate(&std::fs::read(path).unwrap(), random);

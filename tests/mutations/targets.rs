@@ -29,7 +29,7 @@ pub(super) const VERBS: [(&str, &str); 16] = [
     ),
 ];
 
-/// The required outcome of a change of a file.
+/// The required outcome of changing a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Guard {
     /// A seal covers it: every reader fails, and `verify` finds it.
@@ -40,7 +40,7 @@ pub(super) enum Guard {
     Free,
 }
 
-/// Format of a file, which determines how it is changed.
+/// File format, which determines how it is changed.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Form {
     Json,
@@ -52,14 +52,14 @@ pub(super) enum Form {
 
 /// A file, and the verbs that read it.
 pub(super) struct Target {
-    /// With `{id}` for a scenario and `{model}` for the hash of the detector.
+    /// Path, with `{id}` for a scenario and `{model}` for the detector's hash.
     pub(super) file: &'static str,
     pub(super) form: Form,
     pub(super) guard: Guard,
     pub(super) verbs: &'static [&'static str],
 }
 
-/// Which verbs read the files of a scenario.
+/// Verbs that read a scenario's files.
 const SCENARIO: &[&str] = &[
     "label",
     "undecoded",
@@ -74,7 +74,7 @@ const SCENARIO: &[&str] = &[
 const DETECTIONS: &[&str] = &["train", "evaluate", "undecoded", "detect"];
 const OBJECTS: &[&str] = &["fetch", "fetch", "push over"];
 
-/// With `{id}` for a scenario, `{model}` for the hash of the detector, and braces for one of several files.
+/// Path, with `{id}` for a scenario, `{model}` for the detector's hash, and braces for alternatives.
 #[rustfmt::skip]
 pub(super) const TARGETS: [Target; 30] = [
     Target { file: "sweep.toml", form: Form::Toml, guard: Guard::Free, verbs: &["plan", "plan", "against"] },

@@ -48,7 +48,7 @@ const STRANGE_TOML: [&str; 26] = [
     "{ min = 1e308, max = -1e308 }",
 ];
 
-/// Changes bytes anywhere. Returns what was done.
+/// Changes bytes anywhere. Returns the change.
 pub(super) fn mutate(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, String) {
     let mut bytes = bytes.to_vec();
     let at = random.random_range(0..=bytes.len());
@@ -103,7 +103,7 @@ pub(super) fn mutate(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, String
     }
 }
 
-/// Changes a line of a TOML file.
+/// Changes a TOML file's line.
 pub(super) fn mutate_toml(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, String) {
     let text = String::from_utf8_lossy(bytes);
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -136,7 +136,7 @@ pub(super) fn mutate_toml(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, S
     (lines.join("\n").into_bytes(), what)
 }
 
-/// Changes a cell, a line or a heading of a CSV file.
+/// Changes a CSV file's cell, line or heading.
 pub(super) fn mutate_csv(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, String) {
     let text = String::from_utf8_lossy(bytes);
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();

@@ -68,7 +68,7 @@ static MADE: LazyLock<(MadeOnce, Tiny)> = LazyLock::new(|| {
 
 fn make(folder: &Path) {
     fs::write(folder.join("sweep.toml"), sweep_toml()).unwrap();
-    // Just enough steps to create every file of a run.
+    // Minimal steps that create every file of a run.
     let few = TINY_TRAINING.replace("steps = 60, batch_size = 64", "steps = 10, batch_size = 16");
     fs::write(folder.join("training.toml"), few).unwrap();
     let tiny = Tiny::at(folder);
@@ -140,7 +140,7 @@ impl Tiny {
         found
     }
 
-    /// URL of an object store beside the corpus.
+    /// URL of the object store beside the corpus.
     pub(crate) fn store(&self) -> String {
         format!("file://{}", self.path("store").display())
     }
@@ -172,7 +172,7 @@ impl Tiny {
         command
     }
 
-    /// The same with limited address space. The standard library cannot set a limit for a child, so a shell does.
+    /// Runs the command with limited address space. The standard library cannot set a limit for a child, so a shell does.
     pub(crate) fn dtd_within(&self, memory_kib: u64, arguments: &[impl AsRef<OsStr>]) -> Command {
         let plain = self.dtd(arguments);
         let mut command = Command::new("bash");

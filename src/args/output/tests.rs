@@ -50,7 +50,7 @@ const VERBS: [&[&str]; 20] = [
     &["paper", "--out", "OUT"],
 ];
 
-/// A folder with what the verbs of others have made.
+/// A folder with outputs of several verbs.
 struct World {
     folder: TempDir,
 }
@@ -92,7 +92,7 @@ impl World {
         self.folder.path().join(name)
     }
 
-    /// Asserts that a place is a wrong argument of a verb of [`VERBS`], with these words.
+    /// Asserts that the verb, one of [`VERBS`], rejects this place with these words.
     fn refuse(&self, verb: &[&str], place: &str, words: &str) {
         let path = |name: &str| self.path(name).display().to_string();
         let fill = |argument: &&str| {

@@ -32,7 +32,7 @@ pub(super) struct Given {
 }
 
 impl Given {
-    /// The settings of a command.
+    /// Reads the options and the file.
     ///
     /// # Errors
     /// The file cannot be read, a value in it is wrong, or a view has two values.
@@ -76,7 +76,7 @@ impl Given {
         })
     }
 
-    /// With what the text of a file says and no option does.
+    /// Adds settings of a file that no option overrides.
     fn or(mut self, path: &Path, text: &str) -> Result<Self, Failure> {
         let settings: Settings = TomlFile::new(path, text)
             .parse()
@@ -134,7 +134,7 @@ impl Given {
     }
 }
 
-/// A mistake without the text of its line and without values: addresses may have passwords.
+/// A mistake without its line's text and values: addresses may have passwords.
 fn without_values(error: &TomlError) -> String {
     let is_of_keys = ["unknown field", "unknown variant", "missing field"]
         .iter()

@@ -1,4 +1,4 @@
-//! `PAPER.json`: the settings of an experiment, and the findings of its stages.
+//! `PAPER.json`: an experiment's settings and findings.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -58,7 +58,6 @@ struct Written {
 pub(super) struct Found {
     /// Name of the detections of the detector.
     pub(super) detections: Option<String>,
-    /// The same of the weaker one.
     pub(super) weaker_detections: Option<String>,
     pub(super) weaker: Option<WeakerDetector>,
     /// The recommended estimator.
@@ -130,7 +129,7 @@ impl Notes {
         )))
     }
 
-    /// True if the run of a training that reached its end is gone.
+    /// True if the run of a completed training is gone.
     fn lacks_a_run(&self, folder: &Path) -> bool {
         RUNS.iter().any(|(stage, run)| {
             self.done_in_s(stage).is_some() && !folder.join(run.name()).exists()
@@ -149,13 +148,13 @@ impl Notes {
         self.write()
     }
 
-    /// Time of a stage that reached its end, seconds.
+    /// Time of a completed stage, seconds.
     pub(super) fn done_in_s(&self, name: &str) -> Option<f64> {
         let stage = self.stages.iter().find(|stage| stage.name == name)?;
         stage.is_done.then_some(stage.seconds)
     }
 
-    /// Adds the time of a stage.
+    /// Adds a stage's time.
     pub(super) fn add(&mut self, name: &str, took: Duration, is_done: bool) -> Result<(), Failure> {
         let known = self.stages.iter_mut().find(|stage| stage.name == name);
         match known {

@@ -136,7 +136,7 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
     Ok(figures)
 }
 
-/// The rows of table 2 of a detector.
+/// A detector's rows in table 2.
 pub(super) fn ranges(evaluation: &Evaluation, is_pretrained: bool) -> Vec<Range> {
     let searches = [
         (EvaluatedMode::AutoSegmentation, Search::Tiles),

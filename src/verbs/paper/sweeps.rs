@@ -15,7 +15,7 @@ use crate::shipped::Shipped;
 /// The weather of the ranges, if the sweep has it.
 const CLEAR: &str = "clear";
 
-/// A sweep, and what the command line changes about it.
+/// A sweep with the command line's changes.
 pub(super) struct PaperSweep {
     path: PathBuf,
     text: String,

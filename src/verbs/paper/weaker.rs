@@ -13,7 +13,7 @@ use crate::failure::Failure;
 /// Name of the model.
 const FILE: &str = "weaker.onnx";
 
-/// Writes a copy of a model into a folder, with its settings, this shrinking before the first pass, and this least score if it is not 0.
+/// Copies the model into a folder, with its settings, this shrink factor before the first pass, and this minimum score if it is not 0.
 pub(super) fn write(
     model: &Path,
     shrink: u32,

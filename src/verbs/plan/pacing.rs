@@ -1,4 +1,4 @@
-//! Basis of the estimate of the recording time: a trial with the stand-in, the profile of a running X-Plane, or assumptions.
+//! Basis of the estimate of the recording time: a trial with the stand-in, a running X-Plane's profile, or assumptions.
 
 use std::net::SocketAddr;
 
@@ -17,7 +17,6 @@ use crate::signals::CleanStop;
 use crate::verbs::async_runtime::async_runtime;
 use crate::verbs::generate::options;
 
-/// The base of the estimate.
 pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> {
     match (&args.sim, args.pictures_per_second) {
         (_, Some(per_s)) => Ok(Pacing::PicturesPerSecond(per_s)),
@@ -61,7 +60,7 @@ async fn connected(address: SocketAddr, local_udp: LocalUdp) -> Result<Simulator
     Simulator::connect_with(address, CONNECT_TIMEOUT, options).await
 }
 
-/// The profile of a running simulator; no other requests are made.
+/// Reads a running simulator's profile; makes no other requests.
 fn asked(
     connecting: impl Future<Output = Result<Simulator, BridgeError>>,
 ) -> Result<Pacing, Failure> {

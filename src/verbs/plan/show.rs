@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use dataset::corpus::scenario::Flight;
-use dataset::geometry::sun::Sun;
 use dataset::plan::PlannedScenario;
 use generator::against::Standing;
 use generator::plan::{Estimate, Outlook, Sight};
@@ -12,19 +11,13 @@ use indicatif::DecimalBytes;
 use super::{Compared, Report};
 use crate::verbs::output::{count, print_after, print_table};
 
-/// Maximum number of rows: with more scenarios, conditions are shown instead.
-const MAX_ROWS: usize = 200;
 /// Maximum number of changed or removed scenarios listed.
 const MAX_DIFFERENCES: usize = 10;
 
 impl Report<'_> {
     /// Prints the plan: rows, then totals, then the difference.
-    pub(super) fn show(&self, all: bool) {
-        if all || self.plan.scenarios.len() <= MAX_ROWS {
-            self.show_scenarios();
-        } else {
-            self.show_conditions();
-        }
+    pub(super) fn show(&self) {
+        self.show_scenarios();
         println!();
         self.show_totals();
         if let Some(compared) = self.compared {
@@ -69,73 +62,21 @@ impl Report<'_> {
         ]
     }
 
-    fn show_conditions(&self) {
-        let mut conditions: BTreeMap<[&str; 3], (usize, u64, Sun)> = BTreeMap::new();
-        for scenario in &self.plan.scenarios {
-            let key = [
-                scenario.time_of_day.as_str(),
-                scenario.weather.as_str(),
-                flight(scenario),
-            ];
-            let new = || (0, 0, self.sun(scenario));
-            let (count, ticks, _) = conditions.entry(key).or_insert_with(new);
-            *count += 1;
-            *ticks += u64::from(scenario.ticks);
-        }
-        let hidden = conditions.len().saturating_sub(MAX_ROWS);
-        let rows: Vec<Vec<String>> = conditions
-            .into_iter()
-            .take(MAX_ROWS)
-            .map(|([time, weather, flight], (count, ticks, sun))| {
-                vec![
-                    time.to_owned(),
-                    weather.to_owned(),
-                    flight.to_owned(),
-                    format!("{:.1}", sun.elevation_deg),
-                    format!("{:.0}", sun.azimuth_deg),
-                    count.to_string(),
-                    ticks.to_string(),
-                ]
-            })
-            .collect();
-        let heading = [
-            "time",
-            "weather",
-            "flight",
-            "sun",
-            "az.",
-            "scenarios",
-            "ticks",
-        ];
-        print_table(&heading, &rows);
-        if hidden > 0 {
-            println!("and {hidden} conditions more");
-        }
-        println!("--all shows every scenario");
-    }
-
     fn show_totals(&self) {
         let plan = self.plan;
         let scenarios = plan.scenarios.len();
-        let flown = |how: fn(&Flight) -> bool| {
-            let flights = plan.scenarios.iter().map(|s| &s.parameters.flight);
-            flights.filter(|flight| how(flight)).count()
-        };
-        let by_source = [
-            (flown(|flight| matches!(flight, Flight::Live)), "live"),
-            (
-                flown(|flight| matches!(flight, Flight::Computed { .. })),
-                "computed",
-            ),
-            (
-                flown(|flight| matches!(flight, Flight::Recorded { .. })),
-                "recorded",
-            ),
-        ];
+        let mut by_source = BTreeMap::new();
+        for scenario in &plan.scenarios {
+            let source = match scenario.parameters.flight {
+                Flight::Live => "live",
+                Flight::Computed { .. } => "computed",
+                Flight::Recorded { .. } => "recorded",
+            };
+            *by_source.entry(source).or_insert(0) += 1;
+        }
         let by_source: Vec<String> = by_source
             .iter()
-            .filter(|(number, _)| *number > 0)
-            .map(|(number, source)| format!("{number} {source}"))
+            .map(|(source, number)| format!("{number} {source}"))
             .collect();
         print_after("corpus      ", &plan.corpus);
         print_after("plan        ", &plan.plan_hash);
@@ -346,7 +287,7 @@ fn show_cost(name: &str, estimate: &Estimate) {
     }
 }
 
-/// In the unit that a person would say.
+/// A duration in a readable unit.
 fn hours(hours: f64) -> String {
     let (minutes, seconds) = (hours * 60.0, hours * 3_600.0);
     if seconds < 120.0 {

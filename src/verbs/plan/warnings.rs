@@ -6,8 +6,8 @@ use dataset::plan::Plan;
 use generator::plan::Outlook;
 use generator::sweep::Sweep;
 
-/// Warns of a local time that the airport does not have, of parts of the sweep that no scenario uses, of views that never have the
-/// aircraft in sight, and of flights that miss the runway.
+/// Warns of local times that the airport does not have, unused parts of the sweep, views that never have the
+/// aircraft in sight, and flights that miss the runway.
 pub(crate) fn warn(sweep: &Sweep, plan: &Plan, outlook: &Outlook) {
     let lines = unused(sweep, plan).into_iter();
     for line in lines
