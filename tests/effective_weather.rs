@@ -1,5 +1,5 @@
-//! A simulator that reports another weather at the aircraft than was written, through every verb that must notice: `generate`, `verify`,
-//! `plan --against`, `train`.
+//! A simulator whose reported weather at the aircraft differs from the written one, through every verb that must notice: `generate`,
+//! `verify`, `plan --against`, `train`.
 
 use std::fs;
 use std::net::SocketAddr;
@@ -36,7 +36,7 @@ fn stand_in() -> Server {
     DTD.serve(&["mock-xplane", "--quirks=none", "--no-beacon"])
 }
 
-/// A relay in front of a stand-in that reports the visibility of no scenario.
+/// A relay in front of a stand-in that reports a visibility that no scenario has.
 async fn reporting_another_visibility(simulator: SocketAddr) -> String {
     let relay = altered(
         simulator,

@@ -10,7 +10,7 @@ mod beacon;
 mod body;
 mod command;
 mod dataref;
-mod place;
+mod place_at_start;
 mod position;
 mod subscription;
 
@@ -20,7 +20,7 @@ pub use aircraft_file::LoadAircraft;
 pub use beacon::{BEACON_GROUP, BEACON_PORT, Beacon};
 pub use command::Command;
 pub use dataref::WriteDataref;
-pub use place::PlaceAtStart;
+pub use place_at_start::PlaceAtStart;
 pub use position::{Position, SubscribePosition};
 pub use subscription::{
     DatarefValue, DatarefValues, DatarefValuesView, MAX_VALUES_PER_REPLY, SubscribeDataref,
@@ -29,7 +29,7 @@ pub use subscription::{
 /// Reason why a datagram cannot be decoded, or a packet not encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PacketError {
-    /// Fewer bytes than a tag.
+    /// The datagram is shorter than a tag.
     #[error("a datagram of {found} bytes is too short for a tag of 4 characters")]
     NoTag {
         /// Bytes there were.
@@ -83,7 +83,7 @@ pub enum ToSimulator {
     SubscribePosition(SubscribePosition),
     /// `PREL`: start a flight there.
     PlaceAtStart(PlaceAtStart),
-    /// `ACFN`: load another aircraft.
+    /// `ACFN`: load an aircraft.
     LoadAircraft(LoadAircraft),
 }
 

@@ -1,8 +1,8 @@
 //! X-Plane 12's own Web API: HTTP with JSON on the simulator's computer, since 12.1.1.
 //!
-//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read and written, commands run, flights started;
-//! all of them are acknowledged, unlike with UDP. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0) flights.
-//! Identifiers are valid for one session of the simulator, so every call looks up its own.
+//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read and written, commands run, flights started; all
+//! acknowledged, unlike with UDP. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0) flights. Identifiers are valid for one
+//! session of the simulator, so every call looks up its own.
 
 mod flight;
 
@@ -21,17 +21,16 @@ use futures_util::future::BoxFuture;
 pub use flight::AirStart;
 pub(crate) use flight::flight_body;
 
-/// X-Plane's default port, unless started with another `--web_server_port`.
+/// X-Plane's default port, which `--web_server_port` changes.
 pub(crate) const DEFAULT_ADDRESS: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8086);
-/// Longest body of an answer: the longest that is expected is the value of an array, a few KiB.
+/// Maximum body of an answer: the longest expected one, an array's value, has a few KiB.
 pub const MAX_ANSWER_BYTES: usize = 64 << 10;
-/// Timeout of an answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout of starting a flight: X-Plane loads the aircraft and the scenery first.
 const FLIGHT_TIMEOUT: Duration = Duration::from_secs(180);
 
-/// Failure of a call to the Web API.
+/// Failed call to the Web API.
 #[derive(Debug, thiserror::Error)]
 pub enum WebApiError {
     /// No HTTP server answers there in time.
@@ -61,7 +60,7 @@ pub enum WebApiError {
         address: SocketAddr,
         /// `dataref` or `command`.
         what: &'static str,
-        /// Its name.
+        /// Name.
         name: String,
     },
     /// A version of the API that this simulator is too old for.
@@ -119,11 +118,11 @@ pub enum WebApiError {
 /// A dataref or command as the simulator lists it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Entry {
-    /// Its number in this session of the simulator.
+    /// Number in this simulator session.
     pub id: u64,
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Of a dataref: `int`, `float`, `double`, `int_array`, `float_array` or `data`.
+    /// Type of a dataref: `int`, `float`, `double`, `int_array`, `float_array` or `data`.
     #[serde(default)]
     pub value_type: String,
 }
@@ -159,7 +158,7 @@ struct Data<T> {
     data: T,
 }
 
-/// The format of an error.
+/// Error format.
 #[derive(Deserialize)]
 struct Problem {
     error_message: Option<String>,
@@ -244,7 +243,7 @@ impl WebApi {
         Box::pin(async move { self.look_up("dataref", "datarefs", name).await })
     }
 
-    /// Reads a dataref: a number, a list of them, or text in base64.
+    /// Reads a dataref: a number, a list of numbers, or text in base64.
     ///
     /// # Errors
     /// If the simulator does not have it, or does not answer.
@@ -273,8 +272,8 @@ impl WebApi {
         })
     }
 
-    /// Writes a dataref, or the element of an array that `name[3]` names. Integers are sent only to integer datarefs: X-Plane
-    /// rejects an integer for a float.
+    /// Writes a dataref, or the array element that `name[3]` names. Integers are sent only to integer datarefs: X-Plane rejects an integer
+    /// for a float.
     ///
     /// # Errors
     /// If the simulator does not have it, or it cannot be written.
@@ -442,7 +441,7 @@ async fn send<T: DeserializeOwned>(
     })
 }
 
-/// The text of an answer that is not an error.
+/// The text of a successful answer.
 async fn answer(
     address: SocketAddr,
     doing: &str,

@@ -1,4 +1,4 @@
-//! Properties of every packet: what was encoded decodes to the same, and no bytes make a decoder panic.
+//! Properties of every packet: encoding and decoding are inverse, and no bytes make a decoder panic.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -11,7 +11,7 @@ use xplane_bridge::packet::{
 /// Cases of each property; a failing one is named by its seed.
 const CASES: u64 = 512;
 
-/// Values of a packet.
+/// Random packet contents.
 struct Drawn(ChaCha12Rng);
 
 impl Drawn {

@@ -128,7 +128,7 @@ async fn a_regeneration_freezes_everybody_for_three_seconds_of_the_simulators_cl
     let command = id(addresses, "commands", "sim/operation/regen_weather").await;
     let path = format!("/v3/command/{command}/activate");
     request(addresses, "POST", &path, &json!({ "duration": 0.0 })).await;
-    // The freeze begins with the next frame: one of the answers from then on takes most of a second.
+    // The freeze begins with the next frame: one of the following answers takes most of a second.
     let frozen = timeout(PATIENCE, async {
         loop {
             let asked = Instant::now();

@@ -24,12 +24,12 @@ impl Asked {
         self.0.addresses.web_api.unwrap()
     }
 
-    /// One request on a separate connection: status and body.
+    /// Sends a request on a separate connection; returns status and body.
     async fn request(&self, method: &str, path: &str, body: &Value) -> (u16, Value) {
         self.try_request(method, path, body).await.unwrap()
     }
 
-    /// The same; `None` if there is no answer.
+    /// [`Self::request`]; `None` if there is no answer.
     async fn try_request(&self, method: &str, path: &str, body: &Value) -> Option<(u16, Value)> {
         let mut stream = TcpStream::connect(self.web()).await.ok()?;
         let body = if body.is_null() {

@@ -1,5 +1,5 @@
-//! A UDP relay in front of a stand-in that alters values of datarefs on their way to clients: a simulator that reports another weather than
-//! was written. The capture link does not pass it.
+//! A UDP relay in front of a stand-in that alters values of datarefs on their way to clients: a simulator that reports weather that differs
+//! from what was written. The capture link does not pass it.
 
 use std::collections::HashMap;
 use std::net::SocketAddr;
@@ -10,10 +10,10 @@ use xplane_bridge::packet::{
     DatarefValue, DatarefValues, DatarefValuesView, FromSimulator, ToSimulator,
 };
 
-/// What a value becomes, by its dataref.
+/// Maps a dataref's value to the reported one.
 type Change = dyn Fn(&str, f32) -> f32 + Send + Sync;
 
-/// One client of the relay.
+/// A client of the relay.
 struct Client {
     /// The socket towards the simulator.
     socket: UdpSocket,
@@ -35,7 +35,7 @@ pub async fn altered(
 async fn run(relay: Arc<UdpSocket>, simulator: SocketAddr, change: Arc<Change>) {
     let mut clients: HashMap<SocketAddr, Arc<Client>> = HashMap::new();
     let mut buffer = vec![0; 65_536];
-    // A port of a client that has gone is reported here.
+    // Reports the port of a client that has gone.
     loop {
         let Ok((length, from)) = relay.recv_from(&mut buffer).await else {
             continue;
@@ -62,7 +62,7 @@ async fn run(relay: Arc<UdpSocket>, simulator: SocketAddr, change: Arc<Change>) 
     }
 }
 
-/// Passes on what the simulator sends to one client.
+/// Passes the simulator's datagrams on to a client.
 async fn answers(relay: Arc<UdpSocket>, client: Arc<Client>, to: SocketAddr, change: Arc<Change>) {
     let mut buffer = vec![0; 65_536];
     loop {

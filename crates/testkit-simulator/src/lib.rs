@@ -8,6 +8,7 @@
 
 mod altered;
 mod blank;
+pub mod client;
 pub mod plugin;
 pub mod recorded_flights;
 mod relay;

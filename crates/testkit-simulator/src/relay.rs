@@ -1,7 +1,7 @@
-//! A UDP relay in front of a simulator that answers from another port than it listens on, as X-Plane does.
+//! A UDP relay in front of a simulator that, like X-Plane, answers from a different port than it listens on.
 //!
-//! Each client has a socket of its own towards the simulator. Whatever the simulator itself does, a client that only accepts answers
-//! from the port that it sends to gets none.
+//! Each client gets a separate socket towards the simulator. Whatever the simulator itself does, a client that only accepts answers from
+//! the port that it sends to gets none.
 
 use std::collections::HashMap;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// How often a thread looks whether it is to end.
+/// Interval at which threads check whether to end.
 const POLL: Duration = Duration::from_millis(50);
 
 /// Runs while this value lives.
@@ -30,7 +30,7 @@ struct Shared {
 }
 
 impl Relay {
-    /// In front of the simulator that takes packets there.
+    /// Starts a relay for the simulator at this address.
     pub fn start(simulator: SocketAddr) -> Self {
         let listening = socket();
         let address = listening.local_addr().unwrap();
@@ -51,12 +51,12 @@ impl Relay {
         }
     }
 
-    /// Where clients send to.
+    /// Address for clients.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Datagrams that the simulator has sent so far, to all clients.
+    /// Number of datagrams that the simulator has sent to all clients.
     pub fn answers(&self) -> u64 {
         self.shared.answers.load(Ordering::Relaxed)
     }

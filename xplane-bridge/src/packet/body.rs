@@ -1,4 +1,4 @@
-//! Reading and writing the fields of a packet's body, shared by all packets.
+//! Reads and writes the fields of packet bodies.
 
 use super::PacketError;
 
@@ -22,7 +22,7 @@ macro_rules! take_number {
 }
 
 impl<'a> Fields<'a> {
-    /// Starts after the header of a datagram. A bare tag is treated like an empty body.
+    /// Starts after a datagram's header. A bare tag is treated like an empty body.
     pub(super) fn new(tag: &'static str, datagram: &'a [u8]) -> Self {
         Self {
             tag,
@@ -65,7 +65,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// The text of a character field: up to the first NUL or the end, without the spaces some clients pad with.
+/// The text in a character field: up to the first NUL or the end, without the spaces some clients pad with.
 pub(super) fn text(
     tag: &'static str,
     field: &'static str,
@@ -86,7 +86,7 @@ pub(super) fn text(
     }
 }
 
-/// The header of a packet, with room for its body.
+/// A packet header, with room for the body.
 pub(super) fn start(tag: &[u8; 4], body_bytes: usize) -> Vec<u8> {
     let mut datagram = Vec::with_capacity(HEADER_BYTES + body_bytes);
     datagram.extend(tag);
@@ -94,7 +94,7 @@ pub(super) fn start(tag: &[u8; 4], body_bytes: usize) -> Vec<u8> {
     datagram
 }
 
-/// Appends a text and fills its field of `width` bytes with NULs, of which there is at least one.
+/// Appends a text, and pads its field to `width` bytes with at least one NUL.
 pub(super) fn push_text(
     datagram: &mut Vec<u8>,
     tag: &'static str,

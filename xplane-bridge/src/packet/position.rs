@@ -13,7 +13,7 @@ const TAG: &str = "RPOS";
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubscribePosition {
-    /// Rate at which to send it, 1/s; 0 ends the subscription.
+    /// Rate in 1/s; 0 ends the subscription.
     pub frequency_hz: u32,
 }
 

@@ -34,7 +34,7 @@ impl PixelSource for Screenshots {
 
 /// Red, green, blue from the top left.
 fn decode(png: Vec<u8>, size: PictureSize) -> Result<Vec<u8>, PixelError> {
-    let wrong = |what: String| PixelError::Screenshot { what };
+    let wrong = |what| PixelError::Unusable(format!("X-Plane's screenshot cannot be used: {what}"));
     let mut reader = ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
     let mut limits = Limits::default();
     limits.max_image_width = Some(size.width_px);

@@ -1,4 +1,4 @@
-//! A simulator for the client's tests: records what it receives, sends what is subscribed, and accepts everything.
+//! A simulator for the client's tests: records received packets, sends subscribed datarefs, and accepts everything.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -37,11 +37,11 @@ pub(crate) struct Told {
     /// X-Plane 12's habit: clouds keep their old values in all slots until this long after they were last written, by the
     /// simulator's clock.
     pub(crate) clouds_take_s: f32,
-    /// Its habit after real weather: until then, by the simulator's clock, the temperature differs from the written one.
+    /// Habit after real weather: until then, by the simulator's clock, the temperature differs from the written one.
     pub(crate) temperature_slides_until_s: f32,
     pending_clouds: Vec<(String, f32)>,
     clouds_from_s: f32,
-    /// Its other habit: until then it takes what is written, and slides away.
+    /// A second habit: until then the temperature takes a written value, and slides away.
     pub(crate) temperature_drifts_until_s: f32,
     /// Time during which it neither draws nor answers after a `PREL`, and time during which it loads scenery after that.
     pub(crate) start_takes: Option<(Duration, Duration)>,
@@ -51,10 +51,10 @@ pub(crate) struct Told {
     pub(crate) hasty: Vec<String>,
     /// True if commands have no effect.
     pub(crate) ignores_commands: bool,
-    /// Set while a menu is open, in which simulated time stands still; true if toggling it helps.
+    /// Set while a menu is open, in which simulated time stands still; true if toggling helps.
     pub(crate) menu: Option<bool>,
     frames: u32,
-    /// Start of its clock, and the number of seconds it counts in one of ours; without it, its running time stands still.
+    /// Start of the clock, and its speed relative to ours; without it, the running time stands still.
     clock: Option<(Instant, f32)>,
     subscribed: BTreeMap<(SocketAddr, i32), String>,
 }
@@ -123,7 +123,7 @@ impl Told {
             .is_some_and(|until| Instant::now() < until)
     }
 
-    /// Its current value.
+    /// Lets time pass.
     fn pass(&mut self) {
         let loading = f32::from(u8::from(self.is_loading()));
         self.set(SCENERY_LOADING, loading);
@@ -332,7 +332,6 @@ async fn talk(
                 window: None,
                 drawn_size: None,
                 screen: None,
-                shares_memory_with: None,
                 imaging: false,
                 patterns_under: false,
                 profile: None,

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 pub use cameras::{CameraFault, CameraFaultKind};
 
-/// Default downtime of a restart: slightly more than a client needs to notice.
+/// Default downtime for restarts: slightly more than clients need to notice.
 const DEFAULT_DOWN: Duration = Duration::from_secs(3);
 /// The syntax of the text form, for messages.
 const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S], restart=WHEN[:DOWN_S], \
@@ -32,27 +32,27 @@ pub struct Faults {
     pub reordering: f64,
     /// Seed of the three above and of the cameras' faults.
     pub seed: u64,
-    /// Failures of the simulator itself. Each outage happens once; any number of them may follow each other.
+    /// Failures of the simulator itself. Each outage happens once; any number may follow each other.
     pub outages: Vec<Outage>,
     /// Faults of the cameras; a view can have several. Only the built-in capture link has them.
     pub cameras: Vec<CameraFault>,
 }
 
-/// One period without answers.
+/// A period without answers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
-    /// Time of its beginning.
+    /// Begin of the outage.
     pub begins: Moment,
-    /// Its effect on clients.
+    /// Effect on clients.
     pub kind: OutageKind,
-    /// Its duration; `None` means forever.
+    /// Duration; `None` means forever.
     pub lasts: Option<Duration>,
 }
 
-/// The effect of an outage on clients.
+/// Effect of outages on clients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutageKind {
-    /// Sockets stay open, requests remain unanswered, simulated time stands still; then everything continues, with what was queued.
+    /// Sockets stay open, requests remain unanswered, simulated time stands still; then everything continues, including queued requests.
     Freeze,
     /// Connections close, datagrams are lost; then a new simulator runs on the same ports: datarefs, weather and frame numbers are
     /// at their initial values, subscriptions forgotten.
@@ -64,9 +64,9 @@ pub enum OutageKind {
 pub enum Moment {
     /// This long after the start. Not reproducible to the frame.
     After(Duration),
-    /// With the n-th simulated frame, counted from 1.
+    /// The n-th simulated frame, counted from 1.
     Frame(u64),
-    /// At the n-th requested capture, counted from 1. That capture is the first one not to be answered in time.
+    /// The n-th requested capture, counted from 1, which is the first one not to be answered in time.
     Capture(u64),
 }
 
@@ -204,7 +204,7 @@ impl fmt::Display for CameraFault {
     }
 }
 
-/// The fault of a camera, or the text that was expected.
+/// Parses a camera fault; the error is the expected text.
 fn camera_fault(key: &str, value: &str) -> Result<CameraFault, &'static str> {
     let (view, kind) = value.split_once(':').unwrap_or((value, ""));
     let positive = |text: &str| {

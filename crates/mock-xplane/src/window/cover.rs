@@ -23,7 +23,7 @@ const HINT: u32 = 0xff_ffe1;
 const INK: u32 = 0x30_3030;
 const BLACK: u32 = 0;
 const WHITE: u32 = 0xff_ffff;
-/// Height of a pointer, pixels.
+/// Pointer height, pixels.
 const POINTER_PX: i32 = 18;
 
 /// A cover on a display, until it is dropped.
