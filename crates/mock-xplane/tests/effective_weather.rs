@@ -82,7 +82,6 @@ async fn wrong_at(dataref: &'static str, wrong: f32) -> SocketAddr {
         simulator,
         move |path, value| if path == dataref { wrong } else { value },
     )
-    .await
 }
 
 /// Examines a simulator and returns the profile that the next client gets.
@@ -157,7 +156,7 @@ async fn a_quantity_that_changes_while_pictures_are_taken_is_noticed_after_them(
                 value
             }
         };
-        let mut simulator = connected(altered(serving(quiet()).await, change).await).await;
+        let mut simulator = connected(altered(serving(quiet()).await, change)).await;
         simulator.set_conditions(&storm()).await.unwrap();
         simulator.confirm_conditions().await.unwrap();
         assert_eq!(
@@ -191,7 +190,7 @@ async fn the_doctor_finds_which_quantity_does_not_follow() {
             simulator,
             move |path, value| if path == dataref { stuck } else { value },
         );
-        let profile = examined(relay.await).await;
+        let profile = examined(relay).await;
         let follows = &profile.current().unwrap().weather_follows;
         for measured in EffectiveQuantity::ALL {
             let expected = Finding::Found(measured != quantity);

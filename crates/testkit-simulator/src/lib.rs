@@ -6,7 +6,6 @@
 
 #![forbid(unsafe_code)]
 
-mod altered;
 mod blank;
 pub mod client;
 pub mod plugin;
@@ -17,9 +16,8 @@ mod simulator_process;
 mod web_flight;
 mod xvfb;
 
-pub use altered::altered;
 pub use blank::Blank;
-pub use relay::Relay;
+pub use relay::{Relay, altered};
 pub use running::{Running, quiet, serving, serving_with};
 pub use simulator_process::{PATIENCE, SWEEP, SimulatorProcess};
 pub use web_flight::web_flight;
