@@ -241,27 +241,13 @@ impl Simulator {
                 token: token.clone(),
             };
             let answer = link.ask(HELLO, &hello, limit).await?;
-            let Answer::Hello {
-                name,
-                version: simulator_version,
-                plugin,
-                pixels,
-                window,
-                drawn_size,
-                imaging,
-                patterns_under,
-                screen,
-                profile,
-                replayed,
-                frame_codes,
-            } = answer
-            else {
+            let Answer::Hello(hello) = answer else {
                 return Err(wrong(HELLO, &answer));
             };
-            let [name, simulator_version] = [name, simulator_version].map(|text| quoted(&text));
-            let plugin = plugin.map(|text| quoted(&text));
+            let [name, simulator_version] = [hello.name, hello.version].map(|text| quoted(&text));
+            let plugin = hello.plugin.map(|text| quoted(&text));
             let profile = KnownProfile::of(
-                profile,
+                hello.profile,
                 &format!("{name} {simulator_version}"),
                 plugin.as_deref(),
             );
@@ -270,14 +256,14 @@ impl Simulator {
                 version: simulator_version,
                 capture_link: LINK_VERSION,
                 plugin,
-                pixels,
-                window,
-                drawn_size,
-                imaging,
-                patterns_under,
+                pixels: hello.pixels,
+                window: hello.window,
+                drawn_size: hello.drawn_size,
+                imaging: hello.imaging,
+                patterns_under: hello.patterns_under,
                 profile,
-                replayed,
-                frame_codes,
+                replayed: hello.replayed,
+                frame_codes: hello.frame_codes,
             };
             let generation = Generation::of_version(version);
             let web_api = match (generation, web_api) {
@@ -297,14 +283,14 @@ impl Simulator {
                 description,
                 generation,
                 // A tape's weather has settled.
-                weather_settle: if replayed {
+                weather_settle: if hello.replayed {
                     Duration::ZERO
                 } else {
                     Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
                 },
                 settle_frames: SETTLE_FRAMES,
                 pixels: Box::new(Payload(PixelKind::Link)),
-                drawn_on: DrawnOn::offered(screen, link_address, token),
+                drawn_on: DrawnOn::offered(hello.screen, link_address, token),
                 conditions: None,
                 ground_msl_m: None,
                 settings_watch: None,

@@ -93,46 +93,50 @@ pub enum Request {
     Capture(CaptureRequest),
 }
 
+/// A simulator's description of itself and of its capture link.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Hello {
+    /// Name of the simulator.
+    pub name: String,
+    /// Version of the simulator.
+    pub version: String,
+    /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
+    pub plugin: Option<String>,
+    /// Sources of images, the best first. Unknown names are ignored.
+    #[serde(deserialize_with = "known_kinds")]
+    pub pixels: Vec<PixelKind>,
+    /// The simulator's window, if there is one.
+    pub window: Option<SimulatorWindow>,
+    /// Size of X-Plane's window, the only possible image size. `None` if any size can be drawn, and for plugins that are older than
+    /// this key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn_size: Option<PictureSize>,
+    /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub imaging: bool,
+    /// True if it can draw the check pattern under its own windows.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub patterns_under: bool,
+    /// The screen of the plugin's computer, for clients on a different one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub screen: Option<ScreenOffer>,
+    /// Stored measurements, if any: a [`crate::profile::Profile`] in any version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<Value>,
+    /// True if a tape gives the answers: missing ones will not come later either.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub replayed: bool,
+    /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub frame_codes: bool,
+}
+
 /// The simulator's answer to a client: one per request, in the same order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum Answer {
     /// Answer to [`Request::Hello`].
-    Hello {
-        /// Name of the simulator.
-        name: String,
-        /// Version of the simulator.
-        version: String,
-        /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
-        plugin: Option<String>,
-        /// Sources of images, the best first. Unknown names are ignored.
-        #[serde(deserialize_with = "known_kinds")]
-        pixels: Vec<PixelKind>,
-        /// The simulator's window, if there is one.
-        window: Option<SimulatorWindow>,
-        /// Size of X-Plane's window, the only possible image size. `None` if any size can be drawn, and for plugins that are older than
-        /// this key.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        drawn_size: Option<PictureSize>,
-        /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        imaging: bool,
-        /// True if it can draw the check pattern under its own windows.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        patterns_under: bool,
-        /// The screen of the plugin's computer, for clients on a different one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        screen: Option<ScreenOffer>,
-        /// Stored measurements, if any: a [`crate::profile::Profile`] in any version.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        profile: Option<Value>,
-        /// True if a tape gives the answers: missing ones will not come later either.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        replayed: bool,
-        /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        frame_codes: bool,
-    },
+    Hello(Hello),
     /// Answer to [`Request::Freeze`].
     Frozen,
     /// Answer to [`Request::Travel`].
@@ -210,7 +214,7 @@ impl Answer {
     /// The answer's name, for messages.
     pub fn name(&self) -> &'static str {
         match self {
-            Self::Hello { .. } => "hello",
+            Self::Hello(_) => "hello",
             Self::Frozen => "frozen",
             Self::Arrived => "arrived",
             Self::Terrain { .. } => "terrain",
@@ -243,7 +247,7 @@ mod tests {
         assert!(matches!(answer, Answer::Frame(header) if header.sim_frame == 9));
         let hello = r#"{"message":"hello","name":"X-Plane","version":"13.00","plugin":null,"pixels":["hologram","screen"],"window":null}"#;
         let answer: Answer = serde_json::from_str(hello).unwrap();
-        assert!(matches!(answer, Answer::Hello { pixels, .. } if pixels == [PixelKind::Screen]));
+        assert!(matches!(answer, Answer::Hello(hello) if hello.pixels == [PixelKind::Screen]));
         let capture = |more: &str| {
             format!(
                 r#"{{"message":"capture","tick":1,"time_ns":0,"view":0,"pose":{pose},"controls":{{"flap_ratio":0,"gear_ratio":1}},"camera":{camera},"width_px":4,"height_px":2{more}}}"#

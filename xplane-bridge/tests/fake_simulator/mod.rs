@@ -16,7 +16,8 @@ use xplane_bridge::datarefs::{
     WEATHER_SETTLE_S, WIND_DIRECTION_AT_AIRCRAFT, WIND_SPEED_AT_AIRCRAFT,
 };
 use xplane_bridge::link::{
-    Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
+    Answer, FLIGHT_COLUMNS, Hello, PixelKind, Request, exchange_greetings, read_header,
+    write_message,
 };
 use xplane_bridge::packet::{
     DatarefValue, DatarefValues, FromSimulator, LoadAircraft, PlaceAtStart, Position, ToSimulator,
@@ -324,20 +325,13 @@ async fn talk(
     exchange_greetings(&mut stream).await?;
     while let Some((request, _)) = read_header::<Request>(&mut stream).await? {
         let answer = match &request {
-            Request::Hello { .. } => Answer::Hello {
+            Request::Hello { .. } => Answer::Hello(Hello {
                 name: "fake".into(),
                 version: "0".into(),
                 plugin: plugin.cloned(),
                 pixels: vec![PixelKind::Link],
-                window: None,
-                drawn_size: None,
-                screen: None,
-                imaging: false,
-                patterns_under: false,
-                profile: None,
-                replayed: false,
-                frame_codes: false,
-            },
+                ..Hello::default()
+            }),
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,
             Request::Travel { .. } => Answer::Arrived,

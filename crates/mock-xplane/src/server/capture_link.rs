@@ -20,8 +20,8 @@ use tokio::time::timeout;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{
-    Answer, CaptureRequest, Deliver, FLIGHT_COLUMNS, FrameHeader, LinkError, LinkToken, PixelKind,
-    Request, encode_flight, exchange_greetings, read_request, write_message,
+    Answer, CaptureRequest, Deliver, FLIGHT_COLUMNS, FrameHeader, Hello, LinkError, LinkToken,
+    PixelKind, Request, encode_flight, exchange_greetings, read_request, write_message,
 };
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
@@ -276,20 +276,15 @@ impl CaptureService {
                 };
                 let mut pixels = vec![PixelKind::Link];
                 pixels.extend(window.is_some().then_some(PixelKind::Screen));
-                ready(Answer::Hello {
+                ready(Answer::Hello(Hello {
                     name: "mock-xplane".into(),
                     version: self.world.lock().version_text(),
-                    plugin: None,
                     pixels,
                     window,
-                    drawn_size: None,
-                    screen: None,
                     imaging: true,
-                    patterns_under: false,
                     profile: self.lock_profile().clone(),
-                    replayed: false,
-                    frame_codes: false,
-                })
+                    ..Hello::default()
+                }))
             }
             // Drawing takes effect at once here: no frame needs to settle.
             Request::Freeze {
