@@ -1,6 +1,6 @@
 //! X-Plane 12's own Web API: HTTP with JSON on the simulator's computer, since 12.1.1.
 //!
-//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read and written, commands run, flights started; all
+//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read, commands run, flights started; all
 //! acknowledged, unlike with UDP. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0) flights. Identifiers are valid for one
 //! session of the simulator, so every call looks up its own.
 
@@ -62,22 +62,6 @@ pub enum WebApiError {
         what: &'static str,
         /// Name.
         name: String,
-    },
-    /// A version of the API that this simulator is too old for.
-    #[error(
-        "{doing} needs Web API {needed}, the simulator at {address} is X-Plane {found}: {since}"
-    )]
-    TooOld {
-        /// Address of the request.
-        address: SocketAddr,
-        /// Purpose of the request.
-        doing: &'static str,
-        /// Version of the API.
-        needed: &'static str,
-        /// Version of the simulator.
-        found: String,
-        /// The minimum version.
-        since: &'static str,
     },
     /// It answered with an error.
     #[error("the Web API at {address} answered {status} to {doing}: {text}")]
@@ -272,54 +256,12 @@ impl WebApi {
         })
     }
 
-    /// Writes a dataref, or the array element that `name[3]` names. Integers are sent only to integer datarefs: X-Plane rejects an integer
-    /// for a float.
-    ///
-    /// # Errors
-    /// If the simulator does not have it, or it cannot be written.
-    pub fn write<'a>(
-        &'a self,
-        name: &'a str,
-        value: f64,
-    ) -> BoxFuture<'a, Result<(), WebApiError>> {
-        Box::pin(async move {
-            let (array, index) = match name.strip_suffix(']').and_then(|name| name.split_once('['))
-            {
-                Some((array, index)) => (array, index.parse::<u32>().ok()),
-                None => (name, None),
-            };
-            let entry = self.dataref(array).await?;
-            let value = if entry.value_type.starts_with("int") {
-                json!(value.round() as i64)
-            } else {
-                json!(value)
-            };
-            let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
-            self.send_unit(
-                &format!("writing {name}"),
-                Method::PATCH,
-                &path,
-                |request| {
-                    let request = match index {
-                        Some(index) => request.query(&[("index", index)]),
-                        None => request,
-                    };
-                    request.json(&json!({ "data": value }))
-                },
-            )
-            .await
-        })
-    }
-
     /// Runs a command once.
     ///
     /// # Errors
-    /// If the simulator is older than 12.1.4 or does not have it.
+    /// If the simulator does not have it; before 12.1.4 it has none.
     pub fn command<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<(), WebApiError>> {
         Box::pin(async move {
-            if !self.has_commands() {
-                return Err(self.too_old("a command", "v2", "12.1.4 and newer have it"));
-            }
             let entry = self.look_up("command", "commands", name).await?;
             let path = format!("{}/command/{}/activate", self.newest(), entry.id);
             self.send_unit(&format!("command {name}"), Method::POST, &path, |request| {
@@ -332,12 +274,9 @@ impl WebApi {
     /// Starts a flight; see [`flight_body`]. Returns when the simulator reports that it has started.
     ///
     /// # Errors
-    /// If the simulator is older than 12.4.0 or refuses.
+    /// If the simulator refuses, or is older than 12.4.0.
     pub fn start_flight<'a>(&'a self, flight: &'a Value) -> BoxFuture<'a, Result<(), WebApiError>> {
         Box::pin(async move {
-            if !self.has_flights() {
-                return Err(self.too_old("beginning a flight", "v3", "12.4.0 and newer have it"));
-            }
             self.send_unit("beginning a flight", Method::POST, "v3/flight", |request| {
                 request
                     .timeout(FLIGHT_TIMEOUT)
@@ -408,21 +347,6 @@ impl WebApi {
     ) -> RequestBuilder {
         let url = format!("http://{}/api/{path}", self.address);
         build(self.http.request(method, url).timeout(ANSWER_TIMEOUT))
-    }
-
-    fn too_old(
-        &self,
-        doing: &'static str,
-        needed: &'static str,
-        since: &'static str,
-    ) -> WebApiError {
-        WebApiError::TooOld {
-            address: self.address,
-            doing,
-            needed,
-            found: self.simulator_version().to_owned(),
-            since,
-        }
     }
 }
 
