@@ -3,8 +3,6 @@
 //! Images go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
 //! it goes away. An image is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
 
-mod cover;
-
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
 use std::thread::sleep;
@@ -24,8 +22,6 @@ use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 use xplane_bridge::link::SimulatorWindow;
 use xplane_bridge::pixels::RgbPicture;
-
-pub use cover::CoverWindow;
 
 /// Title of the window.
 const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";

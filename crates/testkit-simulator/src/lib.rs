@@ -8,6 +8,7 @@
 
 mod blank;
 pub mod client;
+mod cover_window;
 pub mod plugin;
 pub mod recorded_flights;
 mod relay;
@@ -17,6 +18,7 @@ mod web_flight;
 mod xvfb;
 
 pub use blank::Blank;
+pub use cover_window::CoverWindow;
 pub use relay::{Relay, altered};
 pub use running::{Running, quiet, serving, serving_with};
 pub use simulator_process::{PATIENCE, SWEEP, SimulatorProcess};
