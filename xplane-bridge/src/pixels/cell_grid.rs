@@ -84,7 +84,7 @@ impl Grid {
         for (a, b) in self.bands(a).zip(self.bands(b)) {
             columns.fill(0);
             for (a, b) in self.lines(a).zip(self.lines(b)) {
-                // True for most rows in a paused world.
+                // The usual case in a paused world.
                 if a != b {
                     count_beyond(&mut columns, a, b, level);
                 }

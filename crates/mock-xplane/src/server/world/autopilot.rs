@@ -1,3 +1,4 @@
+//! Autopilot: effects of its commands, and readiness for an approach.
 //!
 //! Its modes are toggle buttons, as in X-Plane. Two rules lack a source and are the stand-in's choice: the approach button presses the
 //! buttons for localizer and glide slope at once, and the approach is on whenever both are.

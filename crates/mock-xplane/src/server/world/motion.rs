@@ -1,3 +1,4 @@
+//! Aircraft motion between placements: calm, turning with the bank, levelling out, and never completely still.
 //!
 //! This is not a flight model: approaches are flown by [`flight_model`]. It makes the values that clients read over UDP move as in
 //! a simulator, with rates consistent with the attitudes.
