@@ -5,6 +5,9 @@ use std::time::Duration;
 
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::{Controls, Pose};
+use serde_json::Value;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
 use xplane_bridge::doctor::{Check, DoctorOptions, Measuring, examine};
 use xplane_bridge::{
     CaptureRequest, CapturedFrame, ConnectOptions, Deliver, Simulator, WebApiPlace,
@@ -76,4 +79,30 @@ pub fn capture(
 pub async fn captured(simulator: &mut Simulator, request: &CaptureRequest) -> CapturedFrame {
     simulator.send_capture(request).await.unwrap();
     simulator.receive_frame().await.unwrap()
+}
+
+/// Sends a request to the Web API on a separate connection; returns status and body, or `None` if there is no answer.
+pub async fn web_request(
+    web_api: SocketAddr,
+    method: &str,
+    path: &str,
+    body: &Value,
+) -> Option<(u16, Value)> {
+    let mut stream = TcpStream::connect(web_api).await.ok()?;
+    let body = if body.is_null() {
+        String::new()
+    } else {
+        body.to_string()
+    };
+    let request = format!(
+        "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nAccept: application/json\r\n\
+         Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    stream.write_all(request.as_bytes()).await.ok()?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.ok()?;
+    let (head, body) = answer.split_once("\r\n\r\n")?;
+    let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+    Some((status, serde_json::from_str(body).ok()?))
 }
