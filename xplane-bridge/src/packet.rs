@@ -156,6 +156,20 @@ fn tag_of(datagram: &[u8]) -> Result<[u8; 4], PacketError> {
         })
 }
 
+fn bad_field(
+    tag: &'static str,
+    field: &'static str,
+    expected: &'static str,
+    found: impl Into<String>,
+) -> PacketError {
+    PacketError::BadField {
+        tag,
+        field,
+        expected,
+        found: found.into(),
+    }
+}
+
 fn unknown(tag: &[u8; 4], direction: &'static str) -> PacketError {
     PacketError::UnknownTag {
         tag: tag.escape_ascii().to_string(),

@@ -15,23 +15,9 @@ const LENGTHS: usize = 8;
 const TOKEN_LEFT_OUT: &str = "left out of the tape";
 
 /// Reason why bytes are not a message of the link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum BadLinkMessage {
-    /// Too short.
-    #[error("{found} bytes are too few for two lengths")]
-    NoLengths {
-        /// Number of bytes.
-        found: usize,
-    },
-    /// Longer or shorter than announced.
-    #[error("{expected} bytes announced, {found} found")]
-    OtherLength {
-        /// Number of bytes by its own lengths.
-        expected: usize,
-        /// Number of bytes.
-        found: usize,
-    },
-}
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct BadLinkMessage(String);
 
 /// A link message: lengths, header and payload, as on the wire.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,10 +32,10 @@ impl LinkMessage {
         let (header, payload) = lengths(&bytes)?;
         let expected = LENGTHS + header + payload;
         if bytes.len() != expected {
-            return Err(BadLinkMessage::OtherLength {
-                expected,
-                found: bytes.len(),
-            });
+            let found = bytes.len();
+            return Err(BadLinkMessage(format!(
+                "{expected} bytes announced, {found} found"
+            )));
         }
         Ok(Self {
             bytes,
@@ -167,7 +153,10 @@ fn lengths(bytes: &[u8]) -> Result<(usize, usize), BadLinkMessage> {
             u32::from_le_bytes([*h0, *h1, *h2, *h3]) as usize,
             u32::from_le_bytes([*p0, *p1, *p2, *p3]) as usize,
         )),
-        _ => Err(BadLinkMessage::NoLengths { found: bytes.len() }),
+        _ => Err(BadLinkMessage(format!(
+            "{} bytes are too few for two lengths",
+            bytes.len()
+        ))),
     }
 }
 

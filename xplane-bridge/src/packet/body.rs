@@ -1,6 +1,6 @@
 //! Reads and writes the fields of packet bodies.
 
-use super::PacketError;
+use super::{PacketError, bad_field};
 
 /// Bytes before the body: four of the tag, one without meaning.
 pub(super) const HEADER_BYTES: usize = 5;
@@ -77,12 +77,10 @@ pub(super) fn text(
         .unwrap_or(bytes.len());
     match std::str::from_utf8(&bytes[..end]) {
         Ok(text) => Ok(text.trim_end_matches(' ').to_owned()),
-        Err(_) => Err(PacketError::BadField {
-            tag,
-            field,
-            expected: "text in UTF-8",
-            found: format!("\"{}\"", bytes[..end].escape_ascii()),
-        }),
+        Err(_) => {
+            let found = format!("\"{}\"", bytes[..end].escape_ascii());
+            Err(bad_field(tag, field, "text in UTF-8", found))
+        }
     }
 }
 
@@ -103,12 +101,9 @@ pub(super) fn push_text(
     width: usize,
 ) -> Result<(), PacketError> {
     if text.len() >= width || text.contains('\0') || text.ends_with(' ') {
-        return Err(PacketError::BadField {
-            tag,
-            field,
-            expected: "text without NUL or closing space that leaves a byte of its field free",
-            found: format!("{text:?} for a field of {width} bytes"),
-        });
+        let expected = "text without NUL or closing space that leaves a byte of its field free";
+        let found = format!("{text:?} for a field of {width} bytes");
+        return Err(bad_field(tag, field, expected, found));
     }
     datagram.extend(text.as_bytes());
     datagram.resize(datagram.len() + width - text.len(), 0);

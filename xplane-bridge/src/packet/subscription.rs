@@ -4,8 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::PacketError;
 use super::body::{Fields, push_text, start, text};
+use super::{PacketError, bad_field};
 
 /// Maximum values in one reply: more would not fit an Ethernet frame.
 pub const MAX_VALUES_PER_REPLY: usize = 183;
@@ -128,12 +128,9 @@ impl DatarefValues {
 
     pub(super) fn encode(&self) -> Result<Vec<u8>, PacketError> {
         if self.values.len() > MAX_VALUES_PER_REPLY {
-            return Err(PacketError::BadField {
-                tag: TAG,
-                field: "values",
-                expected: "at most 183 values in a reply",
-                found: format!("{} values", self.values.len()),
-            });
+            let found = format!("{} values", self.values.len());
+            let expected = "at most 183 values in a reply";
+            return Err(bad_field(TAG, "values", expected, found));
         }
         let mut datagram = start(b"RREF", VALUE_BYTES * self.values.len());
         // The one fifth byte that matters: clients were seen to demand exactly `RREF,`.

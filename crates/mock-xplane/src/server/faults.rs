@@ -72,24 +72,8 @@ pub enum Moment {
 
 /// A text that describes no valid faults.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum FaultsError {
-    /// A key that does not exist.
-    #[error("unknown fault {found:?}; expected {EXPECTED}")]
-    UnknownKey {
-        /// The text found.
-        found: String,
-    },
-    /// A key without a valid value.
-    #[error("fault {key} is {found:?}; expected {expected}")]
-    BadValue {
-        /// Name of the fault.
-        key: String,
-        /// The text found.
-        found: String,
-        /// The allowed values.
-        expected: &'static str,
-    },
-}
+#[error("{0}")]
+pub struct FaultsError(String);
 
 impl Faults {
     /// True if there are no faults.
@@ -106,11 +90,8 @@ impl FromStr for Faults {
         let mut faults = Self::default();
         for part in text.split(',').filter(|part| !part.trim().is_empty()) {
             let (key, value) = part.trim().split_once('=').unwrap_or((part.trim(), ""));
-            let bad = |expected| FaultsError::BadValue {
-                key: key.into(),
-                found: value.into(),
-                expected,
-            };
+            let bad =
+                |expected| FaultsError(format!("fault {key} is {value:?}; expected {expected}"));
             match key {
                 "loss" => faults.loss = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
                 "dup" => faults.duplication = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
@@ -142,7 +123,11 @@ impl FromStr for Faults {
                     let fault = camera_fault(key, value).map_err(bad)?;
                     faults.cameras.push(fault);
                 }
-                _ => return Err(FaultsError::UnknownKey { found: key.into() }),
+                _ => {
+                    return Err(FaultsError(format!(
+                        "unknown fault {key:?}; expected {EXPECTED}"
+                    )));
+                }
             }
         }
         Ok(faults)
