@@ -106,9 +106,6 @@ pub struct Entry {
     pub id: u64,
     /// Name.
     pub name: String,
-    /// Type of a dataref: `int`, `float`, `double`, `int_array`, `float_array` or `data`.
-    #[serde(default)]
-    pub value_type: String,
 }
 
 /// X-Plane's Web API.

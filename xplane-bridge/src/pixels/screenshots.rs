@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use image::{ImageFormat, ImageReader, Limits};
 
-use super::{ComingPicture, Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource};
+use super::{ComingPicture, PixelError, PixelKind, PixelSource};
 use crate::link::PictureSize;
 
 /// X-Plane's own screenshots. Slow: suitable for sparse sweeps.
@@ -25,10 +25,6 @@ impl PixelSource for Screenshots {
 
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
         Box::pin(std::future::ready(decode(payload, self.size)))
-    }
-
-    fn confirm<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
-        Box::pin(std::future::ready(Ok(())))
     }
 }
 
