@@ -8,7 +8,7 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
-use fake_simulator::{Fake, Told};
+use fake_simulator::{Fake, FakeState};
 use testkit::changi_02l;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::datarefs;
@@ -88,7 +88,7 @@ async fn set_up_and_fly(fake: &Fake) -> Simulator {
     simulator
 }
 
-fn assert_wrote(told: &Told, name: &str, value: f32) {
+fn assert_wrote(told: &FakeState, name: &str, value: f32) {
     let found = told.wrote(name);
     let found = found.unwrap_or_else(|| panic!("{name} was not written"));
     assert!(

@@ -33,7 +33,7 @@ const RATE: FrameRate = FrameRate {
 };
 
 /// A stand-in with a window on a separate X server.
-struct Shown {
+struct HostedPlugin {
     _xvfb: Xvfb,
     simulator: Simulator,
     frames: FramesDrawn,
@@ -55,13 +55,13 @@ async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen
     (xvfb, screen, address)
 }
 
-async fn shown(options: PluginOptions) -> Shown {
+async fn shown(options: PluginOptions) -> HostedPlugin {
     let frames = options.frames_drawn.clone();
     let (xvfb, screen, address) = serve(options, 1.0).await;
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
     let pixels = simulator.use_pixels(PixelChoice::Auto, SIZE_PX, &screen);
     pixels.await.unwrap();
-    Shown {
+    HostedPlugin {
         _xvfb: xvfb,
         simulator,
         frames,
@@ -129,7 +129,7 @@ async fn settled(
 
 /// Records both views in blocks and compares every image with its tick's settled image.
 async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         frames: drawn,
         _xvfb,
@@ -199,7 +199,7 @@ async fn a_lag_that_changes_in_mid_block_gives_no_picture_of_another_tick() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_camera_that_is_taken_away_costs_frames_and_no_picture() {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         _xvfb,
         ..
@@ -221,7 +221,7 @@ async fn a_camera_that_is_taken_away_costs_frames_and_no_picture() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn in_fog_without_a_known_lag_every_tick_is_held_and_right() {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         _xvfb,
         ..
@@ -305,7 +305,7 @@ fn differing(one: &[u8], other: &[u8], levels: u8, is_part: impl Fn(DVec2) -> bo
 #[tokio::test(flavor = "multi_thread")]
 async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_do_but_for_the_rain()
 {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         _xvfb,
         ..

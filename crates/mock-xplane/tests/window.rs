@@ -32,9 +32,9 @@ fn picture(number: u32) -> RgbPicture {
 }
 
 /// The window, driven by the test alone.
-struct Told(Arc<dyn DisplayWindow>);
+struct StageDisplay(Arc<dyn DisplayWindow>);
 
-impl PatternDisplay for Told {
+impl PatternDisplay for StageDisplay {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
         let (width_px, height_px) = SIZE;
         let shown = match code {
@@ -52,7 +52,7 @@ async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_on
     let stage: Arc<dyn DisplayWindow> =
         Arc::new(X11Window::open(Some(xvfb.display()), SIZE).unwrap());
     let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::of_display(xvfb.display()));
-    let display = &mut Told(stage.clone());
+    let display = &mut StageDisplay(stage.clone());
     let mut source = ScreenSource::set_up(&screen, SIZE, false, None, display)
         .await
         .unwrap();

@@ -26,7 +26,7 @@ use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, Simulator};
 
 /// State of the fake simulator, and everything that it received, in order.
 #[derive(Debug, Default)]
-pub(crate) struct Told {
+pub(crate) struct FakeState {
     pub(crate) datarefs: BTreeMap<String, f32>,
     pub(crate) writes: Vec<(String, f32)>,
     pub(crate) commands: Vec<String>,
@@ -60,7 +60,7 @@ pub(crate) struct Told {
     subscribed: BTreeMap<(SocketAddr, i32), String>,
 }
 
-impl Told {
+impl FakeState {
     pub(crate) fn wrote(&self, name: &str) -> Option<f32> {
         let last = self
             .writes
@@ -170,7 +170,7 @@ impl Told {
 
 pub(crate) struct Fake {
     address: SocketAddr,
-    told: Arc<Mutex<Told>>,
+    told: Arc<Mutex<FakeState>>,
 }
 
 impl Fake {
@@ -179,7 +179,7 @@ impl Fake {
         let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
         let link = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = udp.local_addr().unwrap();
-        let mut told = Told::default();
+        let mut told = FakeState::default();
         told.set(VERSION, version);
         told.set(CAPTURE_PORT, f32::from(link.local_addr().unwrap().port()));
         told.set(WEATHER_SETTLE_S, 0.0);
@@ -190,7 +190,7 @@ impl Fake {
         Self { address, told }
     }
 
-    pub(crate) fn told(&self) -> MutexGuard<'_, Told> {
+    pub(crate) fn told(&self) -> MutexGuard<'_, FakeState> {
         self.told.lock().unwrap()
     }
 
@@ -201,7 +201,7 @@ impl Fake {
     }
 }
 
-async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<Told>>) {
+async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<FakeState>>) {
     let mut frames = interval(Duration::from_millis(20));
     let mut buffer = [0; 2048];
     loop {
@@ -223,7 +223,7 @@ async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<Told>>) {
 }
 
 /// Every subscribed value, every frame.
-fn due(told: &Told) -> Vec<(SocketAddr, FromSimulator)> {
+fn due(told: &FakeState) -> Vec<(SocketAddr, FromSimulator)> {
     let value = |(&(client, index), name): (&(SocketAddr, i32), &String)| {
         let value = told.datarefs.get(name).copied().unwrap_or_default();
         let values = vec![DatarefValue { index, value }];
@@ -235,7 +235,11 @@ fn due(told: &Told) -> Vec<(SocketAddr, FromSimulator)> {
     told.subscribed.iter().map(value).collect()
 }
 
-fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, FromSimulator)> {
+fn obey(
+    told: &mut FakeState,
+    datagram: &[u8],
+    from: SocketAddr,
+) -> Vec<(SocketAddr, FromSimulator)> {
     let packet = ToSimulator::decode(datagram).unwrap();
     if told.is_loading() {
         match &packet {
@@ -311,7 +315,7 @@ fn position(start: &PlaceAtStart) -> Position {
     }
 }
 
-async fn serve_link(listener: TcpListener, told: Arc<Mutex<Told>>, plugin: Option<String>) {
+async fn serve_link(listener: TcpListener, told: Arc<Mutex<FakeState>>, plugin: Option<String>) {
     while let Ok((stream, _)) = listener.accept().await {
         let _ = talk(stream, &told, plugin.as_ref()).await;
     }
@@ -319,7 +323,7 @@ async fn serve_link(listener: TcpListener, told: Arc<Mutex<Told>>, plugin: Optio
 
 async fn talk(
     mut stream: TcpStream,
-    told: &Mutex<Told>,
+    told: &Mutex<FakeState>,
     plugin: Option<&String>,
 ) -> Result<(), xplane_bridge::link::LinkError> {
     exchange_greetings(&mut stream).await?;
