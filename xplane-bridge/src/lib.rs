@@ -5,6 +5,8 @@
 //! (names, and the only conversion of units), [`web_api`] (X-Plane 12's own), [`link`] (the TCP link for poses and images), [`pixels`]
 //! (sources of a drawn frame's pixels) and [`fly`] (requests for live flights).
 
+#![forbid(unsafe_code)]
+
 pub mod datarefs;
 mod error;
 pub mod fly;
