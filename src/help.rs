@@ -64,7 +64,6 @@ Examples:
 Environment:
   DTD_LINK_TOKEN        the secret of a capture link on another computer
   DTD_WEB_API           address of X-Plane 12's Web API, or off
-  DTD_SHARED_MEMORY     off: images go through the socket
   SLURM_ARRAY_TASK_ID, or JOB_COMPLETION_INDEX with DTD_SHARDS
                         the default of --shard
   Credentials of object stores: docs/corpus.md";

@@ -18,8 +18,8 @@ use xpudpc::{Beacon, PlacementConfig, Response, StartType, XPlaneClient};
 /// Clients listen to the beacon's port in mutually exclusive ways.
 static BEACON_PORT: Mutex<()> = Mutex::const_new(());
 
-/// As X-Plane listens. These clients join the beacon's group on the default interface, which a simulator that is bound to the
-/// loopback interface does not reach.
+/// Listens like X-Plane. These clients join the beacon's group on the default interface, which a simulator that is bound to the loopback
+/// interface does not reach.
 const EVERYWHERE: [&str; 2] = ["--bind", "0.0.0.0"];
 
 /// Timeout of everything on a busy computer.
@@ -57,7 +57,7 @@ fn assert_installed() {
     );
 }
 
-/// Whether Python is new enough for the clients that need 3.12; skips the test otherwise.
+/// True if Python is new enough for the clients that need 3.12; skips the test otherwise.
 fn is_new_enough(client: &str) -> bool {
     assert_installed();
     let new_enough = Command::new(PYTHON)
@@ -122,7 +122,7 @@ fn xpwebapi_discovers_and_speaks_udp_and_rest() {
     run("xpwebapi_client.py", &ports);
 }
 
-/// Receives until `wanted` finds what it looks for.
+/// Receives until `wanted` succeeds.
 async fn receive<T>(
     client: &XPlaneClient,
     what: &str,
@@ -237,11 +237,11 @@ async fn xpudpc_subscribes_reads_writes_commands_and_starts_a_flight() {
     })
     .await;
 
-    // The stream of positions may be stopped from another socket.
+    // The stream of positions may be stopped from a different socket.
     let other = XPlaneClient::connect(stand_in.addresses.udp).await.unwrap();
     other.stop_position().await.unwrap();
     let end = Instant::now() + PATIENCE;
-    // Ten times as long as between two of them.
+    // Ten times as long as between two frames.
     while client
         .recv_timeout(Duration::from_millis(300))
         .await

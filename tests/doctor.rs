@@ -11,7 +11,7 @@ fn stand_in(arguments: &[&str]) -> Server {
     announced(&[arguments, &["--no-beacon"]].concat())
 }
 
-/// With its beacon.
+/// A simulator with its beacon.
 fn announced(arguments: &[&str]) -> Server {
     let well_behaved = (!arguments.contains(&"--quirks")).then_some("--quirks=none");
     let mut all = vec!["mock-xplane"];
@@ -38,7 +38,7 @@ fn measuring_doctor(arguments: &[&str]) -> Command {
     command
 }
 
-/// Exit code and checks of a `dtd doctor`.
+/// Exit code and checks from `dtd doctor`.
 fn outcome(mut command: Command) -> (Option<i32>, Vec<Value>) {
     let output = command.output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -48,7 +48,7 @@ fn outcome(mut command: Command) -> (Option<i32>, Vec<Value>) {
     (output.status.code(), checks)
 }
 
-/// Of a simulator whose Web API is not at the expected address.
+/// Examines a simulator whose Web API is not at the expected address.
 fn examined(sim: &str) -> (Option<i32>, Vec<Value>) {
     outcome(doctor(&["--sim", sim, "--web-api", "127.0.0.1:9"]))
 }

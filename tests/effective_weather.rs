@@ -1,5 +1,5 @@
-//! A simulator that reports another weather at the aircraft than was written, through every verb that must notice: `generate`, `verify`,
-//! `plan --against`, `train`.
+//! A simulator whose reported weather at the aircraft differs from the written one, through every verb that must notice: `generate`,
+//! `verify`, `plan --against`, `train`.
 
 use std::fs;
 use std::net::SocketAddr;
@@ -36,13 +36,13 @@ fn stand_in() -> Server {
     DTD.serve(&["mock-xplane", "--quirks=none", "--no-beacon"])
 }
 
-/// A relay in front of a stand-in that reports the visibility of no scenario.
-async fn reporting_another_visibility(simulator: SocketAddr) -> String {
+/// A relay in front of a stand-in that reports a visibility that no scenario has.
+fn reporting_another_visibility(simulator: SocketAddr) -> String {
     let relay = altered(
         simulator,
         |path, value| if path == VISIBILITY { 2_000.0 } else { value },
     );
-    relay.await.to_string()
+    relay.to_string()
 }
 
 fn generate(sweep: &Path, corpus: &Path, simulator: &str) -> Output {
@@ -55,7 +55,7 @@ async fn without_a_profile_scenarios_are_marked_and_every_verb_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let (sweep, corpus) = (sweep(folder.path()), folder.path().join("corpus"));
     let simulator = stand_in();
-    let relay = reporting_another_visibility(simulator.address("udp")).await;
+    let relay = reporting_another_visibility(simulator.address("udp"));
     let output = generate(&sweep, &corpus, &relay);
     let words = said(&output);
     assert_eq!(output.status.code(), Some(3), "{words}");
@@ -140,7 +140,7 @@ async fn with_a_profile_attempts_fail_until_three_scenarios_failed_alike_and_the
         |check: &Value| check["name"] == "weather at the aircraft" && check["verdict"] == "ok";
     assert!(checks.as_array().unwrap().iter().any(follows), "{checks:#}");
 
-    let relay = reporting_another_visibility(simulator.address("udp")).await;
+    let relay = reporting_another_visibility(simulator.address("udp"));
     let output = generate(&sweep, &corpus, &relay);
     let words = said(&output);
     assert_eq!(output.status.code(), Some(3), "{words}");

@@ -1,4 +1,4 @@
-//! `dtd` in front of a simulator that answers from another UDP port than it listens on, as X-Plane does, by a relay between them.
+//! `dtd` in front of a simulator that, behind a relay, answers from a different UDP port than it listens on, as X-Plane does.
 
 use std::fs;
 use std::net::{Ipv4Addr, UdpSocket};
@@ -162,7 +162,7 @@ fn a_local_port_is_for_simulators_that_run_already() {
     }
 }
 
-/// Whether the simulator sends anything within a while.
+/// True if the simulator sends anything within a while.
 fn sends(relay: &Relay) -> bool {
     // Settings are watched at four values a second.
     let before = relay.answers();
@@ -203,7 +203,7 @@ fn kill(mut process: Child) {
     process.wait().unwrap();
 }
 
-/// The next client ends what a killed one, with a note in this folder, has subscribed to.
+/// The next client ends the subscriptions that a killed one, with a note in this folder, has left.
 fn assert_ended_by_the_next(sim: &str, relay: &Relay, folder: &Path, state: &Path) {
     assert!(
         sends(relay),
@@ -243,7 +243,7 @@ fn the_next_client_ends_the_subscriptions_of_a_recorder_that_was_killed() {
     assert_ended_by_the_next(&sim, &relay, folder.path(), &state);
 }
 
-/// Whether a scenario has come to its images: its settings are watched then.
+/// True once a scenario has come to its images, when its settings are watched.
 fn is_recording(corpus: &Path) -> bool {
     let Ok(scenarios) = fs::read_dir(corpus.join("scenarios")) else {
         return false;

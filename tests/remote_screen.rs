@@ -1,7 +1,7 @@
-//! X-Plane 12 on another computer: a `dtd` without a display gets its images from the screen that the plugin grabs there.
+//! X-Plane 12 on a remote computer: a `dtd` without a display gets its images from the screen that the plugin grabs there.
 //!
-//! One computer plays both. The plugin is changed in two places: it takes every client for one of another computer, and it may show
-//! its screen, as with `grab = on`.
+//! One computer plays both. The plugin is changed in two places: it takes every client for a remote one, and it may show its screen, as
+//! with `grab = on`.
 #![cfg(target_os = "linux")]
 
 use std::fs;

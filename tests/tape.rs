@@ -103,7 +103,7 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
     }
 }
 
-/// Records four weathers with a client of a recorder; returns the sweep, the corpus and the tape.
+/// Records four weathers with a recorder's client; returns the sweep, the corpus and the tape.
 fn four_weathers_recorded(folder: &Path) -> (PathBuf, PathBuf, PathBuf) {
     let [sweep, corpus, tape] =
         ["sweep.toml", "corpus", "session.mcap"].map(|name| folder.join(name));
@@ -226,7 +226,7 @@ fn the_stored_tape_gives_the_stored_tables_and_labels() {
         fs::write(&path, &found).unwrap();
     }
     let expected = fs::read_to_string(path).unwrap();
-    // Sines from another processor's library may differ in their last bit, and with them a table's hash.
+    // Sines from a different processor's library may differ in their last bit, and with them a table's hash.
     if cfg!(all(target_arch = "x86_64", target_os = "linux")) {
         assert_eq!(
             found, expected,

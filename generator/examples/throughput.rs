@@ -14,16 +14,16 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use dataset::conditions::{Clock, Weather};
+use dataset::conditions::Weather;
 use dataset::corpus::Corpus;
 use dataset::geometry::camera::Camera;
-use dataset::geometry::imaging::Degradation;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
-use dataset::geometry::runway::Runway;
 use dataset::video::{VideoSettings, VideoWriter};
 use generator::generate::{Cancel, Event, GenerateOptions, SimulatorTarget, generate};
 use generator::sweep::Sweep;
-use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer, ServerOptions, serve_with};
+use mock_xplane::server::{
+    BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting, ServerOptions, serve_with,
+};
 use testkit::processor_time;
 use xplane_bridge::fly::FlyRequest;
 
@@ -45,7 +45,7 @@ struct Drawn {
     scene: usize,
     pose: Pose,
     controls: Controls,
-    time_s: f64,
+    instants: Instants,
 }
 
 struct RememberedScene {
@@ -59,18 +59,11 @@ impl Engine for Remembering {
         BuiltIn.fly(request, weather)
     }
 
-    fn picture(
-        &self,
-        camera: &Camera,
-        runway: &Runway,
-        weather: &Weather,
-        clock: &Clock,
-        degradation: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
-        let scene = BuiltIn.picture(camera, runway, weather, clock, degradation);
+    fn prepare(&self, setting: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
+        let scene = BuiltIn.prepare(setting);
         let scene: Arc<dyn SceneRenderer> = scene.into();
         let mut scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
-        scenes.push((*camera, scene.clone()));
+        scenes.push((*setting.camera, scene.clone()));
         Box::new(RememberedScene {
             number: scenes.len() - 1,
             scene,
@@ -80,17 +73,17 @@ impl Engine for Remembering {
 }
 
 impl SceneRenderer for RememberedScene {
-    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
+    fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]) {
         let drawn = Drawn {
             scene: self.number,
             pose: *pose,
             controls: *controls,
-            time_s,
+            instants,
         };
         let mut all = self.drawn.lock().unwrap_or_else(PoisonError::into_inner);
         all.push(drawn);
         drop(all);
-        self.scene.draw(pose, controls, time_s, rgb);
+        self.scene.draw(pose, controls, instants, rgb);
     }
 }
 
@@ -258,7 +251,7 @@ fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Bo
             .position(|(drawn_by, _)| *drawn_by == camera)
             .ok_or_else(|| format!("no image of view {view} was drawn"))?;
         let mut pictures: Vec<Drawn> = drawn.iter().filter(|d| d.scene == scene).copied().collect();
-        pictures.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        pictures.sort_by(|a, b| a.instants.lamps_s.total_cmp(&b.instants.lamps_s));
         views.push((view, camera, scene, pictures));
     }
     let path = |view: &str| folder.path().join(format!("{view}.mp4"));
@@ -287,7 +280,7 @@ fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Bo
             for (drawn, rgb) in pictures[these.clone()].iter().zip(memory) {
                 scenes[*scene]
                     .1
-                    .draw(&drawn.pose, &drawn.controls, drawn.time_s, rgb);
+                    .draw(&drawn.pose, &drawn.controls, drawn.instants, rgb);
             }
         }
         let before = Cost::so_far(began);

@@ -9,13 +9,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-use dataset::conditions::{Clock, Weather};
-use dataset::geometry::camera::Camera;
-use dataset::geometry::imaging::Degradation;
+use dataset::conditions::Weather;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
-use dataset::geometry::runway::Runway;
 use generator::generate::{Event, Patience, Remote, SimulatorTarget, Simulators, Stopped};
-use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
+use mock_xplane::server::{BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting};
 use store::CorpusStore;
 use tempfile::tempdir;
 use tokio::sync::OnceCell;
@@ -142,17 +139,10 @@ impl Engine for FaultyEngine {
         BuiltIn.fly(request, weather)
     }
 
-    fn picture(
-        &self,
-        camera: &Camera,
-        runway: &Runway,
-        weather: &Weather,
-        clock: &Clock,
-        degradation: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
+    fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
         Box::new(FaultyPicture {
             faults: self.0.clone(),
-            picture: BuiltIn.picture(camera, runway, weather, clock, degradation),
+            picture: BuiltIn.prepare(scene),
         })
     }
 }
@@ -163,13 +153,13 @@ struct FaultyPicture {
 }
 
 impl SceneRenderer for FaultyPicture {
-    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
+    fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]) {
         let left = &self.faults.freeze_in;
         let down = |left: u32| left.checked_sub(1);
         if left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, down) == Ok(1) {
             std::thread::sleep(Duration::from_millis(1_500));
         }
-        self.picture.draw(pose, controls, time_s, rgb);
+        self.picture.draw(pose, controls, instants, rgb);
     }
 }
 

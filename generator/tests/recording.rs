@@ -6,19 +6,14 @@ use std::fs;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use dataset::conditions::{Clock, Weather};
 use dataset::corpus::Corpus;
 use dataset::corpus::scenario::Flight;
-use dataset::geometry::camera::Camera;
-use dataset::geometry::imaging::Degradation;
-use dataset::geometry::pose::FlightState;
-use dataset::geometry::runway::Runway;
+
 use generator::against::{Against, Standing};
 use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
 use generator::plan::{Estimate, Pacing, expand};
-use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
+use mock_xplane::server::{BuiltIn, Engine, SceneRenderer, SceneSetting};
 use verify::verify;
-use xplane_bridge::fly::FlyRequest;
 
 use small_corpus::{
     IDS, folders, options, run, run_until, same_tables, sorted_ids, stand_in, stand_in_with,
@@ -91,19 +86,8 @@ async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
 struct OnlyDraws;
 
 impl Engine for OnlyDraws {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
-        Err(NotFlown::Because("this simulator does not fly"))
-    }
-
-    fn picture(
-        &self,
-        camera: &Camera,
-        runway: &Runway,
-        weather: &Weather,
-        clock: &Clock,
-        degradation: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
-        BuiltIn.picture(camera, runway, weather, clock, degradation)
+    fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
+        BuiltIn.prepare(scene)
     }
 }
 

@@ -163,21 +163,6 @@ link(
         "window": None, "drawn_size": {"width_px": 1920, "height_px": 1280},
     },
 )
-link(
-    "link_hello_answer_memory", "the same, of a simulator that can draw into the client's memory",
-    {
-        "message": "hello", "name": "mock-xplane", "version": "12.4.0", "plugin": None, "pixels": ["link"], "window": None,
-        "shares_memory_with": "127.0.0.1:40312",
-    },
-)
-link(
-    "link_share_memory", "memory for sixteen pictures of 1920 x 1280",
-    {
-        "message": "share_memory", "process": 4242, "descriptor": 17, "secret": "00112233445566778899aabbccddeeff",
-        "slots": 16, "slot_bytes": 7405568,
-    },
-)
-link("link_memory_shared", "its answer", {"message": "memory_shared"})
 link("link_freeze", "stand still around a runway", {"message": "freeze", "runway": RUNWAY, "settle_frames": 3})
 link(
     "link_probe_terrain", "how high is the ground there?",
@@ -222,14 +207,6 @@ link(
         "message": "capture", "tick": 12, "time_ns": 400000000, "view": 1, "pose": POSE,
         "controls": {"flap_ratio": 0.25, "gear_ratio": 1.0}, "camera": {**POSE, "hfov_deg": 10.0},
         "width_px": 4, "height_px": 2, "deliver": "picture",
-    },
-)
-link(
-    "link_capture_slot", "the same, into a slot of the client's memory: the answer has no payload",
-    {
-        "message": "capture", "tick": 12, "time_ns": 400000000, "view": 1, "pose": POSE,
-        "controls": {"flap_ratio": 0.25, "gear_ratio": 1.0}, "camera": {**POSE, "hfov_deg": 10.0},
-        "width_px": 4, "height_px": 2, "deliver": {"slot": 3},
     },
 )
 link(

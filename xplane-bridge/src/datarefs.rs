@@ -12,13 +12,11 @@ mod weather;
 use dataset::conditions::{Clock, Conditions};
 use dataset::geometry::runway::Runway;
 
-use crate::error::BridgeError;
-
 pub(crate) use effective_weather::{effective_weather_datarefs, effective_weather_of};
 pub use tolerance::Tolerance;
 pub use version::{Generation, Version};
 pub use weather::weather_from_datarefs;
-pub(crate) use weather::weather_writes;
+pub(crate) use weather::{check_cloud_layers, weather_writes};
 
 /// Metres in one statute mile (exact by definition). X-Plane 12 measures visibility in them.
 pub const METERS_PER_STATUTE_MILE: f64 = 1_609.344;
@@ -49,9 +47,9 @@ pub const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
 pub const PAUSED: &str = "sim/time/paused";
 /// 1 while scenery loads; falls before fine terrain is there.
 pub const SCENERY_LOADING: &str = "sim/graphics/scenery/async_scenery_load_in_progress";
-/// Size of the user's aircraft across, metres, by which X-Plane draws its shadow.
+/// Width of the user's aircraft, metres, which scales its shadow in X-Plane.
 pub const AIRCRAFT_WIDTH_M: &str = "sim/aircraft/view/acf_size_x";
-/// The same lengthwise.
+/// Length of the user's aircraft, metres, which scales its shadow in X-Plane.
 pub const AIRCRAFT_LENGTH_M: &str = "sim/aircraft/view/acf_size_z";
 /// Type designator of the user's aircraft, one character per element.
 pub const AIRCRAFT_ICAO: &str = "sim/aircraft/view/acf_ICAO";
@@ -199,7 +197,7 @@ pub const APPROACH_STATUS: &str = "sim/cockpit2/autopilot/approach_status";
 pub struct AutopilotSwitch {
     /// The command that switches it on. Most are toggle buttons.
     pub command: &'static str,
-    /// On while each dataref of one of these has at least its value.
+    /// On if, in any of these groups, each dataref has at least its value.
     pub on_while: &'static [&'static [(&'static str, f32)]],
 }
 
@@ -269,7 +267,7 @@ pub(crate) const WIND_ALTITUDES_MSL_M: [f64; WIND_LAYERS] = [
 /// Heights that we give X-Plane 11's three layers of wind: each is effective only near its own, and approaches are flown below a
 /// kilometre.
 const WIND_ALTITUDES_11_MSL_M: [f64; 3] = [300.0, 3_000.0, 9_000.0];
-/// International standard atmosphere at sea level. No figure of a scenario depends on it.
+/// Temperature at sea level in the international standard atmosphere. No figure depends on it.
 pub(crate) const STANDARD_TEMPERATURE_C: f64 = 15.0;
 /// International standard atmosphere at sea level.
 pub(crate) const STANDARD_PRESSURE_PA: f64 = 101_325.0;
@@ -277,20 +275,20 @@ pub(crate) const STANDARD_PRESSURE_PA: f64 = 101_325.0;
 const PASCAL_PER_INCH_OF_MERCURY: f64 = 3_386.389;
 /// Dew point below temperature: dry air. Fog is set by the visibility, whatever the dew point.
 const DEW_POINT_BELOW_C: f64 = 5.0;
-/// [`RUNWAY_FRICTION`] of a dry runway.
+/// [`RUNWAY_FRICTION`] when dry.
 const DRY: f64 = 0.0;
 /// The clock keeps running between writing and reading it back. Freezing stops it and writes it again, exactly.
 const RUNNING_CLOCK_TOLERANCE_S: f32 = 20.0;
-/// A stopped clock has the time that was set: seconds of a day in 32 bits are rounded by 4 ms at most. A wider tolerance could
-/// mistake a lost write for a late one.
+/// A stopped clock has the time that was set: 32-bit seconds within a day are rounded by 4 ms at most. A wider tolerance could mistake a
+/// lost write for a late one.
 const STANDING_CLOCK_TOLERANCE_S: f32 = 0.02;
 
-/// One dataref to write, and how closely it must read back.
+/// A dataref to write, with the tolerance for reading it back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DatarefWrite {
-    /// Dataref, one element of an array as `name[3]`.
+    /// Dataref; array elements as `name[3]`.
     pub name: String,
-    /// In X-Plane's unit, rounded to X-Plane's 32 bits.
+    /// Value in X-Plane's unit, rounded to 32 bits.
     pub value: f32,
     /// Tolerance for the value read back.
     pub tolerance: Tolerance,
@@ -306,7 +304,7 @@ impl DatarefWrite {
         }
     }
 
-    /// The same, but any value read back is accepted.
+    /// The same write, but any value read back is accepted.
     fn unread(self) -> Self {
         Self {
             tolerance: Tolerance::Unread,
@@ -325,20 +323,24 @@ impl DatarefWrite {
     }
 }
 
+/// Conditions that X-Plane cannot have, with the reason.
+#[derive(Debug, thiserror::Error)]
+#[error("conditions that X-Plane cannot have: {0}")]
+pub struct BadConditions(pub String);
+
 /// All settings of conditions, clock first.
 ///
 /// # Errors
-/// [`BridgeError::BadConditions`] for more layers than X-Plane has, or a NaN.
+/// For more layers than X-Plane has, or a NaN.
 pub fn condition_writes(
     conditions: &Conditions,
     generation: Generation,
-) -> Result<Vec<DatarefWrite>, BridgeError> {
+) -> Result<Vec<DatarefWrite>, BadConditions> {
     let mut writes = running_clock_writes(&conditions.clock);
     writes.extend(weather_writes(&conditions.weather, generation)?);
     if let Some(bad) = writes.iter().find(|write| !write.value.is_finite()) {
-        return Err(BridgeError::BadConditions {
-            what: format!("{} would be set to {}", bad.name, bad.value),
-        });
+        let what = format!("{} would be set to {}", bad.name, bad.value);
+        return Err(BadConditions(what));
     }
     Ok(writes)
 }
@@ -382,14 +384,14 @@ pub enum WeatherSource {
     Preset,
     /// Real weather.
     Real,
-    /// The panel of an instructor's station.
+    /// An instructor's control pad.
     ControlPad,
-    /// Another plugin.
+    /// A different plugin.
     Plugin,
 }
 
 impl WeatherSource {
-    /// From the dataref's value; `None` for an unknown one.
+    /// Decodes the dataref's value; `None` if it is unknown.
     pub fn of_value(value: f32) -> Option<Self> {
         match value {
             0.0 => Some(Self::Preset),
@@ -433,13 +435,13 @@ pub(crate) fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
 pub struct AircraftFile {
     /// Value of [`AIRCRAFT_ICAO`] while it is loaded.
     pub icao: &'static str,
-    /// Its `.acf` file below X-Plane's folder.
+    /// The `.acf` file below X-Plane's folder.
     pub path: &'static str,
     /// Wing span and length of the type, metres.
     pub size_m: (f64, f64),
 }
 
-/// The file of an aircraft by its name in sweeps; `None` for an unknown one, which the user must load.
+/// The aircraft file for a name in sweeps; `None` if unknown: the user must load it.
 pub(crate) fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile> {
     let path = match (name, generation) {
         ("B737-800", Generation::XPlane11) => "Aircraft/Laminar Research/Boeing B737-800/b738.acf",

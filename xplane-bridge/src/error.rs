@@ -1,4 +1,4 @@
-//! Errors between us and a simulator, with what the user can do.
+//! Errors between us and a simulator, with remedies for the user.
 
 pub(crate) mod causes;
 pub(crate) mod peer_text;
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use dataset::corpus::effective_weather::WeatherDifference;
 
-use crate::datarefs::WeatherSource;
+use crate::datarefs::{BadConditions, WeatherSource};
 use crate::link::LinkError;
 use crate::packet::PacketError;
 use crate::pixels::PixelError;
@@ -17,7 +17,7 @@ use crate::simulator::BadWebApiPlace;
 /// The first request on the capture link, in messages.
 pub(crate) const HELLO: &str = "hello";
 
-/// Failure of a request to the simulator.
+/// Failed request to the simulator.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
     /// An environment variable has an invalid value.
@@ -25,7 +25,7 @@ pub enum BridgeError {
     BadVariable {
         /// Name of the variable.
         name: &'static str,
-        /// Its value.
+        /// Value of the variable.
         found: String,
         /// Fault of the value, with the expected form.
         why: BadWebApiPlace,
@@ -65,13 +65,13 @@ pub enum BridgeError {
         /// Time waited.
         waited: Duration,
     },
-    /// More than one simulator was heard.
+    /// Several simulators were heard.
     #[error(
         "several simulators announced themselves: {}. Say which: --sim HOST:PORT",
         .addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
     )]
     SeveralAnnounced {
-        /// Their UDP addresses.
+        /// UDP addresses of the simulators.
         addresses: Vec<SocketAddr>,
     },
     /// The port of the beacon is not available.
@@ -155,7 +155,7 @@ pub enum BridgeError {
         /// Duration of each wait.
         waited: Duration,
     },
-    /// Another aircraft would be in the images.
+    /// The wrong aircraft would be in the images.
     #[error(
         "the aircraft that is loaded is {found}, expected {wanted} ({path}): load it in X-Plane, and run the same command again"
     )]
@@ -181,7 +181,7 @@ pub enum BridgeError {
         found_m: f64,
         /// Dimension of the type, metres.
         expected_m: f64,
-        /// File of an aircraft with the right ones.
+        /// Aircraft file with the right dimensions.
         path: &'static str,
     },
     /// The aircraft is not where a flight should begin.
@@ -190,7 +190,7 @@ pub enum BridgeError {
         .found.map_or("its position never came (RPOS)".to_owned(), |(latitude, longitude)| format!("is at {latitude:.4}, {longitude:.4}"))
     )]
     NotPlaced {
-        /// By which way.
+        /// Way of placing it.
         by: &'static str,
         /// Number of attempts to place it.
         attempts: u32,
@@ -198,10 +198,10 @@ pub enum BridgeError {
         wanted_latitude_deg: f64,
         /// Requested longitude, degrees.
         wanted_longitude_deg: f64,
-        /// Its actual latitude and longitude, if known.
+        /// Actual latitude and longitude, if known.
         found: Option<(f64, f64)>,
     },
-    /// The scenery of a flight does not finish loading.
+    /// Scenery does not finish loading.
     #[error(
         "X-Plane has been loading scenery for {waited:.0?} (dataref {} is not 0). Look for a message in X-Plane, start any flight, and run the \
          same command again",
@@ -232,7 +232,7 @@ pub enum BridgeError {
         "cannot open the capture link at {address} (TCP), which the simulator announced: {source}. Is a firewall between?"
     )]
     CannotOpenLink {
-        /// Its expected address.
+        /// Expected address of the link.
         address: SocketAddr,
         /// Underlying error.
         r#source: std::io::Error,
@@ -288,7 +288,7 @@ pub enum BridgeError {
         /// The answer received.
         found: String,
     },
-    /// More captures requested than the link allows.
+    /// Too many captures were requested.
     #[error(
         "{outstanding} captures are outstanding, which is the most the capture link holds: receive a frame first"
     )]
@@ -303,11 +303,8 @@ pub enum BridgeError {
     #[error(transparent)]
     Pixels(#[from] PixelError),
     /// Conditions that X-Plane cannot have.
-    #[error("conditions that X-Plane cannot have: {what}")]
-    BadConditions {
-        /// The conditions, with the reason.
-        what: String,
-    },
+    #[error(transparent)]
+    BadConditions(#[from] BadConditions),
     /// A dataref that does not accept its value.
     #[error(
         "dataref {name} was written {attempts} times as {wanted}, but {}. Does another plugin or a real-weather setting \

@@ -9,7 +9,7 @@ use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
 use serde::{Deserialize, Serialize};
 
-/// Start of a flight: position, heading and speed.
+/// Start position, heading and speed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightStart {
@@ -21,7 +21,7 @@ pub struct FlightStart {
     pub speed_mps: f64,
 }
 
-/// One live flight.
+/// A live flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlyRequest {

@@ -5,7 +5,7 @@
 //!
 //! The plugin is embedded in the program.
 
-mod found;
+mod installation;
 
 use std::fs;
 use std::io;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-pub use found::{Found, Version, XpPython3};
+pub use installation::{Installation, Version, XpPython3};
 
 /// A file of `plugin/`: its name and its text.
 macro_rules! plugin_file {
@@ -67,59 +67,9 @@ const README: &str = "This folder and PI_dtd_bridge.py beside it belong to dtd a
 /// Reason why the plugin is not installed.
 #[derive(Debug, thiserror::Error)]
 pub enum InstallError {
-    /// Another folder.
-    #[error(
-        "{} is not X-Plane's folder: it has no {missing}. Give the folder that X-Plane was installed into", folder.display()
-    )]
-    NotXPlane {
-        /// The folder.
-        folder: PathBuf,
-        /// The version found.
-        missing: &'static str,
-    },
-    /// X-Plane was never started.
-    #[error(
-        "cannot tell the version of X-Plane in {}: {} does not begin with \"Log.txt for X-Plane ...\". Start X-Plane once, then \
-         try again", folder.display(), Found::LOG
-    )]
-    UnknownVersion {
-        /// The folder.
-        folder: PathBuf,
-    },
-    /// Too old.
-    #[error(
-        "X-Plane {found} is too old: the plugin needs XPPython3, which needs X-Plane {} or newer",
-        Found::OLDEST_XPLANE
-    )]
-    OldXPlane {
-        /// Its version.
-        found: Version,
-    },
-    /// XPPython3 is missing.
-    #[error(
-        "X-Plane {xplane} in {} has no XPPython3, in which the plugin runs: {} is missing, or has no .xpl file. Install XPPython3 {wanted} \
-         (https://xppython3.readthedocs.io), start X-Plane once, then try again", folder.display(), Found::XPPYTHON3
-    )]
-    NoXpPython3 {
-        /// The folder.
-        folder: PathBuf,
-        /// Version of X-Plane.
-        xplane: Version,
-        /// Required version of XPPython3.
-        wanted: &'static str,
-    },
-    /// XPPython3 of another X-Plane.
-    #[error(
-        "XPPython3 {found} is not compatible with X-Plane {xplane}: install XPPython3 {wanted}"
-    )]
-    OtherXpPython3 {
-        /// Its version.
-        found: Version,
-        /// Version of X-Plane.
-        xplane: Version,
-        /// Compatible version.
-        wanted: &'static str,
-    },
+    /// The folder is not X-Plane's, or the plugin cannot run in this X-Plane.
+    #[error("{0}")]
+    Unsuitable(String),
     /// A file cannot be read or written.
     #[error("cannot {action} {}: {source}", path.display())]
     Io {
@@ -138,13 +88,13 @@ pub enum InstallError {
 pub enum FileChange {
     /// New or changed.
     Written,
-    /// As it was.
+    /// The file was up to date.
     Unchanged,
-    /// From an older plugin.
+    /// The file belonged to an older plugin.
     Removed,
 }
 
-/// One file of the plugin.
+/// An installed plugin file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct InstalledFile {
     /// Path below X-Plane's folder.
@@ -153,7 +103,7 @@ pub struct InstalledFile {
     pub change: FileChange,
 }
 
-/// Result of an installation, with the remaining steps.
+/// Installation result, with the remaining steps.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct InstallReport {
     /// Version of X-Plane.
@@ -173,7 +123,7 @@ pub struct InstallReport {
 /// # Errors
 /// See [`InstallError`]; files are written only if the plugin can work there.
 pub fn install_plugin(folder: &Path) -> Result<InstallReport, InstallError> {
-    let found = Found::look(folder)?;
+    let found = Installation::look(folder)?;
     let python_plugins = folder.join(PYTHON_PLUGINS);
     let mut files = Vec::new();
     for (name, text) in FILES {
@@ -196,7 +146,7 @@ pub fn install_plugin(folder: &Path) -> Result<InstallReport, InstallError> {
     })
 }
 
-/// Folder in which XPPython3 looks for plugins.
+/// Plugin folder of XPPython3.
 const PYTHON_PLUGINS: &str = "Resources/plugins/PythonPlugins";
 
 /// Writes a file atomically, if its content differs.

@@ -2,8 +2,10 @@
 //!
 //! [`Simulator`] is the client that the generator uses; it treats X-Plane and the stand-in alike. Its parts can be used separately:
 //! [`udp::discovery`] (beacons), [`packet`] (bytes <-> UDP packets), [`udp::subscription`] (datarefs that stay subscribed), [`datarefs`]
-//! (names, and the only conversion of units), [`web_api`] (X-Plane 12's own), [`link`] (the TCP link for poses and images),
-//! [`pixels`] (sources of a drawn frame's pixels) and [`fly`] (requests for live flights).
+//! (names, and the only conversion of units), [`web_api`] (X-Plane 12's own), [`link`] (the TCP link for poses and images), [`pixels`]
+//! (sources of a drawn frame's pixels) and [`fly`] (requests for live flights).
+
+#![forbid(unsafe_code)]
 
 pub mod datarefs;
 mod error;

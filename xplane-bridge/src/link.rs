@@ -11,19 +11,17 @@ mod flight;
 mod message;
 mod picture_bytes;
 mod screen;
-mod shared_memory;
 mod soundness;
 mod token;
 mod wire;
 
-pub(crate) use capture::rgb_bytes;
 pub use capture::{BadCapture, CaptureRequest, CapturedFrame, Deliver, FrameHeader};
+pub(crate) use description::MARGIN_PX;
 pub use description::{PictureSize, PixelKind, SimulatorWindow};
 pub use flight::{BadFlightPayload, FLIGHT_COLUMNS, decode_flight, encode_flight};
-pub use message::{Answer, Request};
+pub use message::{Answer, Hello, Request};
 pub use picture_bytes::{PictureBytes, PooledPicture};
-pub use screen::{ScreenAnswer, ScreenOffer, ScreenPart, ScreenRequest};
-pub use shared_memory::{DrawingSlot, DrawingSlots, SharedMemory, SharedPicture, SharedPictures};
+pub use screen::{ScreenAnswer, ScreenOffer, ScreenRequest};
 pub use soundness::UnsoundRequest;
 pub use token::LinkToken;
 pub use wire::{
@@ -31,6 +29,6 @@ pub use wire::{
     read_header, read_payload, read_request, write_message,
 };
 
-/// Maximum outstanding captures of a client. Their requests (some 700 bytes each) then always fit the socket's buffers, so that
-/// sending never waits for an answer that is itself waiting to be received.
+/// Maximum outstanding captures per client. Their requests (some 700 bytes each) then always fit the socket's buffers, so that sending
+/// never waits for an answer that is itself waiting to be received.
 pub(crate) const MAX_OUTSTANDING_CAPTURES: usize = 64;

@@ -10,7 +10,7 @@ mod beacon;
 mod body;
 mod command;
 mod dataref;
-mod place;
+mod place_at_start;
 mod position;
 mod subscription;
 
@@ -20,7 +20,7 @@ pub use aircraft_file::LoadAircraft;
 pub use beacon::{BEACON_GROUP, BEACON_PORT, Beacon};
 pub use command::Command;
 pub use dataref::WriteDataref;
-pub use place::PlaceAtStart;
+pub use place_at_start::PlaceAtStart;
 pub use position::{Position, SubscribePosition};
 pub use subscription::{
     DatarefValue, DatarefValues, DatarefValuesView, MAX_VALUES_PER_REPLY, SubscribeDataref,
@@ -29,7 +29,7 @@ pub use subscription::{
 /// Reason why a datagram cannot be decoded, or a packet not encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PacketError {
-    /// Fewer bytes than a tag.
+    /// The datagram is shorter than a tag.
     #[error("a datagram of {found} bytes is too short for a tag of 4 characters")]
     NoTag {
         /// Bytes there were.
@@ -83,7 +83,7 @@ pub enum ToSimulator {
     SubscribePosition(SubscribePosition),
     /// `PREL`: start a flight there.
     PlaceAtStart(PlaceAtStart),
-    /// `ACFN`: load another aircraft.
+    /// `ACFN`: load an aircraft.
     LoadAircraft(LoadAircraft),
 }
 
@@ -154,6 +154,20 @@ fn tag_of(datagram: &[u8]) -> Result<[u8; 4], PacketError> {
         .ok_or(PacketError::NoTag {
             found: datagram.len(),
         })
+}
+
+fn bad_field(
+    tag: &'static str,
+    field: &'static str,
+    expected: &'static str,
+    found: impl Into<String>,
+) -> PacketError {
+    PacketError::BadField {
+        tag,
+        field,
+        expected,
+        found: found.into(),
+    }
 }
 
 fn unknown(tag: &[u8; 4], direction: &'static str) -> PacketError {

@@ -1,11 +1,10 @@
-//! Sources of a drawn frame's pixels, and the proof that they belong to that frame.
+//! Pixel sources for drawn frames, and the proof that the pixels belong to the frame.
 //!
-//! Four sources ([`PixelKind`]): the stand-in sends its images over the capture link (`link`); the plugin reads X-Plane's frame
-//! back from OpenGL and sends it (`gl`); the simulator only reports that the frame is drawn, and the image is grabbed from the
-//! screen (`screen`); or X-Plane writes a file, which the plugin sends (`screenshot`). To the client's core they are one trait,
-//! [`PixelSource`]. The plugin proves that what it sends is the requested frame; for the screen, [`ScreenSource`] proves by a check
-//! pattern, before the first image and after the last, that what is grabbed is the window, complete and unscaled, and never an
-//! older frame than the requested one.
+//! Four sources ([`PixelKind`]): the stand-in sends its images over the capture link (`link`); the plugin reads X-Plane's frame back from
+//! OpenGL and sends it (`gl`); the simulator only reports that the frame is drawn, and the image is grabbed from the screen (`screen`); or
+//! X-Plane writes a file, which the plugin sends (`screenshot`). To the client's core they are one trait, [`PixelSource`]. The plugin
+//! proves that it sends the requested frame; for the screen, [`ScreenSource`] proves by a check pattern, before the first image and after
+//! the last, that the grabbed area is the window, complete and unscaled, and never an older frame than the requested one.
 //!
 //! X-Plane 12 does not let plugins read its frame back, which leaves the screen, or screenshots where an image may take a second.
 
@@ -14,7 +13,7 @@ pub mod check_pattern;
 mod choice;
 mod error;
 mod payload;
-mod picture;
+mod rgb_picture;
 mod screen;
 mod screenshots;
 pub(crate) mod still_scene;
@@ -25,8 +24,8 @@ use std::pin::Pin;
 pub use choice::PixelChoice;
 pub use error::PixelError;
 pub(crate) use payload::Payload;
-pub use picture::{Rectangle, RgbPicture};
-pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow, MARGIN_PX, margins_around};
+pub use rgb_picture::{Rectangle, RgbPicture};
+pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow};
 pub use screen::{FfmpegScreen, Grab, Lag, RemoteScreen, Screen, ScreenSource};
 pub(crate) use screenshots::Screenshots;
 
@@ -45,11 +44,10 @@ pub type CoveredPart<'a> =
 
 /// Shows check patterns: the simulator at the other end of the link.
 pub trait PatternDisplay: Send {
-    /// Shows the pattern of a code over the window, or removes it; done when the simulator reports that it is drawn.
+    /// Shows a code's pattern over the window, or removes it; done when the simulator reports that it is drawn.
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_>;
 
-    /// Shows it over the scene, but under the windows of the simulator's user interface and of its plugins. `None` if the simulator
-    /// cannot.
+    /// Shows it over the scene, but under the windows of the user interface and plugins. `None` if the simulator cannot.
     fn show_under_windows(&mut self, _code: u32) -> Option<Confirmed<'_>> {
         None
     }
@@ -63,12 +61,12 @@ pub trait PixelSource: Debug + Send {
     /// Maximum outstanding captures. A frame that must stay on the screen until it is grabbed allows one.
     fn most_outstanding(&self) -> usize;
 
-    /// Maximum delay of its images, if measured.
+    /// Maximum image delay, if measured.
     fn lag(&self) -> Option<Lag> {
         None
     }
 
-    /// The window in which numbered frames can be grabbed, if it has margins for the numbers.
+    /// Window for grabbing numbered frames, if it has margins for the numbers.
     fn coded_window(&self) -> Option<CodedWindow> {
         None
     }
@@ -81,6 +79,8 @@ pub trait PixelSource: Debug + Send {
         Box::pin(std::future::ready(Ok(None)))
     }
 
-    /// Proves after the last image that the initial proof still holds.
-    fn confirm<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> Confirmed<'a>;
+    /// Proves after the last image that the initial proof still holds, if there was one.
+    fn confirm<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
+        Box::pin(std::future::ready(Ok(())))
+    }
 }

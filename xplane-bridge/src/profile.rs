@@ -1,8 +1,7 @@
-//! Measurements by `dtd doctor` of one installation of X-Plane, on questions for which reports contradict each other or are missing.
+//! Measurements by `dtd doctor` on an X-Plane installation, for questions on which reports contradict each other or are missing.
 //!
-//! Input: a few minutes of writing, reading and examining images ([`crate::doctor`]). Output: a record that the plugin stores and
-//! sends to every client with its `hello`, on whichever computer. [`crate::Simulator`] uses some of it; the rest is for people, who
-//! send it to us.
+//! Input: a few minutes of writing, reading and examining images ([`crate::doctor`]). Output: a record that the plugin stores and sends to
+//! every client with its `hello`, on any computer. [`crate::Simulator`] uses some of it; the rest is for people, who send it to us.
 //!
 //! Without a profile, `dtd generate` checks the images itself before the first scenario, and treats the weather as most reports describe
 //! it.
@@ -19,7 +18,7 @@ use serde_json::Value;
 use crate::datarefs::{DatarefWrite, WIND_SPEED};
 use crate::link::{PictureSize, PixelKind};
 
-/// Version of the record. Records of another version are measured again.
+/// Record version. Records with a different version are measured again.
 pub(crate) const PROFILE_FORMAT: u32 = 1;
 /// The plugin rejects more frames than these.
 const MAX_SETTLE_FRAMES: u32 = 600;
@@ -44,13 +43,13 @@ impl<T> Finding<T> {
     }
 }
 
-/// The unit in which X-Plane takes `wind_speed_msc`.
+/// Unit in which X-Plane takes `wind_speed_msc`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WindUnit {
-    /// As in its name.
+    /// The unit in its name.
     MetersPerSecond,
-    /// As in Laminar's list of datarefs.
+    /// The unit in Laminar's list of datarefs.
     Knots,
 }
 
@@ -65,7 +64,7 @@ pub struct CallbackOrders {
     pub orders: BTreeMap<String, u32>,
 }
 
-/// The delay of a grabbed screen.
+/// Delay of a grabbed screen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Grabbing {
     /// Grabs that still showed something older, at most.
@@ -93,7 +92,7 @@ impl fmt::Display for PacedBy {
     }
 }
 
-/// Durations of the parts of a scenario, for the estimates of `dtd plan`.
+/// Durations of a scenario's parts, for the estimates of `dtd plan`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pace {
     /// Origin of the measurement.
@@ -106,16 +105,16 @@ pub struct Pace {
     pub settle_frames: u32,
     /// Images per second, all views together.
     pub pictures_per_s: f64,
-    /// From connecting until a live flight has begun and its scenery is loaded, seconds; absent if no flight was begun.
+    /// Time from connecting until a live flight has begun and its scenery is loaded, seconds; absent if no flight was begun.
     pub loading_s: Option<f64>,
-    /// From writing the weather until it is there, seconds.
+    /// Time from writing the weather until it is there, seconds.
     pub weather_s: Option<f64>,
-    /// From the start of the command of `--restart-simulator` until X-Plane could be used, seconds; absent if it was not restarted.
+    /// Time from the start of the `--restart-simulator` command until X-Plane could be used, seconds; absent if it was not restarted.
     pub restart_s: Option<f64>,
 }
 
 impl Pace {
-    /// The procedure by which the images were taken, as text.
+    /// The image procedure, as text.
     pub fn procedure(&self) -> String {
         if self.in_blocks {
             "from a camera that rests for blocks of ticks".into()
@@ -125,18 +124,18 @@ impl Pace {
     }
 }
 
-/// Durations of the parts of one recorded scenario.
+/// Durations of a recorded scenario's parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordedPace {
-    /// Size of its images.
+    /// Image size.
     pub size: PictureSize,
     /// True if they were taken in blocks.
     pub in_blocks: bool,
     /// Images per second, all views together, encoding included.
     pub pictures_per_s: f64,
-    /// From connecting until its live flight had begun; absent if it is no live flight.
+    /// Time from connecting until the live flight had begun; absent for other flights.
     pub loading: Option<Duration>,
-    /// From writing its weather until it was there.
+    /// Time from writing the weather until it was there.
     pub weather: Duration,
     /// The last restart of the simulator, if this run restarted it.
     pub restart: Option<Duration>,
@@ -177,7 +176,7 @@ pub struct Profile {
     pub frames_until_still: Finding<u32>,
     /// After how many frames an image is final when the camera has turned: shadows and exposure.
     pub frames_until_settled: Finding<u32>,
-    /// True if images of a static scene change in a pause (water).
+    /// True if images change in a pause although the scene is static (water).
     pub still_pictures_move: Finding<bool>,
     /// The order of the plugin's callbacks.
     pub callbacks: Finding<CallbackOrders>,
@@ -187,28 +186,8 @@ pub struct Profile {
 
 /// Reason why a profile cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ProfileError {
-    /// Written by another version.
-    #[error("it has format {found:?}, expected {PROFILE_FORMAT}")]
-    Format {
-        /// Format found.
-        found: Option<u64>,
-    },
-    /// It is none.
-    #[error("it cannot be read: {why}")]
-    Unreadable {
-        /// Reason.
-        why: String,
-    },
-    /// X-Plane or the plugin was updated.
-    #[error("it was measured with {measured}, and this is {found}")]
-    OtherVersion {
-        /// Simulator and plugin then.
-        measured: String,
-        /// Simulator and plugin now.
-        found: String,
-    },
-}
+#[error("{0}")]
+pub struct ProfileError(String);
 
 /// Profile of the connected simulator, as far as there is one.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -218,14 +197,13 @@ pub enum KnownProfile {
     None,
     /// There is a profile, but it cannot be used.
     Unusable(ProfileError),
-    /// All of this.
+    /// A complete profile.
     Current(Box<Profile>),
     /// This client's own checks of the images, without any of the weather.
     PicturesOnly(Box<Profile>),
 }
 
 impl KnownProfile {
-    /// The profile in a `hello` of this simulator and plugin.
     pub(crate) fn of(kept: Option<Value>, simulator: &str, plugin: Option<&str>) -> Self {
         let Some(kept) = kept else {
             return Self::None;
@@ -245,7 +223,7 @@ impl KnownProfile {
     }
 }
 
-/// As text: which profile is used, or how to get one.
+/// Says which profile is used, or how to get one.
 impl fmt::Display for KnownProfile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -277,12 +255,12 @@ impl Profile {
     fn read(kept: Value, simulator: &str, plugin: Option<&str>) -> Result<Self, ProfileError> {
         let format = kept.get("format").and_then(Value::as_u64);
         if format != Some(u64::from(PROFILE_FORMAT)) {
-            return Err(ProfileError::Format { found: format });
+            return Err(ProfileError(format!(
+                "it has format {format:?}, expected {PROFILE_FORMAT}"
+            )));
         }
-        let profile: Self =
-            serde_json::from_value(kept).map_err(|error| ProfileError::Unreadable {
-                why: error.to_string(),
-            })?;
+        let profile: Self = serde_json::from_value(kept)
+            .map_err(|error| ProfileError(format!("it cannot be read: {error}")))?;
         let words = |simulator: &str, plugin: Option<&str>| match plugin {
             Some(plugin) => format!("{simulator} and {plugin}"),
             None => simulator.to_owned(),
@@ -292,7 +270,9 @@ impl Profile {
         if measured == found {
             Ok(profile)
         } else {
-            Err(ProfileError::OtherVersion { measured, found })
+            Err(ProfileError(format!(
+                "it was measured with {measured}, and this is {found}"
+            )))
         }
     }
 

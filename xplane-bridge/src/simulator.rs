@@ -26,7 +26,7 @@ use dataset::geometry::imaging::Imaging;
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::Runway;
 use futures_util::future::{BoxFuture, LocalBoxFuture};
-use tokio::time::{Instant, timeout_at};
+use tokio::time::Instant;
 
 use crate::datarefs::{self, Generation};
 use crate::error::peer_text::quoted;
@@ -34,7 +34,7 @@ use crate::error::{BridgeError, HELLO};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
-    PictureBytes, PictureSize, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
+    PictureBytes, PictureSize, PixelKind, Request, SimulatorWindow, decode_flight,
 };
 use crate::pixels::{CodedGrabs, Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
@@ -46,8 +46,7 @@ pub use block::{
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };
-use link_client::LinkClient;
-use link_client::sharing::Sharing;
+use link_client::{LinkClient, wrong};
 use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
 use udp::UdpClient;
@@ -56,9 +55,9 @@ pub use udp::somebody_answers;
 
 /// A reasonable timeout for [`Simulator::connect`].
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
-/// Timeout of an image: X-Plane loads scenery after a jump.
+/// Timeout per image: X-Plane loads scenery after a jump.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
-/// Timeout of a freeze or a release.
+/// Timeout for freezing and releasing.
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
 /// Time until X-Plane's weather shows, if the plugin does not report it, seconds.
 const WEATHER_SETTLE_S: f32 = 15.0;
@@ -69,11 +68,11 @@ const LINK_SHARE: f64 = 0.2;
 /// A simulator that has run for a shorter time, by its own clock, may not have started its plugins yet.
 const STARTING: Duration = Duration::from_secs(60);
 
-/// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: what is written in one frame
-/// is drawn in the next, and shadows and effects follow one later.
+/// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: writes in one frame are drawn in the
+/// next, and shadows and effects follow one later.
 const SETTLE_FRAMES: u32 = 3;
-/// The same where images come off the screen. An image that the plugin reads back is proven by its content; here frames are only
-/// counted, and clients of a live X-Plane were seen to wait for up to four.
+/// [`SETTLE_FRAMES`] for images off the screen. An image that the plugin reads back is proven by its content; here frames are only counted,
+/// and clients of a live X-Plane were seen to wait for up to four.
 const SETTLE_FRAMES_ON_SCREEN: u32 = 5;
 
 /// The connected simulator.
@@ -81,7 +80,7 @@ const SETTLE_FRAMES_ON_SCREEN: u32 = 5;
 pub struct SimulatorDescription {
     /// Name of the simulator.
     pub name: String,
-    /// Its version.
+    /// Version of the simulator.
     pub version: String,
     /// Version of the capture link in use.
     pub capture_link: u32,
@@ -89,15 +88,15 @@ pub struct SimulatorDescription {
     pub plugin: Option<String>,
     /// Sources of images, the best first.
     pub pixels: Vec<PixelKind>,
-    /// The window that shows what is drawn, if there is one.
+    /// The simulator's window, if there is one.
     pub window: Option<SimulatorWindow>,
     /// The only possible image size; `None` if any size is possible, or it is unknown.
     pub drawn_size: Option<PictureSize>,
     /// True if it can draw lenses, refraction, turbulent air and noise.
     pub imaging: bool,
-    /// True if it can draw the check pattern under the windows of its user interface.
+    /// True if it can draw the check pattern under its own windows.
     pub patterns_under: bool,
-    /// Its profile.
+    /// Measured profile.
     pub profile: KnownProfile,
     /// True if a tape gives the answers.
     pub replayed: bool,
@@ -130,7 +129,6 @@ pub struct Simulator {
     generation: Generation,
     weather_settle: Duration,
     settle_frames: u32,
-    /// Source of the pixels.
     pixels: Box<dyn PixelSource>,
     /// The screen that shows them.
     drawn_on: DrawnOn,
@@ -142,15 +140,13 @@ pub struct Simulator {
     settings_watch: Option<SettingsWatch>,
     /// The weather at the aircraft under those settings.
     effective_weather: Option<EffectiveWeather>,
-    /// Its quantities that are known not to follow what is written.
+    /// Quantities that are known not to follow the written weather.
     not_followed: BTreeSet<EffectiveQuantity>,
     /// The aircraft in use, by its name in sweeps.
     aircraft: Option<String>,
     /// The started flight that is still to be flown, and true if it is in the air.
     begun: Option<(FlightStart, bool)>,
-    /// With the memory that was lent for the image, if it is shared.
-    outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
-    sharing: Sharing,
+    outstanding: VecDeque<CaptureRequest>,
     spare_buffers: Vec<Vec<u8>>,
     known_blocks: KnownBlocks,
     /// The grabs of numbered frames, from the first block after a registration until the last image is confirmed.
@@ -169,10 +165,9 @@ impl Simulator {
 
     /// [`Simulator::connect`] with other options.
     ///
-    /// # Errors
-    /// Within `timeout`: [`BridgeError::NobodyAnswers`], [`BridgeError::NoPlugin`] or [`BridgeError::CannotOpenLink`], which say
-    /// what to do; [`BridgeError::Link`] if the other side has another version; [`BridgeError::Refused`] if it requires another
-    /// token. A simulator that has run for less than a minute is given the rest of it to start the plugin.
+    /// # Errors Within `timeout`: [`BridgeError::NobodyAnswers`], [`BridgeError::NoPlugin`] or [`BridgeError::CannotOpenLink`], which say
+    /// what to do; [`BridgeError::Link`] if the versions differ; [`BridgeError::Refused`] if the token is wrong. A simulator that has run
+    /// for less than a minute is given the rest of it to start the plugin.
     pub fn connect_with(
         address: SocketAddr,
         timeout: Duration,
@@ -198,7 +193,6 @@ impl Simulator {
             let ConnectOptions {
                 token,
                 web_api,
-                no_shared_memory,
                 local_udp: _,
             } = options;
             let deadline = Instant::now() + timeout;
@@ -247,33 +241,13 @@ impl Simulator {
                 token: token.clone(),
             };
             let answer = link.ask(HELLO, &hello, limit).await?;
-            let Answer::Hello {
-                name,
-                version: simulator_version,
-                plugin,
-                pixels,
-                window,
-                drawn_size,
-                shares_memory_with,
-                imaging,
-                patterns_under,
-                screen,
-                profile,
-                replayed,
-                frame_codes,
-            } = answer
-            else {
+            let Answer::Hello(hello) = answer else {
                 return Err(wrong(HELLO, &answer));
             };
-            let [name, simulator_version] = [name, simulator_version].map(|text| quoted(&text));
-            let plugin = plugin.map(|text| quoted(&text));
-            let sharing = if no_shared_memory {
-                Sharing::Impossible
-            } else {
-                Sharing::with(shares_memory_with, link.local_address())
-            };
+            let [name, simulator_version] = [hello.name, hello.version].map(|text| quoted(&text));
+            let plugin = hello.plugin.map(|text| quoted(&text));
             let profile = KnownProfile::of(
-                profile,
+                hello.profile,
                 &format!("{name} {simulator_version}"),
                 plugin.as_deref(),
             );
@@ -282,14 +256,14 @@ impl Simulator {
                 version: simulator_version,
                 capture_link: LINK_VERSION,
                 plugin,
-                pixels,
-                window,
-                drawn_size,
-                imaging,
-                patterns_under,
+                pixels: hello.pixels,
+                window: hello.window,
+                drawn_size: hello.drawn_size,
+                imaging: hello.imaging,
+                patterns_under: hello.patterns_under,
                 profile,
-                replayed,
-                frame_codes,
+                replayed: hello.replayed,
+                frame_codes: hello.frame_codes,
             };
             let generation = Generation::of_version(version);
             let web_api = match (generation, web_api) {
@@ -309,14 +283,14 @@ impl Simulator {
                 description,
                 generation,
                 // A tape's weather has settled.
-                weather_settle: if replayed {
+                weather_settle: if hello.replayed {
                     Duration::ZERO
                 } else {
                     Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
                 },
                 settle_frames: SETTLE_FRAMES,
                 pixels: Box::new(Payload(PixelKind::Link)),
-                drawn_on: DrawnOn::offered(screen, link_address, token),
+                drawn_on: DrawnOn::offered(hello.screen, link_address, token),
                 conditions: None,
                 ground_msl_m: None,
                 settings_watch: None,
@@ -325,7 +299,6 @@ impl Simulator {
                 aircraft: None,
                 begun: None,
                 outstanding: VecDeque::new(),
-                sharing,
                 spare_buffers: Vec::new(),
                 known_blocks: KnownBlocks::default(),
                 grabs: CodedGrabs::default(),
@@ -458,10 +431,9 @@ impl Simulator {
         if let Request::Freeze { runway, .. } = &request {
             self.ground_msl_m = Some(runway.threshold.altitude_msl_m);
         }
-        match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
-            Answer::Frozen => Ok(()),
-            other => Err(wrong("frozen", &other)),
-        }
+        self.link
+            .tell("freezing", &request, SWITCH_TIMEOUT, &Answer::Frozen)
+            .await
     }
 
     /// The clock, if time must run while images are taken: X-Plane's rain and snow fall only then.
@@ -502,7 +474,7 @@ impl Simulator {
         }
     }
 
-    /// Requests one view of one tick. Several may be outstanding; [`Simulator::receive_frame`] returns them in this order.
+    /// Requests a view at a tick. Several may be outstanding; [`Simulator::receive_frame`] returns them in this order.
     ///
     /// # Errors
     /// If 64 are outstanding, or the link is broken.
@@ -523,17 +495,10 @@ impl Simulator {
                     repeats: true,
                 });
             }
-            let lent = self.lend_memory(request).await?;
-            let asked = CaptureRequest {
-                deliver: lent
-                    .as_ref()
-                    .map_or(request.deliver, |picture| Deliver::Slot(picture.number())),
-                ..*request
-            };
             self.link
-                .send("a capture", &Request::Capture(asked), SWITCH_TIMEOUT)
+                .send("a capture", &Request::Capture(*request), SWITCH_TIMEOUT)
                 .await?;
-            self.outstanding.push_back((asked, lent));
+            self.outstanding.push_back(*request);
             Ok(())
         })
     }
@@ -546,12 +511,12 @@ impl Simulator {
     /// [`BridgeError::ViewTaken`], if the frame is never left alone while it is grabbed.
     pub fn receive_frame(&mut self) -> BoxFuture<'_, Result<CapturedFrame, BridgeError>> {
         Box::pin(async move {
-            let (request, lent) = self
+            let request = self
                 .outstanding
                 .pop_front()
                 .ok_or(BridgeError::NothingOutstanding)?;
             let is_grabbed = request.deliver == Deliver::Drawn && request.deliver == self.deliver();
-            let mut frame = self.receive_answer(&request, lent).await?;
+            let mut frame = self.receive_answer(&request).await?;
             let mut grabs = 1;
             while is_grabbed && !self.is_still_shown().await? {
                 if grabs == MAX_GRABS {
@@ -561,7 +526,7 @@ impl Simulator {
                 self.recycle(frame.rgb);
                 let again = Request::Capture(request);
                 self.link.send("a capture", &again, SWITCH_TIMEOUT).await?;
-                frame = self.receive_answer(&request, None).await?;
+                frame = self.receive_answer(&request).await?;
             }
             Ok(frame)
         })
@@ -583,7 +548,6 @@ impl Simulator {
     async fn receive_answer(
         &mut self,
         request: &CaptureRequest,
-        lent: Option<SharedPicture>,
     ) -> Result<CapturedFrame, BridgeError> {
         let answer = self.link.receive("a frame", FRAME_TIMEOUT).await?;
         let Answer::Frame(header) = answer else {
@@ -611,31 +575,24 @@ impl Simulator {
                 ),
             });
         }
-        let rgb = match lent {
-            Some(picture) => PictureBytes::Shared(picture),
-            None => {
-                let mut rgb = self.spare_buffers.pop().unwrap_or_default();
-                self.link
-                    .take_payload("a frame", &mut rgb, FRAME_TIMEOUT)
-                    .await?;
-                if request.deliver == self.deliver() {
-                    rgb = self.pixels.picture(rgb).await?;
-                }
-                rgb.into()
-            }
-        };
+        let mut rgb = self.spare_buffers.pop().unwrap_or_default();
+        self.link
+            .take_payload("a frame", &mut rgb, FRAME_TIMEOUT)
+            .await?;
+        if request.deliver == self.deliver() {
+            rgb = self.pixels.picture(rgb).await?;
+        }
         self.check_settings()?;
-        Ok(CapturedFrame::new(header, rgb))
+        Ok(CapturedFrame::new(header, rgb.into()))
     }
 
     /// Returns an image's memory for the next frames. Optional: fresh memory costs milliseconds per frame.
     pub fn recycle(&mut self, rgb: PictureBytes) {
-        match rgb {
-            PictureBytes::Own(rgb) if self.spare_buffers.len() < MAX_OUTSTANDING_CAPTURES => {
-                self.spare_buffers.push(rgb);
-            }
-            // Shared memory is free again once its last user drops it.
-            PictureBytes::Own(_) | PictureBytes::Pooled(_) | PictureBytes::Shared(_) => {}
+        // Pooled memory returns to its pool when it is dropped.
+        if let PictureBytes::Own(rgb) = rgb
+            && self.spare_buffers.len() < MAX_OUTSTANDING_CAPTURES
+        {
+            self.spare_buffers.push(rgb);
         }
     }
 
@@ -645,21 +602,13 @@ impl Simulator {
     /// The simulator does not confirm. Everything that can be undone is undone nevertheless.
     pub fn release(mut self) -> BoxFuture<'static, Result<(), BridgeError>> {
         Box::pin(async move {
-            let discarded = self.discard_outstanding().await;
-            let released = match discarded {
-                Ok(()) => {
-                    self.link
-                        .ask("releasing", &Request::Release, SWITCH_TIMEOUT)
-                        .await
-                }
+            let released = match self.discard_outstanding().await {
+                Ok(()) => self.let_go().await,
                 Err(error) => Err(error),
             };
             self.settings_watch = None;
             self.udp.close().await;
-            match released? {
-                Answer::Released => Ok(()),
-                other => Err(wrong("released", &other)),
-            }
+            released
         })
     }
 
@@ -669,29 +618,5 @@ impl Simulator {
             self.recycle(frame.rgb);
         }
         Ok(())
-    }
-}
-
-/// An answer that does not match its request.
-fn wrong(expected: &str, found: &Answer) -> BridgeError {
-    BridgeError::WrongAnswer {
-        expected: expected.to_owned(),
-        found: found.name().to_owned(),
-    }
-}
-
-/// Waits for the link until a deadline.
-async fn before<T>(
-    doing: &'static str,
-    limit: Duration,
-    work: impl Future<Output = Result<T, crate::link::LinkError>>,
-) -> Result<T, BridgeError> {
-    match timeout_at(Instant::now() + limit, work).await {
-        Ok(Ok(done)) => Ok(done),
-        Ok(Err(source)) => Err(BridgeError::Link { doing, source }),
-        Err(_) => Err(BridgeError::LinkTimeout {
-            doing,
-            waited: limit,
-        }),
     }
 }

@@ -1,8 +1,8 @@
 //! X-Plane 12's own Web API: HTTP with JSON on the simulator's computer, since 12.1.1.
 //!
-//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read and written, commands run, flights started;
-//! all of them are acknowledged, unlike with UDP. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0) flights.
-//! Identifiers are valid for one session of the simulator, so every call looks up its own.
+//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read, commands run, flights started; all
+//! acknowledged, unlike with UDP. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0) flights. Identifiers are valid for one
+//! session of the simulator, so every call looks up its own.
 
 mod flight;
 
@@ -21,17 +21,16 @@ use futures_util::future::BoxFuture;
 pub use flight::AirStart;
 pub(crate) use flight::flight_body;
 
-/// X-Plane's default port, unless started with another `--web_server_port`.
+/// X-Plane's default port, which `--web_server_port` changes.
 pub(crate) const DEFAULT_ADDRESS: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8086);
-/// Longest body of an answer: the longest that is expected is the value of an array, a few KiB.
+/// Maximum body of an answer: the longest expected one, an array's value, has a few KiB.
 pub const MAX_ANSWER_BYTES: usize = 64 << 10;
-/// Timeout of an answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout of starting a flight: X-Plane loads the aircraft and the scenery first.
 const FLIGHT_TIMEOUT: Duration = Duration::from_secs(180);
 
-/// Failure of a call to the Web API.
+/// Failed call to the Web API.
 #[derive(Debug, thiserror::Error)]
 pub enum WebApiError {
     /// No HTTP server answers there in time.
@@ -61,24 +60,8 @@ pub enum WebApiError {
         address: SocketAddr,
         /// `dataref` or `command`.
         what: &'static str,
-        /// Its name.
+        /// Name.
         name: String,
-    },
-    /// A version of the API that this simulator is too old for.
-    #[error(
-        "{doing} needs Web API {needed}, the simulator at {address} is X-Plane {found}: {since}"
-    )]
-    TooOld {
-        /// Address of the request.
-        address: SocketAddr,
-        /// Purpose of the request.
-        doing: &'static str,
-        /// Version of the API.
-        needed: &'static str,
-        /// Version of the simulator.
-        found: String,
-        /// The minimum version.
-        since: &'static str,
     },
     /// It answered with an error.
     #[error("the Web API at {address} answered {status} to {doing}: {text}")]
@@ -119,13 +102,10 @@ pub enum WebApiError {
 /// A dataref or command as the simulator lists it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Entry {
-    /// Its number in this session of the simulator.
+    /// Number in this simulator session.
     pub id: u64,
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Of a dataref: `int`, `float`, `double`, `int_array`, `float_array` or `data`.
-    #[serde(default)]
-    pub value_type: String,
 }
 
 /// X-Plane's Web API.
@@ -159,7 +139,7 @@ struct Data<T> {
     data: T,
 }
 
-/// The format of an error.
+/// Error format.
 #[derive(Deserialize)]
 struct Problem {
     error_message: Option<String>,
@@ -244,7 +224,7 @@ impl WebApi {
         Box::pin(async move { self.look_up("dataref", "datarefs", name).await })
     }
 
-    /// Reads a dataref: a number, a list of them, or text in base64.
+    /// Reads a dataref: a number, a list of numbers, or text in base64.
     ///
     /// # Errors
     /// If the simulator does not have it, or does not answer.
@@ -273,54 +253,12 @@ impl WebApi {
         })
     }
 
-    /// Writes a dataref, or the element of an array that `name[3]` names. Integers are sent only to integer datarefs: X-Plane
-    /// rejects an integer for a float.
-    ///
-    /// # Errors
-    /// If the simulator does not have it, or it cannot be written.
-    pub fn write<'a>(
-        &'a self,
-        name: &'a str,
-        value: f64,
-    ) -> BoxFuture<'a, Result<(), WebApiError>> {
-        Box::pin(async move {
-            let (array, index) = match name.strip_suffix(']').and_then(|name| name.split_once('['))
-            {
-                Some((array, index)) => (array, index.parse::<u32>().ok()),
-                None => (name, None),
-            };
-            let entry = self.dataref(array).await?;
-            let value = if entry.value_type.starts_with("int") {
-                json!(value.round() as i64)
-            } else {
-                json!(value)
-            };
-            let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
-            self.send_unit(
-                &format!("writing {name}"),
-                Method::PATCH,
-                &path,
-                |request| {
-                    let request = match index {
-                        Some(index) => request.query(&[("index", index)]),
-                        None => request,
-                    };
-                    request.json(&json!({ "data": value }))
-                },
-            )
-            .await
-        })
-    }
-
     /// Runs a command once.
     ///
     /// # Errors
-    /// If the simulator is older than 12.1.4 or does not have it.
+    /// If the simulator does not have it; before 12.1.4 it has none.
     pub fn command<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<(), WebApiError>> {
         Box::pin(async move {
-            if !self.has_commands() {
-                return Err(self.too_old("a command", "v2", "12.1.4 and newer have it"));
-            }
             let entry = self.look_up("command", "commands", name).await?;
             let path = format!("{}/command/{}/activate", self.newest(), entry.id);
             self.send_unit(&format!("command {name}"), Method::POST, &path, |request| {
@@ -333,12 +271,9 @@ impl WebApi {
     /// Starts a flight; see [`flight_body`]. Returns when the simulator reports that it has started.
     ///
     /// # Errors
-    /// If the simulator is older than 12.4.0 or refuses.
+    /// If the simulator refuses, or is older than 12.4.0.
     pub fn start_flight<'a>(&'a self, flight: &'a Value) -> BoxFuture<'a, Result<(), WebApiError>> {
         Box::pin(async move {
-            if !self.has_flights() {
-                return Err(self.too_old("beginning a flight", "v3", "12.4.0 and newer have it"));
-            }
             self.send_unit("beginning a flight", Method::POST, "v3/flight", |request| {
                 request
                     .timeout(FLIGHT_TIMEOUT)
@@ -410,21 +345,6 @@ impl WebApi {
         let url = format!("http://{}/api/{path}", self.address);
         build(self.http.request(method, url).timeout(ANSWER_TIMEOUT))
     }
-
-    fn too_old(
-        &self,
-        doing: &'static str,
-        needed: &'static str,
-        since: &'static str,
-    ) -> WebApiError {
-        WebApiError::TooOld {
-            address: self.address,
-            doing,
-            needed,
-            found: self.simulator_version().to_owned(),
-            since,
-        }
-    }
 }
 
 /// Sends a request and reads what comes back.
@@ -442,7 +362,7 @@ async fn send<T: DeserializeOwned>(
     })
 }
 
-/// The text of an answer that is not an error.
+/// The text of a successful answer.
 async fn answer(
     address: SocketAddr,
     doing: &str,

@@ -9,12 +9,12 @@ use xplane_bridge::datarefs::{CAPTURE_PORT, RUNNING_TIME_S, VERSION};
 use xplane_bridge::packet::{DatarefValue, DatarefValues, FromSimulator, ToSimulator};
 use xplane_bridge::{BridgeError, Simulator};
 
-/// A simulator that reports its version and the given port of a capture link, and loses the first datagrams.
+/// A simulator that reports its version and the capture link's port, and loses the first datagrams.
 async fn simulator_with_port(port: Option<u16>, lost: usize) -> SocketAddr {
     simulator(1_000.0, lost, move |_| port).await
 }
 
-/// The same after some time of running, with a port that may change with the time since now.
+/// A simulator with a running time, and a port that may change with the time since now.
 async fn simulator(
     running_s: f32,
     lost: usize,

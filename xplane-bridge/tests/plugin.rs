@@ -26,6 +26,6 @@ fn the_plugins_python_tests_pass() {
     }
 }
 
-/// Finds and runs the tests of a folder.
+/// Finds and runs a folder's tests.
 const RUN: &str = "import sys, unittest; sys.path.insert(0, sys.argv[1]); \
     unittest.main(module=None, argv=['plugin', 'discover', '-s', sys.argv[1], '-t', sys.argv[1]])";

@@ -1,4 +1,4 @@
-//! Properties of every packet: what was encoded decodes to the same, and no bytes make a decoder panic.
+//! Properties of every packet: encoding and decoding are inverse, and no bytes make a decoder panic.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -11,10 +11,10 @@ use xplane_bridge::packet::{
 /// Cases of each property; a failing one is named by its seed.
 const CASES: u64 = 512;
 
-/// Values of a packet.
-struct Drawn(ChaCha12Rng);
+/// Random packet contents.
+struct RandomPackets(ChaCha12Rng);
 
-impl Drawn {
+impl RandomPackets {
     fn of(seed: u64) -> Self {
         Self(ChaCha12Rng::seed_from_u64(seed))
     }
@@ -160,7 +160,7 @@ const TAGS: [&[u8; 4]; 8] = [
 #[test]
 fn what_goes_to_the_simulator_arrives_as_it_was_meant() {
     for seed in 0..CASES {
-        let packet = Drawn::of(seed).any_to_simulator();
+        let packet = RandomPackets::of(seed).any_to_simulator();
         let datagram = packet.encode().unwrap();
         assert_eq!(ToSimulator::decode(&datagram), Ok(packet), "seed {seed}");
     }
@@ -169,7 +169,7 @@ fn what_goes_to_the_simulator_arrives_as_it_was_meant() {
 #[test]
 fn what_comes_from_the_simulator_arrives_as_it_was_meant() {
     for seed in 0..CASES {
-        let packet = Drawn::of(seed).any_from_simulator();
+        let packet = RandomPackets::of(seed).any_from_simulator();
         let datagram = packet.encode().unwrap();
         assert_eq!(FromSimulator::decode(&datagram), Ok(packet), "seed {seed}");
     }
@@ -178,7 +178,7 @@ fn what_comes_from_the_simulator_arrives_as_it_was_meant() {
 #[test]
 fn any_bytes_are_a_packet_or_an_error_and_a_packet_said_again_is_the_same_bytes() {
     for seed in 0..CASES {
-        let bytes = Drawn::of(seed).datagram();
+        let bytes = RandomPackets::of(seed).datagram();
         let _ = DatarefValuesView::new(&bytes).map(|view| view.iter().count());
         // Compared as bytes: a NaN is not equal to itself.
         if let Ok(again) = ToSimulator::decode(&bytes).and_then(|packet| packet.encode()) {
@@ -195,7 +195,7 @@ fn any_bytes_are_a_packet_or_an_error_and_a_packet_said_again_is_the_same_bytes(
 #[test]
 fn a_packet_that_is_cut_says_how_much_it_lacks() {
     for seed in 0..CASES {
-        let mut drawn = Drawn::of(seed);
+        let mut drawn = RandomPackets::of(seed);
         let whole = drawn.any_to_simulator().encode().unwrap();
         let cut = drawn.0.random_range(0..=whole.len());
         if let Err(PacketError::TooShort { needed, found, .. }) = ToSimulator::decode(&whole[..cut])

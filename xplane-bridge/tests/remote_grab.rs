@@ -1,4 +1,4 @@
-//! A screen that the plugin of another computer grabs: its requests, and invalid answers.
+//! The screen grabbed by a remote plugin: requests, and invalid answers.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -7,8 +7,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::spawn_blocking;
 use xplane_bridge::link::{
-    LinkError, ScreenAnswer, ScreenPart, ScreenRequest, exchange_greetings, read_header,
-    write_message,
+    LinkError, ScreenAnswer, ScreenRequest, exchange_greetings, read_header, write_message,
 };
 use xplane_bridge::pixels::{PixelError, Rectangle, RemoteScreen, RgbPicture, Screen};
 
@@ -103,7 +102,7 @@ async fn the_token_and_the_part_are_told_and_the_picture_comes_as_it_was_sent() 
         (found.width_px, found.height_px, found.rgb),
         (4, 5, picture)
     );
-    let part = ScreenPart {
+    let part = Rectangle {
         x_px: 3,
         y_px: 2,
         width_px: 4,

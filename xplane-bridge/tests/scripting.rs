@@ -1,4 +1,4 @@
-//! The wire traffic of a scenario, to X-Plane 11 and to X-Plane 12, and the reaction when settings do not hold.
+//! A scenario's wire traffic, to X-Plane 11 and to X-Plane 12, and the reaction when settings do not hold.
 
 mod fake_simulator;
 
@@ -8,7 +8,7 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
-use fake_simulator::{Fake, Told};
+use fake_simulator::{Fake, FakeState};
 use testkit::changi_02l;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::datarefs;
@@ -21,7 +21,7 @@ const ELEVEN: f32 = 115_501.0;
 const TWELVE: f32 = 124_311.0;
 const REGENERATE: &str = "sim/operation/regen_weather";
 const CLOUD_BASE_12: &str = "sim/weather/region/cloud_base_msl_m[0]";
-/// Each mode by its own button: this simulator's approach shows as itself, and its glide slope as another.
+/// Each mode by its own button: this simulator shows its approach directly, and its glide slope through a different dataref.
 const APPROACH: [&str; 4] = [
     datarefs::COMMAND_SERVOS_ON,
     datarefs::COMMAND_AUTOTHROTTLE_ON,
@@ -88,7 +88,7 @@ async fn set_up_and_fly(fake: &Fake) -> Simulator {
     simulator
 }
 
-fn assert_wrote(told: &Told, name: &str, value: f32) {
+fn assert_wrote(told: &FakeState, name: &str, value: f32) {
     let found = told.wrote(name);
     let found = found.unwrap_or_else(|| panic!("{name} was not written"));
     assert!(
@@ -366,7 +366,7 @@ async fn modes_of_the_autopilot_that_are_on_are_left_on() {
     fake.told().set(datarefs::NAV_STATUS, 2.0);
     fake.told().set(datarefs::AUTOPILOT_MODE, 1.0);
     let mut simulator = fake.connect().await;
-    // Twice: what the first flight switched on, the second must not switch off.
+    // Twice: the second flight must not switch off the first one's modes.
     for _ in 0..2 {
         simulator.fly(&flight()).await.unwrap();
         let told = fake.told();

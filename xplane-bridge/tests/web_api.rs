@@ -66,26 +66,15 @@ async fn answer(stream: TcpStream, answers: &[(&str, u16, &str)], requests: &Req
 }
 
 #[tokio::test]
-async fn datarefs_are_looked_up_read_and_written_with_their_own_kind_of_number() {
-    let (address, requests) = server(&[
+async fn a_dataref_is_looked_up_and_read() {
+    let (address, _) = server(&[
         ("GET /api/capabilities", 200, CAPABILITIES),
-        (
-            "GET /api/v3/datarefs?filter%5Bname%5D=sim%2Ftime%2Fuse_system_time",
-            200,
-            r#"{"data":[{"id":7,"is_writable":true,"name":"sim/time/use_system_time","value_type":"int"}]}"#,
-        ),
         (
             "GET /api/v3/datarefs?filter%5Bname%5D=sim%2Fweather%2Fregion%2Fvisibility_reported_sm",
             200,
             r#"{"data":[{"id":8,"is_writable":true,"name":"sim/weather/region/visibility_reported_sm","value_type":"float"}]}"#,
         ),
-        (
-            "GET /api/v3/datarefs?filter%5Bname%5D=sim%2Fweather%2Fregion%2Fwind_speed_msc",
-            200,
-            r#"{"data":[{"id":9,"is_writable":true,"name":"sim/weather/region/wind_speed_msc","value_type":"float_array"}]}"#,
-        ),
         ("GET /api/v3/datarefs/8/value", 200, r#"{"data":21.5}"#),
-        ("PATCH /api/v3/datarefs/", 200, ""),
     ])
     .await;
     let api = WebApi::connect(address, SECOND).await.unwrap();
@@ -94,25 +83,6 @@ async fn datarefs_are_looked_up_read_and_written_with_their_own_kind_of_number()
         ("12.4.0", true)
     );
     assert_eq!(api.read_number(VISIBILITY).await.unwrap(), 21.5);
-    api.write("sim/time/use_system_time", 0.0).await.unwrap();
-    api.write(VISIBILITY, 10.0).await.unwrap();
-    api.write("sim/weather/region/wind_speed_msc[3]", 5.0)
-        .await
-        .unwrap();
-    let written: Vec<(String, String)> = requests
-        .lock()
-        .unwrap()
-        .iter()
-        .filter(|(request, _)| request.starts_with("PATCH"))
-        .cloned()
-        .collect();
-    let expected = [
-        ("PATCH /api/v3/datarefs/7/value", r#"{"data":0}"#),
-        ("PATCH /api/v3/datarefs/8/value", r#"{"data":10.0}"#),
-        ("PATCH /api/v3/datarefs/9/value?index=3", r#"{"data":5.0}"#),
-    ];
-    let expected = expected.map(|(request, body)| (request.to_owned(), body.to_owned()));
-    assert_eq!(written, expected);
 }
 
 #[tokio::test]
@@ -136,10 +106,8 @@ async fn a_command_is_looked_up_and_done_once() {
     let last = requests.lock().unwrap().last().cloned().unwrap();
     assert_eq!(last.0, "POST /api/v2/command/1033/activate");
     assert_eq!(last.1, r#"{"duration":0.0}"#);
-    // 12.1.4 cannot start flights, which is reported without a request.
-    let error = api.start_flight(&serde_json::json!({})).await.unwrap_err();
-    assert!(matches!(error, WebApiError::TooOld { .. }), "{error}");
-    assert!(error.to_string().contains("12.1.4"), "{error}");
+    // 12.1.4 cannot start flights.
+    assert!(!api.has_flights());
 }
 
 #[tokio::test]

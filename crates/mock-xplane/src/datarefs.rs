@@ -11,27 +11,26 @@ use std::collections::BTreeMap;
 
 use xplane_bridge::datarefs::Generation;
 
-/// Type of a dataref.
+/// Dataref type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// 32-bit integer: fractions are truncated.
     Int,
     /// 32-bit float.
     Float,
-    /// 64-bit float; UDP still carries 32 bits of it.
+    /// 64-bit float; UDP still carries 32 bits.
     Double,
-    /// Bytes of a text, always an array.
+    /// Bytes of text, always an array.
     Byte,
 }
 
-/// Name, type and first value of a dataref.
+/// A dataref's name, type and first value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Dataref {
     /// Path without index.
     pub name: &'static str,
-    /// Type of its values.
     pub kind: Kind,
-    /// Number of elements of an array, `None` for a single value.
+    /// Array length, `None` for a single value.
     pub length: Option<usize>,
     /// True if clients may set it.
     pub writable: bool,
@@ -44,7 +43,7 @@ pub(crate) struct Dataref {
 /// X-Plane's complaint about a deprecated dataref. It is written into its log in any case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Complaint {
-    /// Only there.
+    /// In the log.
     Logged,
     /// An error lies over the scene as well.
     Shown,
@@ -76,10 +75,10 @@ pub(crate) enum Ignored {
     /// An array is written element by element.
     #[error("array without index: write name[i]")]
     NeedsIndex,
-    /// Beyond the array's end, or an invalid index.
+    /// The index is beyond the array's end, or invalid.
     #[error("index out of range")]
     BadIndex,
-    /// Not a number.
+    /// The value is not a number.
     #[error("value is not finite")]
     NotFinite,
 }
@@ -91,7 +90,7 @@ pub(crate) struct Datarefs {
 }
 
 impl Datarefs {
-    /// The datarefs of a simulator of this generation, with their initial values.
+    /// All datarefs of a simulator generation, with their initial values.
     pub(crate) fn new(generation: Generation) -> Self {
         let cells = known::datarefs(generation).map(|dataref| {
             let values = vec![dataref.initial; dataref.length.unwrap_or(1)];
@@ -102,14 +101,14 @@ impl Datarefs {
         }
     }
 
-    /// All of them, by name, with the values of their elements.
+    /// All datarefs by name, with their values.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (&Dataref, &[f64])> {
         self.cells
             .values()
             .map(|(dataref, values)| (dataref, values.as_slice()))
     }
 
-    /// One of them, by its name without index.
+    /// Looks a dataref up by its name without index.
     pub(crate) fn find(&self, name: &str) -> Option<(&Dataref, &[f64])> {
         let (dataref, values) = self.cells.get(name)?;
         Some((dataref, values))
@@ -182,7 +181,7 @@ impl Datarefs {
         }
     }
 
-    /// Name and element of a path. A single value is also accessible as `name[0]`: clients were seen to do that.
+    /// Splits a path into name and element. Single values are also accessible as `name[0]`: clients were seen to do that.
     fn locate(&self, path: &str) -> Result<(&'static str, usize), Ignored> {
         let (name, index) = match path.strip_suffix(']').and_then(|path| path.split_once('[')) {
             Some((name, index)) => (
@@ -201,7 +200,7 @@ impl Datarefs {
 }
 
 impl Kind {
-    /// A number converted to the type of a dataref.
+    /// Converts a number to this type.
     pub(crate) fn rounded(self, value: f64) -> f64 {
         match self {
             Self::Int => f64::from(value as i32),

@@ -9,16 +9,16 @@ use std::str::FromStr;
 
 use xplane_bridge::datarefs::Generation;
 
-/// Reliability of a report.
+/// Reliability of a quirk's report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Grade {
     /// Measured on a running X-Plane of this version.
     Measured(&'static str),
-    /// In Laminar's documents.
+    /// Stated in Laminar's documents.
     Documented,
     /// Several clients work around it.
     Practised,
-    /// One report.
+    /// Reported once.
     Single,
     /// No report.
     Unknown,
@@ -29,9 +29,9 @@ pub enum Grade {
 pub struct Facts {
     /// The quirk.
     pub quirk: Quirk,
-    /// Its name on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// Its effect, in a sentence.
+    /// The effect, in a sentence.
     pub does: &'static str,
     /// Source of the report.
     pub source: &'static str,
@@ -46,7 +46,7 @@ pub struct Facts {
 /// Defines [`Quirk`] and [`FACTS`] by a row for each: variant, name, source, grade, properties, effect.
 macro_rules! quirks {
     ($($quirk:ident $name:ident $source:literal $grade:ident $(($version:literal))? [$($is:ident)*] $does:literal;)*) => {
-        /// One awkward behaviour.
+        /// Awkward behaviour of a live X-Plane.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[allow(missing_docs, reason = "the table describes each of them")]
         pub enum Quirk {
@@ -162,7 +162,7 @@ pub const OPEN: [Quirk; 8] = [
 ];
 
 impl Quirk {
-    /// Its description.
+    /// The quirk's description.
     pub const fn facts(self) -> &'static Facts {
         &FACTS[self as usize]
     }
@@ -189,7 +189,7 @@ impl fmt::Display for Grade {
 pub struct Quirks(u64);
 
 impl Quirks {
-    /// None of them: a well-behaved simulator.
+    /// No quirks: a well-behaved simulator.
     pub const NONE: Self = Self(0);
 
     /// All that are not contradicted ([`OPEN`]).
@@ -197,7 +197,7 @@ impl Quirks {
         Self::those(|facts| !OPEN.contains(&facts.quirk))
     }
 
-    /// Those that do not slow clients down.
+    /// Quirks that do not slow clients down.
     pub fn quick() -> Self {
         Self::those(|facts| !facts.costs_time && !OPEN.contains(&facts.quirk))
     }
@@ -209,8 +209,7 @@ impl Quirks {
         Self(self.0 & has.0)
     }
 
-    /// Duration of one second of a client's waiting if the simulator's clock runs this much faster: zero if none of the quirks makes
-    /// clients wait.
+    /// Real duration of a client's second of waiting if the simulator's clock runs this much faster; zero if no quirk makes clients wait.
     pub(crate) fn pace(self, clock_rate: f64) -> f64 {
         if self.iter().any(|quirk| quirk.facts().costs_time) {
             1.0 / clock_rate
@@ -236,7 +235,7 @@ impl Quirks {
         Self(self.0 & !quirk.bit())
     }
 
-    /// Those in the set.
+    /// The quirks in the set.
     pub fn iter(self) -> impl Iterator<Item = Quirk> {
         FACTS
             .iter()
@@ -274,7 +273,7 @@ pub struct UnknownQuirk {
     nearest: String,
 }
 
-/// Names that are less alike are not offered for one another (Jaro and Winkler, 0 to 1).
+/// Minimum likeness (Jaro and Winkler, 0 to 1) at which a name is suggested for an unknown one.
 const MIN_LIKENESS: f64 = 0.7;
 
 impl UnknownQuirk {

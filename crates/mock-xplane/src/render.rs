@@ -13,7 +13,7 @@ mod aircraft;
 mod backdrop;
 mod curves;
 mod imaging;
-mod kept;
+mod instant_cache;
 mod lamps;
 mod light;
 pub(crate) mod overlay;
@@ -46,16 +46,13 @@ use lamps::Spot;
 use light::Light;
 use view::View;
 
-/// Pixels between grid nodes.
-const CELL_PX: usize = 8;
-
-/// A place, its weather and time as seen by one camera; draws frames of an aircraft in it.
+/// A place, its weather and time as seen by a camera; draws frames with an aircraft in it.
 pub struct Scene {
     world: Surroundings,
     light: Light,
     backdrop: Backdrop,
     rain_ratio: f64,
-    /// Display value of raindrops, and the seed that distinguishes the drops of this camera from another's.
+    /// Display value of raindrops, and the seed that gives each camera different drops.
     rain_grey: [f32; 3],
     rain_seed: u32,
     scratch: Mutex<Vec<Scratch>>,
@@ -64,16 +61,16 @@ pub struct Scene {
 
 /// The instants of the moving parts of the scene, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Instants {
-    /// Of flashing lamps.
+pub struct Instants {
+    /// Flashing lamps.
     pub lamps_s: f64,
-    /// Of clouds, rain, air and the sensor's noise.
+    /// Clouds, rain, air and the sensor's noise.
     pub weather_s: f64,
 }
 
 impl Instants {
-    /// One instant of everything.
-    pub(crate) fn all(time_s: f64) -> Self {
+    /// All parts at the same instant.
+    pub fn all(time_s: f64) -> Self {
         Self {
             lamps_s: time_s,
             weather_s: time_s,
@@ -100,7 +97,7 @@ impl Spoiled {
         Blur::new(self.blur_sigma_px.hypot(seeing_px))
     }
 
-    /// Displacement of the image of an object at a distance by seeing, pixels.
+    /// Displacement by seeing at a distance, pixels.
     fn shift_px(&self, distance_m: f64, time_s: f64) -> Option<DVec2> {
         self.turbulence
             .as_ref()
@@ -108,7 +105,7 @@ impl Spoiled {
     }
 }
 
-/// The light of a patch of pixels, row by row, with its rectangle. Only pixels that differ from the backdrop have light.
+/// Light of a pixel patch, row by row, with its rectangle. Only pixels that differ from the backdrop have light.
 struct Canvas {
     x: usize,
     y: usize,
@@ -119,8 +116,8 @@ struct Canvas {
 }
 
 impl Scene {
-    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large image). The position of
-    /// the sun is computed for the year 2023, as seen from the camera.
+    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large image). The position of the
+    /// sun is computed for the year 2023, as seen from the camera.
     pub fn new(camera: &Camera, runway: &Runway, weather: &Weather, clock: &Clock) -> Self {
         let view = View::new(camera, runway);
         let beta_per_m = air::beta_per_m(weather.visibility_m);
@@ -131,7 +128,7 @@ impl Scene {
             beta_per_m,
         );
         let air = Air::new(beta_per_m, light);
-        // All cameras of a site expose for the same part of the sky: where the aircraft come from.
+        // All cameras at a site expose for the same part of the sky: the one that aircraft come from.
         let approach = (-view.course + DVec3::Z * 0.03).normalize();
         let tone = Tone::for_horizon(curves::luminance(air.airlight(approach)));
         let ground = Ground::new(&view, runway, &air, &light, weather.rain_ratio);
@@ -159,7 +156,7 @@ impl Scene {
         }
     }
 
-    /// The same, degraded by optics, air and sensor.
+    /// Adds the effects of optics, air and sensor.
     #[must_use]
     pub fn degraded(mut self, degradation: &Degradation) -> Self {
         let focal_px = self.world.view.camera.focal_px;
@@ -189,23 +186,12 @@ impl Scene {
     ///
     /// # Panics
     ///
-    /// If `rgb` has another length.
+    /// If the length of `rgb` is wrong.
     pub fn render(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
-        self.render_at(pose, controls, Instants::all(time_s), rgb);
+        self.draw_frame(pose, controls, Instants::all(time_s), true, rgb);
     }
 
-    /// The same with lamps and weather at different instants.
-    pub(crate) fn render_at(
-        &self,
-        pose: &Pose,
-        controls: &Controls,
-        instants: Instants,
-        rgb: &mut [u8],
-    ) {
-        self.draw_frame(pose, controls, instants, true, rgb);
-    }
-
-    fn draw_frame(
+    pub(crate) fn draw_frame(
         &self,
         pose: &Pose,
         controls: &Controls,
@@ -359,7 +345,7 @@ impl Scene {
 }
 
 impl Patch {
-    /// Coverage and light of a pixel of the image, if the patch contains it.
+    /// Coverage and light of an image pixel, if the patch contains it.
     fn at(&self, x: usize, y: usize) -> Option<(f32, glam::Vec4)> {
         let (column, row) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
         (column < self.width && row < self.height).then(|| {

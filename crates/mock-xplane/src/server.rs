@@ -33,7 +33,7 @@ use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_tape::TapeError;
 
-pub use engine::{BuiltIn, Engine, NotFlown, SceneRenderer};
+pub use engine::{BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting};
 pub use faults::{CameraFault, CameraFaultKind, Faults, FaultsError, Moment, Outage, OutageKind};
 pub use plugin_host::{FramesDrawn, PluginOptions, SceneBehind, WindowCovers, WindowForm};
 pub use seat::LinkPatience;
@@ -76,7 +76,7 @@ pub struct ServerOptions {
     pub incoming: bool,
     /// Faults to simulate.
     pub faults: Faults,
-    /// The awkward habits of a live X-Plane to imitate.
+    /// Awkward habits of a live X-Plane to imitate.
     pub quirks: Quirks,
     /// Speed of the simulator's clock relative to real time, 1 or more.
     pub clock_rate: f64,
@@ -84,7 +84,7 @@ pub struct ServerOptions {
     pub token: Option<LinkToken>,
     /// Timeouts of the capture link.
     pub patience: LinkPatience,
-    /// The window that shows what is drawn, if there is one.
+    /// The window that shows the drawn images, if there is one.
     pub stage: Option<Arc<dyn DisplayWindow>>,
     /// The server of the capture link.
     pub link: LinkServer,
@@ -98,7 +98,7 @@ pub enum LinkServer {
     BuiltIn,
     /// Our plugin's own Python.
     Plugin(PluginOptions),
-    /// None: an X-Plane without our plugin.
+    /// No server: an X-Plane without our plugin.
     Nobody,
 }
 
@@ -175,7 +175,7 @@ pub enum MockError {
     /// The plugin's Python does not run.
     #[error("the plugin in {} does not run: {what}", folder.display())]
     Plugin {
-        /// Its folder.
+        /// Folder of the plugin.
         folder: PathBuf,
         /// Symptom.
         what: String,
@@ -205,7 +205,7 @@ pub async fn serve(options: ServerOptions, ready: impl FnOnce(Addresses)) -> Res
     serve_with(options, Arc::new(BuiltIn), ready).await
 }
 
-/// [`serve`] with another flight model and renderer.
+/// [`serve`] with any flight model and renderer.
 ///
 /// # Errors
 /// As [`serve`].
@@ -277,7 +277,7 @@ impl Ports {
         })
     }
 
-    /// Moves the built-in link to another port, on which no clients are accepted: a plugin opens its own port in its place. If any free
+    /// Moves the built-in link to a different port, on which no clients are accepted: a plugin opens its own port in its place. If any free
     /// port will do, the plugin takes one when it starts: one that is chosen now may be another program's by then.
     async fn leave_capture_link(&mut self, options: &ServerOptions) -> Result<(), MockError> {
         let aside = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
@@ -298,8 +298,8 @@ impl Ports {
     }
 }
 
-/// The sockets of X-Plane's UDP protocol. Answers come from another port than the one that takes packets: X-Plane sends from 49001
-/// ("Port we send from (legacy)").
+/// The sockets of X-Plane's UDP protocol. Answers do not come from the port that takes packets: X-Plane sends from 49001 ("Port we send
+/// from (legacy)").
 #[derive(Debug, Clone)]
 struct UdpSockets {
     listening: Arc<UdpSocket>,
@@ -361,8 +361,7 @@ struct Server {
 }
 
 impl Server {
-    /// As a box, which is compiled here: an `async fn` is compiled again by every program that awaits it, and this one takes half a
-    /// minute.
+    /// Boxed and compiled here: an `async fn` is compiled again by every program that awaits it, and this one takes half a minute.
     fn boxed(self) -> BoxFuture<'static, Result<(), MockError>> {
         Box::pin(async move { self.run().await })
     }
@@ -493,7 +492,7 @@ async fn accept(doorway: &Doorway, listener: Option<&TcpListener>) -> Option<()>
 struct Shared(Arc<Mutex<world::World>>);
 
 impl Shared {
-    /// The world. A panic elsewhere does not make it unusable: every change of it is one assignment.
+    /// The world. A panic elsewhere does not make it unusable: every change is a single assignment.
     fn lock(&self) -> MutexGuard<'_, world::World> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,9 +1,7 @@
-//! A window on an X11 display that shows what the stand-in draws, as X-Plane's window does, so that it can be grabbed.
+//! A window on an X11 display that shows the stand-in's images, as X-Plane's window does, so that it can be grabbed.
 //!
 //! Images go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
 //! it goes away. An image is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
-
-mod cover;
 
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
@@ -12,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use x11rb::COPY_DEPTH_FROM_PARENT;
 use x11rb::connection::{Connection, RequestConnection};
-use x11rb::errors::{ConnectError, ConnectionError, ReplyError, ReplyOrIdError};
+use x11rb::errors::{ConnectionError, ReplyError, ReplyOrIdError};
 use x11rb::properties::WmSizeHints;
 use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
@@ -25,8 +23,6 @@ use x11rb::wrapper::ConnectionExt as _;
 use xplane_bridge::link::SimulatorWindow;
 use xplane_bridge::pixels::RgbPicture;
 
-pub use cover::CoverWindow;
-
 /// Title of the window.
 const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";
 /// Time for a window manager to map the window.
@@ -37,7 +33,7 @@ const BYTES_PER_PIXEL: usize = 4;
 
 /// Shows images: a window, or in tests something with faults.
 pub trait DisplayWindow: fmt::Debug + Send + Sync {
-    /// Its position and size.
+    /// Position and size.
     ///
     /// # Errors
     /// It no longer exists.
@@ -52,72 +48,20 @@ pub trait DisplayWindow: fmt::Debug + Send + Sync {
 
 /// Reason why images cannot be shown.
 #[derive(Debug, thiserror::Error)]
-pub enum WindowError {
-    /// No connection to a display.
-    #[error(
-        "cannot open the X11 display {display:?}: {source}. Is DISPLAY set, and does an X server run there (e.g. Xvfb)?"
-    )]
-    Connect {
-        /// Name of the display.
-        display: String,
-        /// Underlying error.
-        r#source: ConnectError,
-    },
-    /// The display has another pixel format.
-    #[error(
-        "the X11 display has pixels of another form ({found}), expected 24-bit colour in 32 bits, e.g. Xvfb -screen 0 1920x1280x24"
-    )]
-    PixelForm {
-        /// Pixel format of the display.
-        found: String,
-    },
-    /// The window does not fit.
-    #[error(
-        "a window of {width_px}x{height_px} does not fit on the display, {screen_width_px}x{screen_height_px}"
-    )]
-    TooLarge {
-        /// Width asked for, pixels.
-        width_px: u32,
-        /// Height asked for, pixels.
-        height_px: u32,
-        /// Width of the display, pixels.
-        screen_width_px: u16,
-        /// Height of the display, pixels.
-        screen_height_px: u16,
-    },
-    /// An image of another size.
-    #[error("the window is {window}, it cannot show an image of {picture}")]
-    OtherSize {
-        /// Its size.
-        window: String,
-        /// Size of the image.
-        picture: String,
-    },
-    /// The window did not appear.
-    #[error("the window did not appear within {MAP_TIMEOUT:?}")]
-    NotMapped,
-    /// The X server returned an error, or is gone.
-    #[error("the X server: {0}")]
-    X11(String),
-}
+#[error("{0}")]
+pub struct WindowError(String);
 
-impl From<ConnectionError> for WindowError {
-    fn from(error: ConnectionError) -> Self {
-        Self::X11(error.to_string())
-    }
+/// Conversions of X server and connection errors.
+macro_rules! from_x11 {
+    ($($error:ty),*) => {
+        $(impl From<$error> for WindowError {
+            fn from(error: $error) -> Self {
+                Self(format!("the X server: {error}"))
+            }
+        })*
+    };
 }
-
-impl From<ReplyError> for WindowError {
-    fn from(error: ReplyError) -> Self {
-        Self::X11(error.to_string())
-    }
-}
-
-impl From<ReplyOrIdError> for WindowError {
-    fn from(error: ReplyOrIdError) -> Self {
-        Self::X11(error.to_string())
-    }
-}
+from_x11!(ConnectionError, ReplyError, ReplyOrIdError);
 
 /// An open window. It closes when dropped.
 pub struct X11Window {
@@ -145,12 +89,9 @@ impl X11Window {
         let fits = |px: u32, of: u16| u16::try_from(px).ok().filter(|px| (1..=of).contains(px));
         let (width, height) = (screen.width_in_pixels, screen.height_in_pixels);
         let Some((width, height)) = fits(width_px, width).zip(fits(height_px, height)) else {
-            return Err(WindowError::TooLarge {
-                width_px,
-                height_px,
-                screen_width_px: width,
-                screen_height_px: height,
-            });
+            return Err(WindowError(format!(
+                "a window of {width_px}x{height_px} does not fit on the display, {width}x{height}"
+            )));
         };
         let opened = Self {
             window: connection.generate_id()?,
@@ -203,7 +144,7 @@ impl X11Window {
             AtomEnum::STRING,
             title,
         )?;
-        // Another size would mean other images.
+        // A different size would mean different images.
         let size = Some((i32::from(width), i32::from(height)));
         WmSizeHints {
             min_size: size,
@@ -224,7 +165,9 @@ impl X11Window {
                 None => sleep(Duration::from_millis(5)),
             }
         }
-        Err(WindowError::NotMapped)
+        Err(WindowError(format!(
+            "the window did not appear within {MAP_TIMEOUT:?}"
+        )))
     }
 
     /// Puts an image into the pixmap, in as many requests as the server needs.
@@ -268,10 +211,10 @@ impl DisplayWindow for X11Window {
 
     fn show(&self, picture: &RgbPicture) -> Result<(), WindowError> {
         if (picture.width_px, picture.height_px) != (self.width_px, self.height_px) {
-            return Err(WindowError::OtherSize {
-                window: format!("{}x{}", self.width_px, self.height_px),
-                picture: format!("{}x{}", picture.width_px, picture.height_px),
-            });
+            return Err(WindowError(format!(
+                "the window is {}x{}, it cannot show an image of {}x{}",
+                self.width_px, self.height_px, picture.width_px, picture.height_px
+            )));
         }
         let mut pixels = self.pixels.lock().unwrap_or_else(PoisonError::into_inner);
         pixels.clear();
@@ -306,12 +249,12 @@ impl fmt::Debug for X11Window {
 /// Connects to a display, e.g. `:0`, or to the one that `DISPLAY` names, if it has pixels of our form.
 fn connect(display: Option<&str>) -> Result<(RustConnection, Screen), WindowError> {
     let connected = RustConnection::connect(display);
-    let (connection, screen) = connected.map_err(|source| WindowError::Connect {
-        display: display.map_or_else(
-            || std::env::var("DISPLAY").unwrap_or_default(),
-            str::to_owned,
-        ),
-        source,
+    let (connection, screen) = connected.map_err(|error| {
+        let named = || std::env::var("DISPLAY").unwrap_or_default();
+        let display = display.map_or_else(named, str::to_owned);
+        WindowError(format!(
+            "cannot open the X11 display {display:?}: {error}. Is DISPLAY set, and does an X server run there (e.g. Xvfb)?"
+        ))
     })?;
     let screen = connection.setup().roots[screen].clone();
     check_pixels(&connection, &screen)?;
@@ -344,12 +287,11 @@ fn check_pixels(connection: &RustConnection, screen: &Screen) -> Result<(), Wind
     if fits {
         return Ok(());
     }
-    Err(WindowError::PixelForm {
-        found: format!(
-            "depth {}, {bits} bits, masks {masks:x?}, {order:?}",
-            screen.root_depth
-        ),
-    })
+    Err(WindowError(format!(
+        "the X11 display has pixels of another form (depth {}, {bits} bits, masks {masks:x?}, {order:?}), expected 24-bit colour in 32 bits, \
+         e.g. Xvfb -screen 0 1920x1280x24",
+        screen.root_depth
+    )))
 }
 
 #[cfg(test)]

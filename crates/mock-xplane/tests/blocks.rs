@@ -33,13 +33,13 @@ const RATE: FrameRate = FrameRate {
 };
 
 /// A stand-in with a window on a separate X server.
-struct Shown {
+struct HostedPlugin {
     _xvfb: Xvfb,
     simulator: Simulator,
     frames: FramesDrawn,
 }
 
-/// Its screen, and its address.
+/// The stand-in's screen and address.
 async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
     let xvfb = Xvfb::start("200x160x24");
     let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
@@ -55,13 +55,13 @@ async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen
     (xvfb, screen, address)
 }
 
-async fn shown(options: PluginOptions) -> Shown {
+async fn shown(options: PluginOptions) -> HostedPlugin {
     let frames = options.frames_drawn.clone();
     let (xvfb, screen, address) = serve(options, 1.0).await;
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
     let pixels = simulator.use_pixels(PixelChoice::Auto, SIZE_PX, &screen);
     pixels.await.unwrap();
-    Shown {
+    HostedPlugin {
         _xvfb: xvfb,
         simulator,
         frames,
@@ -71,7 +71,7 @@ async fn shown(options: PluginOptions) -> Shown {
 fn plugin(scene_behind: SceneBehind) -> PluginOptions {
     PluginOptions {
         scene_behind: Some(scene_behind),
-        // Of a screen: as fast as it can, the stand-in draws frames that no grab catches.
+        // A screen's refresh rate: without a limit, the stand-in draws frames that no grab catches.
         most_frames_per_s: Some(60.0),
         ..testkit_simulator::plugin::options(WINDOW_PX)
     }
@@ -104,7 +104,7 @@ async fn block(
     (frames, recording.report())
 }
 
-/// The same image, settled.
+/// The settled image.
 async fn settled(
     simulator: &mut Simulator,
     states: &[FlightState],
@@ -127,9 +127,9 @@ async fn settled(
     simulator.receive_frame().await.unwrap()
 }
 
-/// Records both views in blocks and compares every image with the settled one of its tick.
+/// Records both views in blocks and compares every image with its tick's settled image.
 async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         frames: drawn,
         _xvfb,
@@ -199,7 +199,7 @@ async fn a_lag_that_changes_in_mid_block_gives_no_picture_of_another_tick() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_camera_that_is_taken_away_costs_frames_and_no_picture() {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         _xvfb,
         ..
@@ -221,7 +221,7 @@ async fn a_camera_that_is_taken_away_costs_frames_and_no_picture() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn in_fog_without_a_known_lag_every_tick_is_held_and_right() {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         _xvfb,
         ..
@@ -238,11 +238,11 @@ async fn in_fog_without_a_known_lag_every_tick_is_held_and_right() {
 const GROUND_LEVELS: u8 = 4;
 /// ... and one of the aircraft, before clouds that drift and behind streaks of rain, by this.
 const AIRCRAFT_LEVELS: u8 = 24;
-/// Half the aircraft's size, metres, and what its edges add, pixels.
+/// Half the aircraft's size, metres, and the margin for its edges, pixels.
 const AIRCRAFT_M: f64 = 22.0;
 const AROUND_PX: f64 = 2.0;
-/// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ by their streaks,
-/// and in so many more.
+/// Maximum differing pixels between a block image and a settled one: this multiple of the difference of two settled ones (streaks), plus
+/// [`MORE_PIXELS`].
 const NOISE_FACTOR: f64 = 1.5;
 const MORE_PIXELS: usize = 8;
 
@@ -288,7 +288,7 @@ impl Parts {
     }
 }
 
-/// The number of pixels of a part that differ by more than `levels`.
+/// Number of pixels in a part that differ by more than `levels`.
 fn differing(one: &[u8], other: &[u8], levels: u8, is_part: impl Fn(DVec2) -> bool) -> usize {
     let pairs = one.as_chunks::<3>().0.iter().zip(other.as_chunks::<3>().0);
     let place = |at: usize| {
@@ -305,7 +305,7 @@ fn differing(one: &[u8], other: &[u8], levels: u8, is_part: impl Fn(DVec2) -> bo
 #[tokio::test(flavor = "multi_thread")]
 async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_do_but_for_the_rain()
 {
-    let Shown {
+    let HostedPlugin {
         mut simulator,
         _xvfb,
         ..
@@ -319,7 +319,7 @@ async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_d
         let (frames, _) = block(&mut simulator, &states, view).await;
         for tick in (0..states.len() as u32).step_by(7) {
             let expected = settled(&mut simulator, &states, tick, view).await.rgb;
-            // Another tick between them, so that both have settled.
+            // A different tick between them, so that both have settled.
             settled(&mut simulator, &states, (tick + 25) % 50, view).await;
             let again = settled(&mut simulator, &states, tick, view).await.rgb;
             let parts = Parts::of(&camera(view), &states[tick as usize].pose);

@@ -1,24 +1,23 @@
-//! A simulator whose weather at the aircraft is another one than was written: each quantity wrong in turn, by a relay that alters what
-//! is read, with and without a profile of `dtd doctor`. Correct weather must never be reported.
+//! A simulator whose weather at the aircraft differs from the written one: each quantity wrong in turn, by a relay that alters readings,
+//! with and without a profile by `dtd doctor`. Correct weather must never be reported.
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
-use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
+use dataset::conditions::{CloudKind, CloudLayer, Conditions, Weather};
 use dataset::corpus::effective_weather::EffectiveQuantity;
 use futures_util::future::join_all;
 use mock_xplane::server::ServerOptions;
+use testkit::short_flight::noon;
+use testkit_simulator::client::{self, connected_without_web_api as connected};
 use testkit_simulator::{altered, quiet, serving};
-use xplane_bridge::doctor::{DoctorOptions, examine};
+use xplane_bridge::BridgeError;
+use xplane_bridge::doctor::Measuring;
 use xplane_bridge::profile::{Finding, KnownProfile};
-use xplane_bridge::{BridgeError, ConnectOptions, Simulator, WebApiPlace};
 
-const PATIENCE: Duration = Duration::from_secs(20);
-
-/// A wrong report of each quantity, under any weather of these tests.
+/// Wrong reports, one per quantity, under any weather in these tests.
 const WRONG: [(EffectiveQuantity, &str, f32); 5] = [
     (
         EffectiveQuantity::Visibility,
@@ -47,25 +46,11 @@ const WRONG: [(EffectiveQuantity, &str, f32); 5] = [
     ),
 ];
 
-async fn connected(address: SocketAddr) -> Simulator {
-    let options = ConnectOptions {
-        web_api: None,
-        ..ConnectOptions::from_environment(address).unwrap()
-    };
-    Simulator::connect_with(address, PATIENCE, options)
-        .await
-        .unwrap()
-}
-
 fn conditions(name: &str, weather: Weather) -> Conditions {
     Conditions {
-        time_of_day: "12:00".into(),
-        clock: Clock {
-            day_of_year: 172,
-            zulu_time_s: 14_400.0,
-        },
         weather_name: name.into(),
         weather,
+        ..noon(1.0)
     }
 }
 
@@ -90,24 +75,18 @@ fn storm() -> Conditions {
     conditions("stormy", weather)
 }
 
-/// A relay in front of a separate stand-in, with one dataref wrong.
+/// A relay in front of a separate stand-in that falsifies a dataref.
 async fn wrong_at(dataref: &'static str, wrong: f32) -> SocketAddr {
     let simulator = serving(quiet()).await;
     altered(
         simulator,
         move |path, value| if path == dataref { wrong } else { value },
     )
-    .await
 }
 
-/// Examines a simulator and returns what the next client learns of it.
+/// Examines a simulator and returns the profile that the next client gets.
 async fn examined(address: SocketAddr) -> KnownProfile {
-    let options = DoctorOptions {
-        web_api: WebApiPlace::Off,
-        listen: Duration::from_millis(1),
-        ..DoctorOptions::at(Some(address))
-    };
-    examine(&options, &mut |_| {}).await;
+    client::examined(address, Measuring::Once).await;
     let simulator = connected(address).await;
     let profile = simulator.description().profile.clone();
     simulator.release().await.unwrap();
@@ -177,7 +156,7 @@ async fn a_quantity_that_changes_while_pictures_are_taken_is_noticed_after_them(
                 value
             }
         };
-        let mut simulator = connected(altered(serving(quiet()).await, change).await).await;
+        let mut simulator = connected(altered(serving(quiet()).await, change)).await;
         simulator.set_conditions(&storm()).await.unwrap();
         simulator.confirm_conditions().await.unwrap();
         assert_eq!(
@@ -211,7 +190,7 @@ async fn the_doctor_finds_which_quantity_does_not_follow() {
             simulator,
             move |path, value| if path == dataref { stuck } else { value },
         );
-        let profile = examined(relay.await).await;
+        let profile = examined(relay).await;
         let follows = &profile.current().unwrap().weather_follows;
         for measured in EffectiveQuantity::ALL {
             let expected = Finding::Found(measured != quantity);

@@ -4,10 +4,9 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::geometry::camera::CameraPose;
-use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::server::{Faults, ServerOptions};
 use testkit::changi_02l;
+use testkit_simulator::client::{self, captured, level};
 use testkit_simulator::{Blank, Running, quiet};
 use tokio::net::UdpSocket;
 use tokio::time::timeout;
@@ -25,28 +24,8 @@ async fn start(faults: &str) -> Running {
 }
 
 fn capture(tick: u32) -> CaptureRequest {
-    let pose = Pose {
-        latitude_deg: 1.3,
-        longitude_deg: 103.9,
-        altitude_msl_m: 500.0,
-        heading_true_deg: 23.0,
-        pitch_deg: 0.0,
-        roll_deg: 0.0,
-    };
-    CaptureRequest {
-        tick,
-        time_ns: 0,
-        view: 0,
-        pose,
-        controls: Controls::default(),
-        camera: CameraPose {
-            pose,
-            hfov_deg: 10.0,
-        },
-        width_px: 8,
-        height_px: 8,
-        deliver: xplane_bridge::Deliver::Picture,
-    }
+    let pose = level(1.3, 103.9, 500.0, 23.0);
+    client::capture(tick, pose, (pose, 10.0), (8, 8))
 }
 
 /// A client that is written by hand: without repetitions.
@@ -65,7 +44,7 @@ impl PlainClient {
     }
 }
 
-/// One datagram out, one value back; `None` if none comes for a while.
+/// Sends one datagram and waits a while for a value.
 async fn read(client: &PlainClient, path: &str) -> Option<f32> {
     let request = |frequency_hz| {
         ToSimulator::SubscribeDataref(SubscribeDataref {
@@ -114,8 +93,7 @@ async fn a_restart_closes_the_link_forgets_everything_and_comes_back_on_the_same
         .unwrap();
     simulator.freeze(&changi_02l()).await.unwrap();
     for tick in 0..2 {
-        simulator.send_capture(&capture(tick)).await.unwrap();
-        let frame = simulator.receive_frame().await.unwrap();
+        let frame = captured(&mut simulator, &capture(tick)).await;
         assert_eq!(frame.sim_frame, u64::from(tick) + 1);
     }
     simulator.send_capture(&capture(2)).await.unwrap();
@@ -130,8 +108,7 @@ async fn a_restart_closes_the_link_forgets_everything_and_comes_back_on_the_same
     assert_eq!(read(&udp, VISIBILITY).await, Some(first_value));
     simulator.freeze(&changi_02l()).await.unwrap();
     for tick in 0..4 {
-        simulator.send_capture(&capture(tick)).await.unwrap();
-        let frame = simulator.receive_frame().await.unwrap();
+        let frame = captured(&mut simulator, &capture(tick)).await;
         assert_eq!(frame.sim_frame, u64::from(tick) + 1, "one restart only");
     }
 }

@@ -19,11 +19,11 @@ const WIDTH_PX: u32 = 320;
 const HEIGHT_PX: u32 = 192;
 /// Focal length of 1920 pixels over ten degrees.
 const FOCAL_PX: f64 = 10_972.8;
-/// Poses at each distance and from each side, each at another fraction of a pixel.
+/// Poses at each distance and from each side, at different fractions of a pixel.
 const STEPS: u32 = 16;
 
 const DISTANCES_NM: [f64; 4] = [1.0, 3.0, 6.0, 9.0];
-/// The same with a lens and refraction.
+/// Distances for lens and refraction.
 const BENT_DISTANCES_NM: [f64; 2] = [3.0, 9.0];
 
 /// A lens that moves the aircraft by pixels, and typical refraction.
@@ -74,11 +74,11 @@ fn placed(distance_m: f64) -> (Pose, CameraPose) {
     (pose(at, bearing_deg + 180.0, 2.0), camera)
 }
 
-/// The pose moved by fractions of a pixel to the side and up.
+/// The pose moved by pixel fractions to the side and up.
 fn moved(pose: Pose, distance_m: f64, step: u32) -> Pose {
     let pixel_m = (distance_m + 1_500.0) / FOCAL_PX;
     let part = f64::from(step) / f64::from(STEPS);
-    // The fractions up run through another order than those to the side.
+    // Fractions up have a different order than those to the side.
     let (side_m, up_m) = (part * pixel_m, (part * 7.0).fract() * pixel_m);
     let heading = pose.heading_true_deg.to_radians();
     let metres_per_degree = 6_371_000.0 * TAU / 360.0;

@@ -10,10 +10,10 @@ use tokio::net::TcpStream;
 use tokio::time::timeout;
 use xplane_bridge::link::{Answer, LinkToken, exchange_greetings, read_header};
 
-/// Timeout of a test for what has to come.
+/// Timeout for expected events.
 const PATIENCE: Duration = Duration::from_secs(30);
 const HELLO: &str = r#"{"message":"hello","client":"test"}"#;
-/// More than any of the servers serves at a time.
+/// More connections than any server accepts at a time.
 const IDLE: usize = 120;
 
 async fn start(patience: LinkPatience, token: Option<LinkToken>) -> Running {
@@ -25,7 +25,7 @@ async fn start(patience: LinkPatience, token: Option<LinkToken>) -> Running {
     .await
 }
 
-/// As usual, but for the time to say hello.
+/// The usual limits, but little time to say hello.
 fn hasty() -> LinkPatience {
     LinkPatience {
         hello: Duration::from_millis(300),
@@ -69,7 +69,7 @@ async fn refused(stream: &mut TcpStream, header: &str) -> String {
 async fn all_of(mut stream: TcpStream) -> Vec<u8> {
     let mut received = Vec::new();
     let read = timeout(PATIENCE, stream.read_to_end(&mut received)).await;
-    // It may close before it has read all of what was sent.
+    // It may close before it has read everything.
     let _ = read.expect("the server closes the connection");
     received
 }
@@ -155,7 +155,7 @@ async fn what_a_request_announces_and_the_server_does_not_know_is_refused_by_its
     for (header, expected) in [
         (r#"{"message":"dance"}"#, "dance"),
         ("no JSON", "no JSON"),
-        (r#"{"message":"share_memory","more":1}"#, "more"),
+        (r#"{"message":"capture","more":1}"#, "more"),
     ] {
         let text = refused(&mut client, header).await;
         assert!(text.contains(expected), "{text}");

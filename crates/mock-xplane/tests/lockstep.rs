@@ -6,32 +6,30 @@ use std::time::{Duration, Instant};
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
-use dataset::geometry::camera::{Camera, CameraPose};
-use dataset::geometry::imaging::Degradation;
+use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::geometry::runway::Runway;
-use mock_xplane::server::{Engine, NotFlown, SceneRenderer, ServerOptions, serve};
+use mock_xplane::server::{
+    Engine, Instants, NotFlown, SceneRenderer, SceneSetting, ServerOptions, serve,
+};
 use mock_xplane::window::{DisplayWindow, WindowError};
 use testkit::changi_02l;
+use testkit_simulator::client::{self, captured, level};
 use testkit_simulator::{Running, quiet};
-use tokio::net::{TcpStream, UdpSocket};
+use tokio::net::UdpSocket;
 use tokio::time::timeout;
 use xplane_bridge::datarefs::ZULU_TIME_S;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
-use xplane_bridge::link::{
-    Answer, LinkError, LinkToken, PictureBytes, PixelKind, Request, SharedPictures,
-    SimulatorWindow, exchange_greetings, read_header, write_message,
-};
+use xplane_bridge::link::{LinkToken, PixelKind, SimulatorWindow};
 use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator};
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 use xplane_bridge::udp::discovery::announced;
 use xplane_bridge::udp::subscription::Subscription;
 use xplane_bridge::{
-    BridgeError, CONNECT_TIMEOUT, CaptureRequest, CapturedFrame, ConnectOptions, Deliver, Simulator,
+    BridgeError, CONNECT_TIMEOUT, CaptureRequest, ConnectOptions, Deliver, Simulator,
 };
 
-/// Writes the image's time into every byte, slower for even ticks so that images finish out of order, and remembers
-/// what it was asked.
+/// Writes the image's time into every byte, slower for even ticks so that images finish out of order, and remembers the requests.
 #[derive(Default)]
 struct Scribe {
     prepared: Mutex<Vec<(Weather, Clock)>>,
@@ -60,24 +58,18 @@ impl Engine for Scribe {
         Ok((0..1_000).map(state).collect())
     }
 
-    fn picture(
-        &self,
-        _: &Camera,
-        _: &Runway,
-        weather: &Weather,
-        clock: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
+    fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
         self.prepared
             .lock()
             .unwrap()
-            .push((weather.clone(), *clock));
+            .push((scene.weather.clone(), *scene.clock));
         Box::new(Page)
     }
 }
 
 impl SceneRenderer for Page {
-    fn draw(&self, _: &Pose, _: &Controls, time_s: f64, rgb: &mut [u8]) {
+    fn draw(&self, _: &Pose, _: &Controls, instants: Instants, rgb: &mut [u8]) {
+        let time_s = instants.lamps_s;
         if (time_s as u32).is_multiple_of(2) {
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -158,30 +150,18 @@ fn fly_request(seed: u64) -> FlyRequest {
 }
 
 fn capture(tick: u32, view: u32) -> CaptureRequest {
-    let camera_pose = Pose {
-        latitude_deg: 1.36 + f64::from(view) / 1_000.0,
-        longitude_deg: 103.98,
-        altitude_msl_m: 16.7,
-        heading_true_deg: 203.0,
+    let camera = Pose {
         pitch_deg: 1.6,
-        roll_deg: 0.0,
+        ..level(1.36 + f64::from(view) / 1_000.0, 103.98, 16.7, 203.0)
     };
     CaptureRequest {
-        tick,
         time_ns: i64::from(tick) * 1_000_000_000,
         view,
-        pose: pose(tick),
         controls: Controls {
             flap_ratio: 0.5,
             gear_ratio: 1.0,
         },
-        camera: CameraPose {
-            pose: camera_pose,
-            hfov_deg: 10.0,
-        },
-        width_px: 40,
-        height_px: 30,
-        deliver: Deliver::Picture,
+        ..client::capture(tick, pose(tick), (camera, 10.0), (40, 30))
     }
 }
 
@@ -232,8 +212,7 @@ async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
     // The clock runs until it is frozen, and is exact then.
     until_the_clock_runs(running.addresses.udp).await;
     simulator.freeze(&runway()).await.unwrap();
-    simulator.send_capture(&capture(0, 0)).await.unwrap();
-    simulator.receive_frame().await.unwrap();
+    captured(&mut simulator, &capture(0, 0)).await;
     let (weather, clock) = scribe.prepared.lock().unwrap()[0].clone();
     assert!(nearly(&weather, &conditions().weather), "{weather:?}");
     assert_eq!(clock, conditions().clock);
@@ -245,7 +224,7 @@ async fn a_flight_is_begun_by_the_web_api_of_the_same_simulator_and_without_it_b
     let scribe = Arc::new(Scribe::default());
     let running = start(scribe.clone()).await;
     let other = start(Arc::new(Scribe::default())).await;
-    // With the Web API, without one, and with another simulator's, which must not be commanded by mistake.
+    // With the Web API, without one, and with a different simulator's, which must not be commanded by mistake.
     for web_api in [running.addresses.web_api, None, other.addresses.web_api] {
         let options = ConnectOptions {
             web_api,
@@ -332,8 +311,7 @@ async fn refusals_come_with_their_reason_and_leave_the_link_usable() {
     let error = simulator.send_capture(&blind).await.unwrap_err();
     assert!(error.to_string().contains("width_px is 0"), "{error}");
     simulator.freeze(&runway()).await.unwrap();
-    simulator.send_capture(&capture(3, 0)).await.unwrap();
-    assert_eq!(simulator.receive_frame().await.unwrap().tick, 3);
+    assert_eq!(captured(&mut simulator, &capture(3, 0)).await.tick, 3);
 }
 
 #[tokio::test]
@@ -351,7 +329,7 @@ async fn the_client_is_told_who_serves_the_link_and_how_high_the_ground_is() {
     assert!(error.to_string().contains("latitude 91"), "{error}");
 }
 
-/// An invisible window, and what it showed.
+/// An invisible window that keeps its images.
 #[derive(Debug, Default)]
 struct Wall(Mutex<Vec<RgbPicture>>);
 
@@ -410,116 +388,8 @@ async fn nothing_is_captured_under_the_check_pattern() {
     let error = simulator.receive_frame().await.unwrap_err();
     assert!(error.to_string().contains("check pattern"), "{error}");
     let gone = simulator.check_pattern(None).await.unwrap();
-    simulator.send_capture(&capture(0, 0)).await.unwrap();
-    let frame = simulator.receive_frame().await.unwrap();
+    let frame = captured(&mut simulator, &capture(0, 0)).await;
     assert!(shown < gone && gone < frame.sim_frame);
-}
-
-#[tokio::test]
-async fn pictures_for_a_client_on_this_computer_are_drawn_into_its_memory_and_travel_when_that_is_full()
- {
-    let running = start(Arc::new(Scribe::default())).await;
-    let mut simulator = connected(&running).await;
-    simulator.freeze(&runway()).await.unwrap();
-    let larger = CaptureRequest {
-        width_px: 640,
-        height_px: 400,
-        ..capture(3, 0)
-    };
-    // No image is given back, so the memory for 16 is all in use in the end; a larger size gets separate memory.
-    let requests: Vec<_> = (0..20)
-        .map(|tick| capture(1 + 2 * tick, 0))
-        .chain([larger])
-        .collect();
-    let mut frames = Vec::new();
-    for request in &requests {
-        simulator.send_capture(request).await.unwrap();
-        frames.push(simulator.receive_frame().await.unwrap());
-    }
-    let shared = |frame: &CapturedFrame| matches!(frame.rgb, PictureBytes::Shared(_));
-    assert!(frames[..16].iter().all(shared), "{:?}", frames[0].rgb);
-    assert!(!frames[16..20].iter().any(shared), "{:?}", frames[16].rgb);
-    assert!(shared(&frames[20]));
-    for (frame, request) in frames.iter().zip(&requests) {
-        assert_eq!(frame.rgb.len(), request.rgb_bytes());
-        assert!(frame.rgb.iter().all(|&byte| byte == request.tick as u8));
-    }
-    drop(frames);
-    simulator.send_capture(&capture(9, 0)).await.unwrap();
-    let frame = simulator.receive_frame().await.unwrap();
-    assert!(shared(&frame) && frame.rgb.iter().all(|&byte| byte == 9));
-    simulator.release().await.unwrap();
-}
-
-#[tokio::test]
-async fn a_client_that_wants_its_pictures_over_the_link_gets_them_there() {
-    let running = start(Arc::new(Scribe::default())).await;
-    let options = ConnectOptions {
-        no_shared_memory: true,
-        ..ConnectOptions::default()
-    };
-    let udp = running.addresses.udp;
-    let mut simulator = Simulator::connect_with(udp, CONNECT_TIMEOUT, options)
-        .await
-        .unwrap();
-    simulator.freeze(&runway()).await.unwrap();
-    simulator.send_capture(&capture(3, 0)).await.unwrap();
-    let frame = simulator.receive_frame().await.unwrap();
-    assert!(matches!(&frame.rgb, PictureBytes::Own(rgb) if *rgb == vec![3; 40 * 30 * 3]));
-}
-
-#[tokio::test]
-async fn memory_that_cannot_be_drawn_into_is_refused_and_the_conversation_goes_on() {
-    let running = start(Arc::new(Scribe::default())).await;
-    let mut stream = TcpStream::connect(running.addresses.capture_link)
-        .await
-        .unwrap();
-    exchange_greetings(&mut stream).await.unwrap();
-    let slot = |number| {
-        Request::Capture(CaptureRequest {
-            deliver: Deliver::Slot(number),
-            ..capture(1, 0)
-        })
-    };
-    let small = SharedPictures::new(2, 1_000).unwrap();
-    let mut lost = small.offer().clone();
-    lost.secret = "0".repeat(32);
-    let freeze = Request::Freeze {
-        runway: runway(),
-        settle_frames: 0,
-        imaging: Vec::new(),
-        running_at: None,
-        margins_px: None,
-    };
-    let mut tall = capture(1, 0);
-    (tall.height_px, tall.deliver) = (30 * 40, Deliver::Slot(0));
-    let hello = Request::Hello {
-        client: "test".into(),
-        token: None,
-    };
-    for (request, expected) in [
-        (hello, "Hello"),
-        (freeze, "Frozen"),
-        (slot(0), "send share_memory first"),
-        (Request::ShareMemory(lost), "secret"),
-        (slot(0), "send share_memory first"),
-        (Request::ShareMemory(small.offer().clone()), "MemoryShared"),
-        (slot(2), "no slot 2"),
-        (Request::Capture(tall), "does not fit slot 0"),
-        (slot(1), "Frame"),
-    ] {
-        let answer = asked(&mut stream, &request).await.unwrap();
-        let found = format!("{answer:?}");
-        assert!(found.contains(expected), "{found}, expected {expected}");
-    }
-}
-
-/// The simulator's answer, without a payload.
-async fn asked(stream: &mut TcpStream, request: &Request) -> Result<Answer, LinkError> {
-    write_message(stream, request, &[]).await?;
-    let (answer, payload_bytes) = read_header(stream).await?.unwrap();
-    assert_eq!(payload_bytes, 0, "{answer:?}");
-    Ok(answer)
 }
 
 #[tokio::test]
@@ -533,8 +403,7 @@ async fn a_frame_that_is_only_drawn_has_no_payload() {
         ..capture(7, 0)
     };
     for request in [drawn, capture(8, 0)] {
-        simulator.send_capture(&request).await.unwrap();
-        let frame = simulator.receive_frame().await.unwrap();
+        let frame = captured(&mut simulator, &request).await;
         assert!(request.payload_bytes().contains(&frame.rgb.len()));
         assert_eq!(frame.pose, request.pose);
     }
@@ -634,7 +503,7 @@ async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
     };
     let end = ToSimulator::SubscribeDataref(end).encode().unwrap();
     socket.send_to(&end, simulator).await.unwrap();
-    // Twenty times as long as between two of them.
+    // Twenty times as long as between two frames.
     let end = Instant::now() + Duration::from_secs(20);
     let next = async |buffer: &mut [u8]| {
         let received = timeout(Duration::from_millis(200), socket.recv(buffer)).await;
@@ -667,7 +536,7 @@ async fn the_built_in_engine_flies_to_the_runway_and_draws_the_aircraft() {
     );
 
     simulator.freeze(&runway()).await.unwrap();
-    // A camera 300 m ahead of an aircraft on the approach looks back at it.
+    // The view from 300 m ahead of an approaching aircraft, back to it.
     let aircraft = Pose {
         latitude_deg: 1.3,
         longitude_deg: 103.956,
@@ -722,7 +591,7 @@ async fn a_stand_in_on_this_computer_is_found_with_its_port_and_version() {
     };
     let running = Running::start(announcing).await;
     let address = running.addresses.udp;
-    // Another one may run on this computer, so that the wanted one need not be the only one.
+    // A second one may run on this computer, so that the wanted one need not be the only one.
     let found = announced(Duration::from_millis(2_500)).await.unwrap();
     let this = found
         .iter()

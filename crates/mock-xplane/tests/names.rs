@@ -4,21 +4,22 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
+use dataset::conditions::{CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
-use dataset::geometry::camera::CameraPose;
-use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::pose::Pose;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions};
 use testkit::changi_02l;
+use testkit::short_flight::noon;
+use testkit_simulator::client::{self, captured, examined, level};
 use testkit_simulator::{plugin, quiet, serving};
 use xplane_bridge::datarefs::Generation;
-use xplane_bridge::doctor::{Check, DoctorOptions, Measuring, Verdict, examine};
+use xplane_bridge::doctor::{Measuring, Verdict};
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::udp::subscription::Subscription;
-use xplane_bridge::{CaptureRequest, Deliver, Simulator, WebApiPlace};
+use xplane_bridge::{CaptureRequest, Deliver, Simulator};
 
 const SIZE_PX: (u32, u32) = (96, 64);
-/// The stand-in's count of names that were looked up and are not of its version.
+/// The stand-in's count of looked-up names that are not in its version.
 const FOREIGN_NAMES: &str = "dtd/mock/foreign_names";
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(30);
 const GENERATIONS: [Generation; 2] = [Generation::XPlane11, Generation::XPlane12];
@@ -44,23 +45,8 @@ async fn read(address: SocketAddr, name: &str) -> f32 {
     value
 }
 
-async fn examined(address: SocketAddr) -> Vec<Check> {
-    let options = DoctorOptions {
-        web_api: WebApiPlace::Off,
-        listen: Duration::from_millis(1),
-        measuring: Measuring::Once,
-        ..DoctorOptions::at(Some(address))
-    };
-    examine(&options, &mut |_| {}).await
-}
-
 fn storm() -> Conditions {
     Conditions {
-        time_of_day: "12:00".into(),
-        clock: Clock {
-            day_of_year: 172,
-            zulu_time_s: 14_400.0,
-        },
         weather_name: "storm".into(),
         weather: Weather {
             visibility_m: 8_000.0,
@@ -75,6 +61,7 @@ fn storm() -> Conditions {
             wind_from_true_deg: 30.0,
             turbulence_ratio: 0.1,
         },
+        ..noon(8_000.0)
     }
 }
 
@@ -82,27 +69,19 @@ fn capture(deliver: Deliver) -> CaptureRequest {
     let at = |along_m, up_m, heading_true_deg| {
         let place = changi_02l().point_on_approach(along_m, -20.0);
         Pose {
-            latitude_deg: place.latitude_deg,
-            longitude_deg: place.longitude_deg,
-            altitude_msl_m: up_m,
-            heading_true_deg,
             pitch_deg: 3.0,
-            roll_deg: 0.0,
+            ..level(
+                place.latitude_deg,
+                place.longitude_deg,
+                up_m,
+                heading_true_deg,
+            )
         }
     };
+    let pose = at(2_000.0, 120.0, 23.0);
     CaptureRequest {
-        tick: 1,
-        time_ns: 0,
-        view: 0,
-        pose: at(2_000.0, 120.0, 23.0),
-        controls: Controls::default(),
-        camera: CameraPose {
-            pose: at(0.0, 10.0, 203.0),
-            hfov_deg: 20.0,
-        },
-        width_px: SIZE_PX.0,
-        height_px: SIZE_PX.1,
         deliver,
+        ..client::capture(1, pose, (at(0.0, 10.0, 203.0), 20.0), SIZE_PX)
     }
 }
 
@@ -112,8 +91,7 @@ async fn use_everything(address: SocketAddr, deliver: Deliver) {
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
     simulator.set_conditions(&storm()).await.unwrap();
     simulator.freeze(&runway).await.unwrap();
-    simulator.send_capture(&capture(deliver)).await.unwrap();
-    simulator.receive_frame().await.unwrap();
+    captured(&mut simulator, &capture(deliver)).await;
     let flight = FlyRequest {
         start: FlightStart {
             position: runway.point_on_approach(1_500.0, 0.0).at_altitude_m(86.0),
@@ -154,7 +132,7 @@ async fn client_and_plugin_look_up_no_name_of_another_version() {
             };
             let is_hosted = matches!(link, LinkServer::Plugin(_));
             let address = stand_in(generation, link).await;
-            let checks = examined(address).await;
+            let checks = examined(address, Measuring::Once).await;
             let complaints = checks
                 .iter()
                 .find(|check| check.name == "complaints")
@@ -184,7 +162,7 @@ async fn a_plugin_that_looks_up_a_deprecated_name_is_reported_and_spoils_its_pic
         )],
     );
     let address = stand_in(Generation::XPlane12, hosted(rude)).await;
-    let checks = examined(address).await;
+    let checks = examined(address, Measuring::Once).await;
     let complaints = checks
         .iter()
         .find(|check| check.name == "complaints")

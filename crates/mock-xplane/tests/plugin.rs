@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
 use dataset::geometry::approach_profile::ApproachProfile;
-use dataset::geometry::camera::CameraPose;
 use dataset::geometry::distortion::Distortion;
 use dataset::geometry::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::geometry::imaging::{Degradation, Imaging, Sensor};
@@ -18,6 +17,7 @@ use mock_xplane::window::X11Window;
 use testkit::short_flight::{noon, runway};
 #[cfg(target_os = "linux")]
 use testkit_simulator::Xvfb;
+use testkit_simulator::client;
 use testkit_simulator::{quiet, serving};
 use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::fly::{FlightStart, FlyRequest};
@@ -103,7 +103,7 @@ async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
     watch.end().await;
 }
 
-/// An aircraft in another attitude each tick, seen large from a camera that is turned and rolled as well.
+/// The aircraft in a different attitude each tick, seen large from a camera that is turned and rolled as well.
 fn capture(tick: u32) -> CaptureRequest {
     let step = f64::from(tick);
     let aircraft = Pose {
@@ -128,21 +128,11 @@ fn capture(tick: u32) -> CaptureRequest {
         roll_deg: 3.0 * step,
     };
     CaptureRequest {
-        tick,
-        time_ns: 0,
-        view: 0,
-        pose: aircraft,
         controls: Controls {
             flap_ratio: 0.5,
             gear_ratio: 1.0,
         },
-        camera: CameraPose {
-            pose: camera,
-            hfov_deg: 20.0,
-        },
-        width_px: SIZE_PX.0,
-        height_px: SIZE_PX.1,
-        deliver: Deliver::Picture,
+        ..client::capture(tick, aircraft, (camera, 20.0), SIZE_PX)
     }
 }
 
@@ -211,7 +201,7 @@ async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() 
         drawn == picture(&mut simulator).await,
         "noise is not that of its seed and instant"
     );
-    // Another view than the one with the lens is ideal.
+    // Views other than the one with the lens are ideal.
     simulator
         .freeze_with_imaging(&runway(), &[Imaging::default(), imaging()])
         .await
@@ -290,7 +280,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
             let asked = capture(tick as u32);
             assert_eq!(aircraft_mismatch(&found.pose, &asked.pose), None);
             assert_eq!(camera_mismatch(&found.camera, &asked.camera), None);
-            // Only a few pixels of an edge differ: a camera some millimetres aside.
+            // Only a few edge pixels differ: a camera some millimetres aside.
             let (mean, largest) = difference(&found.rgb, &wanted.rgb);
             println!("tick {tick}: mean difference {mean:.4}, largest {largest}");
             assert!(mean < 0.1, "tick {tick}, {options:?}: {mean} {largest}");
@@ -314,14 +304,14 @@ async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_t
     let mut simulator = taking_screenshots("camera_taken,stale_frames").await;
     assert_like(&pictures(&mut simulator).await, &wanted);
     simulator.release().await.unwrap();
-    // The kept frame may be some frames late, but still shows what the camera saw before it was taken away.
+    // The kept frame may be some frames late, but still shows the camera's view before it was taken away.
     let late = "cockpit_view,stale_frames,screenshot_without_camera";
     let mut simulator = taking_screenshots(late).await;
     assert_like(&pictures(&mut simulator).await, &wanted);
     simulator.release().await.unwrap();
 }
 
-/// The images of all ticks equal the wanted ones, except for a few pixels of an edge.
+/// All images equal the wanted ones, except for a few edge pixels.
 fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
     for (tick, (found, wanted)) in found.iter().zip(wanted).enumerate() {
         let asked = capture(tick as u32);
@@ -467,7 +457,7 @@ impl Grab for DisturbedGrab {
             return Ok(());
         }
         self.disturbances.pending.store(pending - 1, Relaxed);
-        // The plugin takes the view back within some frames: this is repeated until a grab sees another one.
+        // The plugin takes the view back within some frames: this is repeated until a grab sees a different view.
         let keyboard = std::net::UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let right = picture.rgb.clone();
         // On a busy machine many grabs fit between two frames.
@@ -557,7 +547,7 @@ async fn a_live_approach_through_the_plugin_lands_where_the_built_in_one_does() 
         .to_ecef()
         .distance(start.to_ecef());
     assert!(begin < 30.0, "starts {begin} m off");
-    // Positions move as velocities say, in spite of a local origin that jumps. Turns and flare within 0.1 s remain as a difference.
+    // Positions move as velocities say, in spite of jumps of the local origin. Turns and flare within 0.1 s remain as a difference.
     for pair in flown[1].windows(2) {
         let way = pair[1].position_ecef() - pair[0].position_ecef();
         let step_s = pair[1].time_s - pair[0].time_s;

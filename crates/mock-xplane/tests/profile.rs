@@ -1,21 +1,21 @@
-//! Measurements by `dtd doctor` where reports disagree: for each quirk that may or may not be there, another answer.
+//! Measurements by `dtd doctor` where reports disagree: with and without each disputed quirk, the answers differ.
 
-use std::net::SocketAddr;
 use std::time::Duration;
 
-use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::geometry::camera::CameraPose;
-use dataset::geometry::pose::{Controls, Pose};
+use dataset::conditions::Conditions;
+use dataset::geometry::pose::Pose;
 use dataset::geometry::runway::Runway;
 use mock_xplane::server::ServerOptions;
 use testkit::changi_02l;
+use testkit::short_flight::noon;
+use testkit_simulator::client::{self, connected_without_web_api as connected, examined, level};
 use testkit_simulator::{quiet, serving};
 use tokio::time::timeout;
+use xplane_bridge::CaptureRequest;
 use xplane_bridge::datarefs::Generation;
-use xplane_bridge::doctor::{Check, DoctorOptions, Measuring, Verdict, examine};
+use xplane_bridge::doctor::{Check, Measuring, Verdict};
 use xplane_bridge::profile::{Finding, KnownProfile, Profile, WindUnit};
 use xplane_bridge::udp::subscription::Subscription;
-use xplane_bridge::{CaptureRequest, ConnectOptions, Deliver, Simulator, WebApiPlace};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -39,26 +39,6 @@ fn plugin(quirks: &str) -> ServerOptions {
         link: testkit_simulator::plugin::link((96, 64)),
         ..options(Generation::XPlane11, quirks)
     }
-}
-
-async fn connected(address: SocketAddr) -> Simulator {
-    let options = ConnectOptions {
-        web_api: None,
-        ..ConnectOptions::from_environment(address).unwrap()
-    };
-    Simulator::connect_with(address, PATIENCE, options)
-        .await
-        .unwrap()
-}
-
-async fn examined(address: SocketAddr, measuring: Measuring) -> Vec<Check> {
-    let options = DoctorOptions {
-        web_api: WebApiPlace::Off,
-        listen: Duration::from_millis(1),
-        measuring,
-        ..DoctorOptions::at(Some(address))
-    };
-    examine(&options, &mut |_| {}).await
 }
 
 /// The profile that the next client receives from an examined simulator.
@@ -175,22 +155,10 @@ async fn the_order_of_callbacks_is_measured() {
 }
 
 fn windy_noon() -> Conditions {
-    Conditions {
-        time_of_day: "12:00".into(),
-        clock: Clock {
-            day_of_year: 172,
-            zulu_time_s: 14_400.0,
-        },
-        weather_name: "windy".into(),
-        weather: Weather {
-            visibility_m: 30_000.0,
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
-            wind_speed_mps: 10.0,
-            wind_from_true_deg: 60.0,
-            turbulence_ratio: 0.0,
-        },
-    }
+    let mut conditions = noon(30_000.0);
+    conditions.weather.wind_speed_mps = 10.0;
+    conditions.weather.wind_from_true_deg = 60.0;
+    conditions
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -245,14 +213,7 @@ async fn where_a_pause_keeps_its_picture_pictures_are_taken_while_time_runs() {
 }
 
 fn pose(latitude_deg: f64, heading_true_deg: f64) -> Pose {
-    Pose {
-        latitude_deg,
-        longitude_deg: 103.98,
-        altitude_msl_m: 300.0,
-        heading_true_deg,
-        pitch_deg: 0.0,
-        roll_deg: 0.0,
-    }
+    level(latitude_deg, 103.98, 300.0, heading_true_deg)
 }
 
 fn runway() -> Runway {
@@ -262,22 +223,9 @@ fn runway() -> Runway {
     }
 }
 
-/// Each looks another way.
 fn capture(tick: u32) -> CaptureRequest {
-    CaptureRequest {
-        tick,
-        time_ns: 0,
-        view: 0,
-        pose: pose(1.35, 0.0),
-        controls: Controls::default(),
-        camera: CameraPose {
-            pose: pose(1.34, 90.0 * f64::from(tick)),
-            hfov_deg: 40.0,
-        },
-        width_px: 96,
-        height_px: 64,
-        deliver: Deliver::Picture,
-    }
+    let camera = pose(1.34, 90.0 * f64::from(tick));
+    client::capture(tick, pose(1.35, 0.0), (camera, 40.0), (96, 64))
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -5,9 +5,8 @@ use std::time::{Duration, Instant};
 
 use mock_xplane::server::{Addresses, BuiltIn, ServerOptions};
 use serde_json::{Value, json};
+use testkit_simulator::client::web_request;
 use testkit_simulator::{quiet, serving_with, web_flight};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::TcpStream;
 use tokio::time::timeout;
 
 const COVER: &str = "sim/weather/region/cloud_coverage_percent";
@@ -26,24 +25,11 @@ async fn start(quirks: &str, clock_rate: f64) -> Addresses {
     addresses
 }
 
-/// A request on a separate connection; `None` if it was closed without an answer.
+/// The body of an answer; `None` if the connection was closed without one.
 async fn request(addresses: Addresses, method: &str, path: &str, body: &Value) -> Option<Value> {
-    let mut stream = TcpStream::connect(addresses.web_api?).await.ok()?;
-    let body = match body {
-        Value::Null => String::new(),
-        body => body.to_string(),
-    };
-    let head = format!(
-        "{method} /api{path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: application/json\r\n\
-         Content-Length: {}\r\n\r\n",
-        body.len()
-    );
-    stream.write_all(head.as_bytes()).await.ok()?;
-    stream.write_all(body.as_bytes()).await.ok()?;
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).await.ok()?;
-    let (_, body) = answer.split_once("\r\n\r\n")?;
-    serde_json::from_str(body).ok()
+    let path = format!("/api{path}");
+    let answer = web_request(addresses.web_api?, method, &path, body).await;
+    answer.map(|(_, body)| body)
 }
 
 async fn id(addresses: Addresses, list: &str, name: &str) -> Value {
@@ -128,7 +114,7 @@ async fn a_regeneration_freezes_everybody_for_three_seconds_of_the_simulators_cl
     let command = id(addresses, "commands", "sim/operation/regen_weather").await;
     let path = format!("/v3/command/{command}/activate");
     request(addresses, "POST", &path, &json!({ "duration": 0.0 })).await;
-    // The freeze begins with the next frame: one of the answers from then on takes most of a second.
+    // The freeze begins with the next frame: one of the following answers takes most of a second.
     let frozen = timeout(PATIENCE, async {
         loop {
             let asked = Instant::now();

@@ -1,4 +1,4 @@
-//! Memory of a process that grabs a screen.
+//! Memory while grabbing a screen.
 #![cfg(target_os = "linux")]
 
 use testkit::peak::peak_bytes;

@@ -4,19 +4,19 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::geometry::camera::CameraPose;
-use dataset::geometry::pose::{Controls, Pose};
+use dataset::conditions::Conditions;
+use dataset::geometry::pose::Pose;
 use dataset::geometry::runway::Runway;
 use mock_xplane::server::{Addresses, serve_tape};
 use testkit::changi_02l;
+use testkit::short_flight::noon;
+use testkit_simulator::client::{self, level};
 use testkit_simulator::{quiet, serving};
 use tokio::net::UdpSocket;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
-use xplane_bridge::link::PictureBytes;
 use xplane_bridge::packet::{SubscribePosition, ToSimulator};
-use xplane_bridge::{BridgeError, CaptureRequest, CapturedFrame, Deliver, Simulator};
+use xplane_bridge::{BridgeError, CaptureRequest, CapturedFrame, Simulator};
 use xplane_tape::{RecordOptions, record};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -41,29 +41,15 @@ fn runway() -> Runway {
 
 fn pose(latitude_deg: f64) -> Pose {
     Pose {
-        latitude_deg,
-        longitude_deg: 103.98,
-        altitude_msl_m: 100.0,
-        heading_true_deg: 23.0,
         pitch_deg: 2.0,
-        roll_deg: 0.0,
+        ..level(latitude_deg, 103.98, 100.0, 23.0)
     }
 }
 
 fn request(tick: u32, latitude_deg: f64) -> CaptureRequest {
     CaptureRequest {
-        tick,
         time_ns: i64::from(tick) * 1_000_000_000,
-        view: 0,
-        pose: pose(latitude_deg),
-        controls: Controls::default(),
-        camera: CameraPose {
-            pose: pose(1.34),
-            hfov_deg: 20.0,
-        },
-        width_px: 48,
-        height_px: 32,
-        deliver: Deliver::Picture,
+        ..client::capture(tick, pose(latitude_deg), (pose(1.34), 20.0), (48, 32))
     }
 }
 
@@ -96,10 +82,6 @@ async fn session(address: SocketAddr) -> (Vec<CapturedFrame>, Vec<u8>) {
             .unwrap(),
         );
     }
-    // Whether the simulator could draw into our memory or not: what does not pass the recorder is not on the tape.
-    for frame in &frames {
-        assert!(matches!(frame.rgb, PictureBytes::Own(_)), "{:?}", frame.rgb);
-    }
     let position = position(address).await;
     simulator.release().await.unwrap();
     (frames, position)
@@ -119,25 +101,13 @@ async fn position(address: SocketAddr) -> Vec<u8> {
 }
 
 fn conditions() -> Conditions {
-    Conditions {
-        time_of_day: "12:00".into(),
-        clock: Clock {
-            day_of_year: 172,
-            zulu_time_s: 14_400.0,
-        },
-        weather_name: "clear".into(),
-        weather: Weather {
-            visibility_m: 30_000.0,
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
-            wind_speed_mps: 3.0,
-            wind_from_true_deg: 60.0,
-            turbulence_ratio: 0.0,
-        },
-    }
+    let mut conditions = noon(30_000.0);
+    conditions.weather.wind_speed_mps = 3.0;
+    conditions.weather.wind_from_true_deg = 60.0;
+    conditions
 }
 
-/// A tape of the session, and what the client got in it.
+/// A tape of the session, and the client's results.
 async fn recorded(folder: &Path) -> (PathBuf, (Vec<CapturedFrame>, Vec<u8>)) {
     let simulator = serving(quiet()).await;
     let tape = folder.join("session.mcap");

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use mock_xplane::server::ServerOptions;
 use serde_json::{Value, json};
+use testkit_simulator::client::web_request;
 use testkit_simulator::{Running, quiet, web_flight};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpStream, UdpSocket};
+use tokio::net::UdpSocket;
 use tokio::time::{sleep, timeout};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::packet::{FromSimulator, SubscribePosition, ToSimulator};
@@ -24,30 +24,14 @@ impl Asked {
         self.0.addresses.web_api.unwrap()
     }
 
-    /// One request on a separate connection: status and body.
+    /// Sends a request on a separate connection; returns status and body.
     async fn request(&self, method: &str, path: &str, body: &Value) -> (u16, Value) {
         self.try_request(method, path, body).await.unwrap()
     }
 
-    /// The same; `None` if there is no answer.
+    /// [`Self::request`]; `None` if there is no answer.
     async fn try_request(&self, method: &str, path: &str, body: &Value) -> Option<(u16, Value)> {
-        let mut stream = TcpStream::connect(self.web()).await.ok()?;
-        let body = if body.is_null() {
-            String::new()
-        } else {
-            body.to_string()
-        };
-        let request = format!(
-            "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nAccept: application/json\r\n\
-             Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
-            body.len()
-        );
-        stream.write_all(request.as_bytes()).await.ok()?;
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).await.ok()?;
-        let (head, body) = answer.split_once("\r\n\r\n")?;
-        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        Some((status, serde_json::from_str(body).unwrap()))
+        web_request(self.web(), method, path, body).await
     }
 
     async fn get(&self, path: &str) -> Value {

@@ -3,16 +3,12 @@
 
 use std::sync::{Arc, Mutex};
 
-use dataset::conditions::{Clock, Weather};
-use dataset::geometry::camera::{Camera, CameraPose};
-use dataset::geometry::imaging::Degradation;
-use dataset::geometry::pose::{Controls, FlightState, Pose};
-use dataset::geometry::runway::Runway;
-use mock_xplane::server::{Engine, NotFlown, SceneRenderer, ServerOptions};
+use dataset::geometry::pose::{Controls, Pose};
+use mock_xplane::server::{Engine, Instants, SceneRenderer, SceneSetting, ServerOptions};
 use mock_xplane::window::{DisplayWindow, WindowError, X11Window};
 use testkit::changi_02l;
+use testkit_simulator::client::{self, level};
 use testkit_simulator::{Xvfb, quiet, serving_with};
-use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::SimulatorWindow;
 use xplane_bridge::pixels::check_pattern::draw;
 use xplane_bridge::pixels::{
@@ -36,9 +32,9 @@ fn picture(number: u32) -> RgbPicture {
 }
 
 /// The window, driven by the test alone.
-struct Told(Arc<dyn DisplayWindow>);
+struct StageDisplay(Arc<dyn DisplayWindow>);
 
-impl PatternDisplay for Told {
+impl PatternDisplay for StageDisplay {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
         let (width_px, height_px) = SIZE;
         let shown = match code {
@@ -56,7 +52,7 @@ async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_on
     let stage: Arc<dyn DisplayWindow> =
         Arc::new(X11Window::open(Some(xvfb.display()), SIZE).unwrap());
     let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::of_display(xvfb.display()));
-    let display = &mut Told(stage.clone());
+    let display = &mut StageDisplay(stage.clone());
     let mut source = ScreenSource::set_up(&screen, SIZE, false, None, display)
         .await
         .unwrap();
@@ -86,25 +82,14 @@ async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_on
 struct Counter;
 
 impl Engine for Counter {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
-        Err(NotFlown::Because("nobody flies here"))
-    }
-
-    fn picture(
-        &self,
-        _: &Camera,
-        _: &Runway,
-        _: &Weather,
-        _: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
+    fn prepare(&self, _: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
         Box::new(Counter)
     }
 }
 
 impl SceneRenderer for Counter {
-    fn draw(&self, _: &Pose, _: &Controls, time_s: f64, rgb: &mut [u8]) {
-        rgb.fill(time_s as u8);
+    fn draw(&self, _: &Pose, _: &Controls, instants: Instants, rgb: &mut [u8]) {
+        rgb.fill(instants.lamps_s as u8);
     }
 }
 
@@ -129,7 +114,7 @@ impl DisplayWindow for Late {
     }
 }
 
-/// The stand-in on a stage, and a client of it.
+/// The stand-in on a stage, and its client.
 async fn connected(stage: Option<Arc<dyn DisplayWindow>>) -> Simulator {
     let options = ServerOptions { stage, ..quiet() };
     // It ends with the test's runtime.
@@ -144,27 +129,11 @@ fn screen_of(display: &str) -> Arc<dyn Screen> {
 }
 
 fn capture(tick: u32, deliver: Deliver) -> CaptureRequest {
-    let pose = Pose {
-        latitude_deg: 1.3,
-        longitude_deg: 103.95,
-        altitude_msl_m: 300.0,
-        heading_true_deg: 23.0,
-        pitch_deg: 0.0,
-        roll_deg: 0.0,
-    };
+    let pose = level(1.3, 103.95, 300.0, 23.0);
     CaptureRequest {
-        tick,
         time_ns: i64::from(tick) * 1_000_000_000,
-        view: 0,
-        pose,
-        controls: Controls::default(),
-        camera: CameraPose {
-            pose,
-            hfov_deg: 10.0,
-        },
-        width_px: SIZE.0,
-        height_px: SIZE.1,
         deliver,
+        ..client::capture(tick, pose, (pose, 10.0), SIZE)
     }
 }
 
@@ -216,7 +185,7 @@ async fn a_window_that_is_too_small_missing_or_elsewhere_is_refused_with_what_to
     for words in ["120x80", "160x96", "exactly this size"] {
         assert!(text.contains(words), "no {words:?} in {text}");
     }
-    // The window is on another display than the one that is grabbed.
+    // The window is not on the grabbed display.
     let text = refusal(Some(small), other.display(), screen)
         .await
         .to_string();

@@ -1,34 +1,18 @@
 //! An engine that costs nothing.
 
-use dataset::conditions::{Clock, Weather};
-use dataset::geometry::camera::Camera;
-use dataset::geometry::imaging::Degradation;
-use dataset::geometry::pose::{Controls, FlightState, Pose};
-use dataset::geometry::runway::Runway;
-use mock_xplane::server::{Engine, NotFlown, SceneRenderer};
-use xplane_bridge::fly::FlyRequest;
+use dataset::geometry::pose::{Controls, Pose};
+use mock_xplane::server::{Engine, Instants, SceneRenderer, SceneSetting};
 
 /// Draws nothing and cannot fly.
 #[derive(Debug)]
 pub struct Blank;
 
 impl Engine for Blank {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
-        Err(NotFlown::Because("a blank simulator does not fly"))
-    }
-
-    fn picture(
-        &self,
-        _: &Camera,
-        _: &Runway,
-        _: &Weather,
-        _: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
+    fn prepare(&self, _: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
         Box::new(Self)
     }
 }
 
 impl SceneRenderer for Blank {
-    fn draw(&self, _: &Pose, _: &Controls, _: f64, _: &mut [u8]) {}
+    fn draw(&self, _: &Pose, _: &Controls, _: Instants, _: &mut [u8]) {}
 }

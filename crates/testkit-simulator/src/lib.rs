@@ -6,8 +6,9 @@
 
 #![forbid(unsafe_code)]
 
-mod altered;
 mod blank;
+pub mod client;
+mod cover_window;
 pub mod plugin;
 pub mod recorded_flights;
 mod relay;
@@ -16,9 +17,9 @@ mod simulator_process;
 mod web_flight;
 mod xvfb;
 
-pub use altered::altered;
 pub use blank::Blank;
-pub use relay::Relay;
+pub use cover_window::CoverWindow;
+pub use relay::{Relay, altered};
 pub use running::{Running, quiet, serving, serving_with};
 pub use simulator_process::{PATIENCE, SWEEP, SimulatorProcess};
 pub use web_flight::web_flight;

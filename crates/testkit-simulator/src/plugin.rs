@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use mock_xplane::server::{LinkServer, PluginOptions};
 use testkit::repository;
 
-/// Its folder.
+/// Folder of the plugin.
 pub fn folder() -> PathBuf {
     repository().join("xplane-bridge/plugin")
 }
@@ -17,7 +17,7 @@ pub fn link(window_px: (u32, u32)) -> LinkServer {
     LinkServer::Plugin(options(window_px))
 }
 
-/// The same, to be changed.
+/// Default plugin options, to be changed.
 pub fn options(window_px: (u32, u32)) -> PluginOptions {
     PluginOptions {
         window_px,

@@ -32,15 +32,15 @@ const FLIGHTS: [(&str, f64, f64, f64); 6] = [
 /// A flight of the independent model.
 #[derive(Debug, Clone)]
 pub struct RecordedFlight {
-    /// Name of its file, without the ending.
+    /// File name without the ending.
     pub name: &'static str,
-    /// Where the wind came from, degrees true.
+    /// Wind direction (from), degrees true.
     pub wind_from_true_deg: f64,
     /// Speed of the wind, knots.
     pub wind_kt: f64,
-    /// Our measure of its turbulence, 0 to 1.
+    /// Turbulence by our measure, 0 to 1.
     pub turbulence_ratio: f64,
-    /// Its states, 5 a second.
+    /// Flight states, 5 per second.
     pub states: Vec<FlightState>,
 }
 
@@ -91,7 +91,7 @@ fn state(fields: [f64; 14]) -> FlightState {
 }
 
 impl RecordedFlight {
-    /// Whether it was flown in still air.
+    /// True if it was flown in still air.
     pub fn is_calm(&self) -> bool {
         self.turbulence_ratio == 0.0
     }
@@ -137,8 +137,8 @@ impl RecordedFlight {
     }
 }
 
-/// Amplitude of a series (5 values a second) by frequency: pairs of hertz and root of the power in that bin (Hann window, discrete
-/// Fourier transform).
+/// Amplitude of a series (5 values per second) by frequency: pairs of hertz and root of the bin's power (Hann window, discrete Fourier
+/// transform).
 pub fn spectrum(values: &[f64]) -> Vec<(f64, f64)> {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;

@@ -19,7 +19,7 @@ pub fn quiet() -> ServerOptions {
 /// A stand-in that ends with this value.
 #[derive(Debug)]
 pub struct Running {
-    /// Where it listens.
+    /// Listening addresses.
     pub addresses: Addresses,
     server: AbortHandle,
 }
@@ -30,7 +30,7 @@ impl Running {
         Self::start_with(options, Arc::new(BuiltIn)).await
     }
 
-    /// The same with another engine.
+    /// [`Running::start`] with a different engine.
     pub async fn start_with(options: ServerOptions, engine: Arc<dyn Engine>) -> Self {
         let (addresses, server) = serving_with(options, engine).await;
         Self { addresses, server }
@@ -43,12 +43,12 @@ impl Drop for Running {
     }
 }
 
-/// The UDP address of a stand-in with the built-in engine that ends with the test's runtime.
+/// Starts a stand-in with the built-in engine, which ends with the test's runtime; returns its UDP address.
 pub async fn serving(options: ServerOptions) -> SocketAddr {
     serving_with(options, Arc::new(BuiltIn)).await.0.udp
 }
 
-/// The addresses of one with another engine, and a way to make it disappear earlier.
+/// Starts a stand-in with any engine; returns its addresses and a handle to stop it earlier.
 pub async fn serving_with(
     options: ServerOptions,
     engine: Arc<dyn Engine>,

@@ -18,9 +18,9 @@ pub const SWEEP: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../tests/awkward/sweep.toml"
 );
-/// Size of its images.
+/// Image size.
 const WINDOW: &str = "96x64";
-/// How much faster than real time the simulator's clock runs: a minute of waiting takes three seconds.
+/// Speed of the simulator's clock relative to real time: a minute of waiting takes three seconds.
 const CLOCK_RATE: &str = "20";
 
 /// Timeout of everything, on however busy a machine.
@@ -34,17 +34,17 @@ pub struct SimulatorProcess {
     /// X-Plane 12's images are available only off the screen.
     screen: Option<Xvfb>,
     folder: TempDir,
-    /// The token of its link; none if it is empty.
+    /// Link token; none if empty.
     token: String,
 }
 
 impl SimulatorProcess {
-    /// An X-Plane of a generation, 11 or 12, with some habits, or its default ones, and with a plugin.
+    /// Starts X-Plane 11 or 12 with these quirks, or its default ones, and a plugin.
     pub fn start(dtd: Dtd, xplane: &str, quirks: Option<&str>, plugin: &Path) -> Self {
         Self::start_with_token(dtd, xplane, quirks, plugin, "")
     }
 
-    /// The same with a link that requires a token, unless that is empty.
+    /// [`SimulatorProcess::start`] with a link that requires a token, unless that is empty.
     pub fn start_with_token(
         dtd: Dtd,
         xplane: &str,
@@ -105,7 +105,7 @@ impl SimulatorProcess {
         panic!("the plugin does not serve: {}", self.log());
     }
 
-    /// Its UDP address.
+    /// UDP address.
     pub fn udp(&self) -> SocketAddr {
         self.server.address("udp")
     }
@@ -132,7 +132,7 @@ impl SimulatorProcess {
         command
     }
 
-    /// Records scenarios of the sweep, all of them if none is named, into a corpus.
+    /// Records the named scenario of the sweep, or all if the name is empty.
     pub fn generate(&self, only: &str, corpus: &Path) -> Output {
         let corpus = corpus.to_str().unwrap();
         let mut command = self.dtd(&["-v", "generate", SWEEP, "--out", corpus]);
@@ -147,7 +147,7 @@ impl SimulatorProcess {
         self.folder.path()
     }
 
-    /// What it has logged.
+    /// The simulator's log.
     pub fn log(&self) -> String {
         fs::read_to_string(self.folder.path().join("log")).unwrap_or_default()
     }

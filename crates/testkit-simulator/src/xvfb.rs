@@ -44,12 +44,12 @@ impl Xvfb {
         Self { server, display }
     }
 
-    /// Its process.
+    /// Process id of the X server.
     pub fn process_id(&self) -> u32 {
         self.server.id()
     }
 
-    /// Its name, for `DISPLAY`.
+    /// Display name, for `DISPLAY`.
     pub fn display(&self) -> &str {
         &self.display
     }

@@ -20,7 +20,7 @@ pub fn on_glide_path(along_track_m: f64, cross_track_m: f64) -> Pose {
     }
 }
 
-/// Where a state is relative to the touchdown target.
+/// Position relative to the touchdown target.
 pub fn relative(state: &FlightState) -> RunwayCoordinates {
     let runway = changi_02l();
     RunwayCoordinates::of(

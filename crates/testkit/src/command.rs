@@ -23,12 +23,12 @@ impl Dtd {
         Self(program)
     }
 
-    /// Its path.
+    /// Path of the command.
     pub const fn program(self) -> &'static str {
         self.0
     }
 
-    /// With these arguments, in the repository's root, without the environment of a scheduler that runs these tests.
+    /// The command with these arguments, in the repository's root, without the environment of a scheduler that runs these tests.
     pub fn command(self, arguments: &[impl AsRef<OsStr>]) -> Command {
         let mut command = Command::new(self.0);
         command
@@ -81,7 +81,7 @@ impl Dtd {
     }
 }
 
-/// Output of a process.
+/// What a process printed.
 pub fn said(output: &Output) -> String {
     format!(
         "{}{}",
@@ -90,12 +90,12 @@ pub fn said(output: &Output) -> String {
     )
 }
 
-/// Its output as JSON.
+/// A process's output as JSON.
 pub fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(output)))
 }
 
-/// The words of a command line.
+/// Splits a command line into words.
 pub fn words(line: &str) -> Vec<&str> {
     line.split_whitespace().collect()
 }
@@ -132,22 +132,22 @@ impl Server {
         }
     }
 
-    /// Its addresses by name, as printed.
+    /// Addresses by name, as printed.
     pub fn ready(&self) -> &Value {
         &self.ready
     }
 
-    /// One of its addresses.
+    /// A named address.
     pub fn address(&self, name: &str) -> SocketAddr {
         self.text(name).parse().unwrap()
     }
 
-    /// Its UDP address, as an argument.
+    /// UDP address, as an argument.
     pub fn udp(&self) -> &str {
         self.text("udp")
     }
 
-    /// Its Web API's address, as an argument; empty of an X-Plane 11.
+    /// Web API address, as an argument; empty for X-Plane 11.
     pub fn web_api(&self) -> &str {
         self.ready["web_api"].as_str().unwrap_or_default()
     }
@@ -157,7 +157,7 @@ impl Server {
         found.unwrap_or_else(|| panic!("no {name:?} in {}", self.ready))
     }
 
-    /// Its process, e.g. to send signals or to read what it logs.
+    /// The child process, e.g. to send signals or to read its log.
     pub fn process(&mut self) -> &mut Child {
         &mut self.child
     }

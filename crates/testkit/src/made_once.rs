@@ -3,10 +3,10 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-/// Names the folder that the test programs of a run of `scripts/run_tests.py` share.
+/// Names the folder that the test programs started by `scripts/run_tests.py` share.
 const SHARED: &str = "DTD_TEST_SHARED";
 
-/// A folder of this name that no test changes: made once for all test programs of a run of `scripts/run_tests.py`, otherwise once for each.
+/// A folder of this name that no test changes: made once for all test programs of a `scripts/run_tests.py` run, otherwise once per program.
 /// Tests copy what they change.
 #[derive(Debug)]
 pub struct MadeOnce {
@@ -16,7 +16,7 @@ pub struct MadeOnce {
 }
 
 impl MadeOnce {
-    /// Makes it, unless another program has, and waits for one that does.
+    /// Makes the folder, or waits for the program that makes it.
     ///
     /// # Panics
     ///

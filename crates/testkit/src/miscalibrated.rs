@@ -6,7 +6,7 @@ use dataset::corpus::seal::seal_folder;
 use dataset::error::Result;
 use dataset::geometry::pose::Pose;
 
-/// Length of a degree of latitude, metres.
+/// One degree of latitude, metres.
 const DEGREE_M: f64 = 111_200.0;
 
 /// Differences of all stated cameras from the true ones.
@@ -30,7 +30,7 @@ impl Miscalibration {
         self.apply_to(corpus, |_| true)
     }
 
-    /// The same for some of the views.
+    /// Applies the errors to some of the views.
     pub fn apply_to(&self, corpus: &Corpus, is_wrong: impl Fn(&str) -> bool) -> Result<()> {
         for folder in corpus.scenarios()? {
             let scenario = folder.open()?;

@@ -5,7 +5,7 @@ use std::fs;
 /// The most memory that this process had while something ran, bytes. Everything else in the process counts, too: a test that measures is
 /// alone in its file.
 pub fn peak_bytes(run: impl FnOnce()) -> f64 {
-    // Forgets the peak so far.
+    // Resets the peak.
     fs::write("/proc/self/clear_refs", "5").unwrap();
     run();
     let status = fs::read_to_string("/proc/self/status").unwrap();

@@ -1,14 +1,14 @@
-//! Images of a scenario, and their distance from the images of a well-behaved simulator.
+//! Scenario images, and their distance from those of a well-behaved simulator.
 
 use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::video::VideoReader;
 
-/// Maximum mean difference of an image of the same pose, of 255: 32-bit numbers shift cameras by millimetres.
+/// Maximum mean difference between images with the same pose, of 255: 32-bit numbers shift cameras by millimetres.
 pub const ALIKE: f64 = 0.25;
 
-/// All images of both views of a scenario.
+/// A scenario's images from both views.
 pub fn pictures(corpus: &Path, id: &str) -> Vec<Vec<u8>> {
     let scenario = Corpus::open(corpus).unwrap().scenario(id);
     let mut all = Vec::new();

@@ -5,17 +5,17 @@ use std::time::Duration;
 
 const TICKS_PER_S: f64 = 100.0;
 
-/// Processor time so far of this process, and of its child processes that have ended.
+/// Processor time used by this process, and by its child processes that have ended.
 pub fn own_and_children() -> [Duration; 2] {
     own_and_children_of("self")
 }
 
-/// Processor time so far of another process.
+/// Processor time used by the process with this id.
 pub fn of_process(id: u32) -> Duration {
     own_and_children_of(&id.to_string())[0]
 }
 
-/// Processor time so far of this process and of its children that run.
+/// Processor time used by this process and its running children.
 pub fn own_and_running_children() -> Duration {
     let tasks = fs::read_dir("/proc/self/task").expect("Linux's /proc");
     let children = tasks.map(|task| {

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-/// Its root.
+/// Root of the repository.
 pub fn repository() -> &'static Path {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     here.ancestors()
@@ -54,7 +54,7 @@ pub fn onnx_runtime_with_openvino() -> Option<PathBuf> {
     onnx_runtime_in(&installed(repository().join(".venv-openvino")))
 }
 
-/// Its library in a folder of Python packages.
+/// ONNX Runtime's library in a folder of Python packages.
 fn onnx_runtime_in(packages: &Path) -> Option<PathBuf> {
     fs::read_dir(packages.join("onnxruntime/capi"))
         .ok()?

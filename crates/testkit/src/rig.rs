@@ -6,7 +6,7 @@ use dataset::geometry::runway::Runway;
 
 use crate::changi_02l;
 
-/// Its views.
+/// The rig's views.
 pub const VIEWS: [&str; 2] = ["left", "right"];
 
 /// Two cameras 1500 m past the touchdown target, 300 m to either side, turned 5.3 degrees inwards.
@@ -38,7 +38,7 @@ fn beside(runway: &Runway, sideways_m: f64, turned_deg: f64) -> CameraPose {
     }
 }
 
-/// The camera of a view.
+/// A view's camera.
 pub fn placed(view: &str) -> CameraPose {
     let rig = wide_baseline(&changi_02l());
     let found = rig.into_iter().find(|(id, _)| *id == view);

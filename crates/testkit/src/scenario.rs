@@ -1,4 +1,4 @@
-//! The records of a scenario at Changi 02L, as a simulator would have left them.
+//! Records of a Changi 02L scenario, as a simulator would have left them.
 
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::corpus::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
@@ -81,7 +81,7 @@ pub fn frame(tick: u32, frame_rate: FrameRate, pose: Pose) -> TickRow {
     }
 }
 
-/// The stamp of a view that was drawn as requested.
+/// Stamp for a view that was drawn as requested.
 pub fn stamp(
     sim_frame: u64,
     frame: &TickRow,

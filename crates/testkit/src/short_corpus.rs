@@ -26,7 +26,7 @@ const RATE: FrameRate = FrameRate {
     denominator: 1,
 };
 
-/// Draws the image of a view at a tick.
+/// Draws a view's image at a tick.
 pub type Painter<'a> = &'a dyn Fn(&str, u32, &mut [u8]);
 
 /// A corpus of committed scenarios without videos, for images of 1920 x 1280.
@@ -49,7 +49,7 @@ pub fn write_with_videos(
     corpus
 }
 
-/// A corpus of one committed scenario with this number of ticks at this rate, and images of this size.
+/// A corpus with a single committed scenario: its ticks, frame rate and image size are given.
 pub fn write_flight(
     root: &Path,
     id: &str,

@@ -9,7 +9,7 @@ use dataset::numbers::frame_rate::FrameRate;
 
 use crate::changi_02l;
 
-const SPEED_MPS: f64 = 72.0;
+pub(crate) const SPEED_MPS: f64 = 72.0;
 
 /// The runway with the magnetic course that an X-Plane needs for its autopilot.
 pub fn runway() -> Runway {

@@ -1,23 +1,23 @@
-//! Sweeps of a few short approaches to Changi 02L at noon.
+//! Small sweeps: a few short approaches to Changi 02L at noon.
 
 use crate::repository;
 
-/// Parts of a sweep that tests choose.
+/// The parts of a sweep that tests choose.
 #[derive(Debug, Clone, Copy)]
 pub struct SmallSweep<'a> {
     /// Name of the corpus.
     pub name: &'a str,
-    /// Its seed.
+    /// Random seed.
     pub seed: u32,
-    /// Names of its weathers.
+    /// Weather names.
     pub weathers: &'a [&'a str],
     /// Scenarios of each weather.
     pub repeats: u32,
-    /// Width and height of its images, pixels.
+    /// Image width and height, pixels.
     pub size_px: (u32, u32),
-    /// Its frame rate, as in TOML.
+    /// Frame rate, as in TOML.
     pub frame_rate: &'a str,
-    /// Its other tables: start, recordings, the weathers.
+    /// All other tables: start, recordings, the weathers.
     pub tables: &'a str,
 }
 
@@ -34,7 +34,7 @@ kind = "glide_path"
 level_altitude_msl_m = 200
 "#;
 
-/// [`FROM_2_NM`] from another distance, at least and at most, nautical miles, at another height, metres.
+/// [`FROM_2_NM`] with a different range of distances, nautical miles, and height, metres.
 pub fn starting_from(least_nm: f64, most_nm: f64, altitude_msl_m: u32) -> String {
     FROM_2_NM
         .replace(
@@ -47,7 +47,7 @@ pub fn starting_from(least_nm: f64, most_nm: f64, altitude_msl_m: u32) -> String
         )
 }
 
-/// Four weathers, of which the last one has rain.
+/// Four weathers; the last has rain.
 pub const FOUR_WEATHERS: &str = r#"
 [weather.clear]
 visibility_m = 80000
@@ -68,7 +68,7 @@ rain_ratio = 0.6
 wind_speed_mps = 9
 wind_from_true_deg = 340
 "#;
-/// Their names.
+/// Names of the weathers.
 pub const WEATHER_NAMES: [&str; 4] = ["clear", "cloudy", "foggy", "stormy"];
 
 /// Two short approaches in front of three views, one of them with a lens, in refracting air, at 30000/1001 images per second.
@@ -141,7 +141,7 @@ wind_speed_mps = 2
 wind_from_true_deg = 20
 "#;
 
-/// The file of a sweep of four weathers over a recorded flight, in tiny images: `1200-clear-r1`, and so on.
+/// The sweep file for four weathers over a recorded flight, in tiny images: `1200-clear-r1`, and so on.
 pub fn four_weathers() -> String {
     let flight = repository().join("tests/data/flights/01_calm_ils.csv");
     let tables = format!(

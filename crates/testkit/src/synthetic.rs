@@ -34,14 +34,14 @@ use rand_chacha::ChaCha12Rng;
 use crate::changi_02l;
 use crate::rig::{middle, wide_baseline};
 use crate::scenario::{calm, frame, record, stamp};
+use crate::short_flight::SPEED_MPS;
 
-/// Its file name.
+/// Name of the model's file.
 pub const MODEL_FILE: &str = "synthetic.onnx";
 /// Name under which the detections are stored.
 pub const MODEL_HASH: &str = "53796e7468657469630000000000000000000000000000000000000000000000";
 const SPAN_M: f64 = 35.8;
 const HEIGHT_M: f64 = 12.5;
-const SPEED_MPS: f64 = 72.0;
 
 /// The detector that the records name as the source of the detections.
 pub fn model() -> ModelIdentity {
@@ -55,7 +55,7 @@ pub fn model() -> ModelIdentity {
 /// A camera that no longer is as in the rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Changed {
-    /// Its view.
+    /// The view.
     pub view: &'static str,
     /// Turn to the right, degrees.
     pub turned_deg: f64,
@@ -74,7 +74,7 @@ pub struct SyntheticCorpus {
     pub test: usize,
     /// Frame rate.
     pub frame_rate: FrameRate,
-    /// Standard deviation of a box centre, pixels.
+    /// Standard deviation of box centres, pixels.
     pub centre_noise_px: f64,
     /// Standard deviation of width and height, pixels.
     pub size_noise_px: f64,
@@ -84,7 +84,7 @@ pub struct SyntheticCorpus {
     pub miss_ratio: f64,
     /// Every scenario's cameras are turned by up to this much to either side, degrees.
     pub turned_deg: f64,
-    /// Whether a third camera stands between the two of the rig.
+    /// True if a third camera stands between the two of the rig.
     pub third_camera: bool,
     /// A camera that is not as in the rig, in all scenarios.
     pub changed: Option<Changed>,
@@ -95,7 +95,7 @@ pub struct SyntheticCorpus {
 }
 
 impl SyntheticCorpus {
-    /// As many scenarios and ticks as the demo.
+    /// A corpus with the demo's scenarios and ticks.
     pub fn demo() -> Self {
         Self {
             train: 7,
@@ -117,7 +117,7 @@ impl SyntheticCorpus {
         }
     }
 
-    /// As many scenarios and ticks as the full corpus: 100 at 30 images per second, with registered views.
+    /// A corpus with the scenarios and ticks of the full corpus: 100 at 30 images per second, with registered views.
     pub fn full() -> Self {
         Self {
             train: 70,
@@ -359,8 +359,8 @@ impl SyntheticCorpus {
     }
 }
 
-/// The box of an aircraft that flies towards the camera: as wide as its span, as high as itself, its centre 1 m above the centre of
-/// gravity. A point behind the camera has a box far outside the image.
+/// Box around an aircraft that flies towards the camera: as wide as its span, as high as itself, its centre 1 m above the centre of
+/// gravity. Points behind the camera have a box far outside the image.
 pub(crate) fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
     let range_m = camera.to_camera(ecef_m).z;
     let outside = glam::DVec2::splat(-1e6);
@@ -425,7 +425,7 @@ fn register(
     found
 }
 
-/// Whether a box is completely in the image, and far enough from its edge for a detector that places an edge within 2 pixels.
+/// True if a box is completely in the image, and far enough from its edge for a detector that places an edge within 2 pixels.
 fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
     let [left, top, right, bottom] = seen.edges();
     // Pixel (0, 0) covers -0.5 to 0.5.

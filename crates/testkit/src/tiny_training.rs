@@ -1,4 +1,4 @@
-//! Settings of a training that takes a second.
+//! Settings for a training that takes a second.
 
 /// For `dtd train --config`: networks of a few neurons, and few steps.
 pub const TINY_TRAINING: &str = "

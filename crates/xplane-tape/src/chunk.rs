@@ -16,7 +16,7 @@ use super::error::TapeError;
 /// Maximum record length, bytes: a chunk with the largest image, with a margin.
 pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
-/// Bytes of a chunk's header without the name of its compression.
+/// Chunk header bytes without the compression's name.
 const HEADER_BYTES: usize = 40;
 
 /// The channels and the messages in a chunk, in their order. Its checksum is checked.

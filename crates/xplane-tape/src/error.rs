@@ -1,4 +1,4 @@
-//! Errors of a tape, and of recording one.
+//! Errors while reading or recording a tape.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr};
@@ -22,7 +22,7 @@ pub enum TapeError {
     /// The file cannot be read as a tape.
     #[error(transparent)]
     Outside(#[from] dataset::Error),
-    /// A recording never overwrites another one.
+    /// Recordings never overwrite files.
     #[error("tape {}: there is a file of that name already; move it away or name another one", path.display())]
     Exists {
         /// The tape.
@@ -38,7 +38,7 @@ pub enum TapeError {
         /// Underlying error.
         r#source: Box<mcap::McapError>,
     },
-    /// The file is not a tape, or has another version.
+    /// The file is not a tape, or its version differs.
     #[error("{} is not a tape that this version reads: {found}; expected an MCAP file of `dtd tape`", path.display())]
     NoTape {
         /// The file.
@@ -51,9 +51,9 @@ pub enum TapeError {
     BadMessage {
         /// The tape.
         path: PathBuf,
-        /// Its number, counted from 0 over the whole tape.
+        /// Sequence number, from 0 over the whole tape.
         sequence: u32,
-        /// The topic of its channel.
+        /// Topic of the channel.
         topic: String,
         /// Fault of the message.
         found: String,

@@ -13,17 +13,17 @@ use serde::{Deserialize, Serialize};
 pub const PROFILE: &str = "dtd-tape";
 /// Name of the metadata record.
 pub(crate) const METADATA_NAME: &str = "dtd-tape";
-/// Key in the metadata of a link's channel: the version of its two sides.
+/// Metadata key of link channels: the version spoken by both sides.
 pub(super) const LINK_VERSION_KEY: &str = "link_version";
 /// Version of this format. A change that an older reader would misread raises it.
 const FORMAT: &str = "1";
 
-/// Direction of a message.
+/// Message direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Direction {
-    /// From a client.
+    /// Sent by a client.
     ToSimulator,
-    /// To a client.
+    /// Sent to a client.
     FromSimulator,
 }
 
@@ -39,31 +39,31 @@ impl Direction {
 /// A channel of the tape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Channel {
-    /// Datagrams of one client.
+    /// A client's datagrams.
     Udp {
         /// The client, counted from 1 in the order of appearance.
         client: u32,
-        /// Direction of its messages.
+        /// Message direction.
         direction: Direction,
     },
-    /// Messages of one connection of the capture link.
+    /// Messages on a capture link connection.
     Link {
         /// The connection, counted from 1.
         connection: u32,
-        /// Direction of its messages.
+        /// Message direction.
         direction: Direction,
     },
 }
 
 impl Channel {
-    /// Direction of its messages.
+    /// Message direction.
     pub fn direction(&self) -> Direction {
         match self {
             Self::Udp { direction, .. } | Self::Link { direction, .. } => *direction,
         }
     }
 
-    /// Its topic.
+    /// MCAP topic.
     pub fn topic(&self) -> String {
         match self {
             Self::Udp { client, direction } => format!("/udp/{client}/{}", direction.word()),
@@ -74,7 +74,7 @@ impl Channel {
         }
     }
 
-    /// The encoding of its messages.
+    /// MCAP message encoding.
     pub fn encoding(&self) -> &'static str {
         match self {
             Self::Udp { .. } => "xplane-udp",
@@ -82,7 +82,7 @@ impl Channel {
         }
     }
 
-    /// The channel of a topic; `None` for one that is not ours.
+    /// The channel for a topic; `None` if it is not ours.
     pub(crate) fn of_topic(topic: &str) -> Option<Self> {
         let mut words = topic.strip_prefix('/')?.split('/');
         let (kind, number) = (words.next()?, words.next()?.parse().ok()?);
@@ -105,7 +105,7 @@ impl Channel {
     }
 }
 
-/// Description of a tape, in a metadata record before everything else.
+/// Tape description, in a metadata record before everything else.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TapeInfo {
     /// Version of the format.
@@ -141,7 +141,7 @@ impl TapeInfo {
             .into()
     }
 
-    /// The error names what is missing or has another version.
+    /// Parses the metadata; the error names what is missing or has an unexpected version.
     pub(super) fn of_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
         let take = |key: &str| {
             let value = metadata.get(key).cloned();

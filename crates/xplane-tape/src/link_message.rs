@@ -7,7 +7,7 @@ use xplane_bridge::link::{
     LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, ScreenRequest, read_exact,
 };
 
-/// First bytes of a greeting of the link.
+/// First bytes of the link's greeting.
 pub const MAGIC: [u8; 4] = *b"DTDL";
 /// Bytes of the two lengths before a header.
 const LENGTHS: usize = 8;
@@ -15,25 +15,11 @@ const LENGTHS: usize = 8;
 const TOKEN_LEFT_OUT: &str = "left out of the tape";
 
 /// Reason why bytes are not a message of the link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum BadLinkMessage {
-    /// Too short.
-    #[error("{found} bytes are too few for two lengths")]
-    NoLengths {
-        /// Number of bytes.
-        found: usize,
-    },
-    /// Longer or shorter than announced.
-    #[error("{expected} bytes announced, {found} found")]
-    OtherLength {
-        /// Number of bytes by its own lengths.
-        expected: usize,
-        /// Number of bytes.
-        found: usize,
-    },
-}
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct BadLinkMessage(String);
 
-/// One message: lengths, header and payload, as on the wire.
+/// A link message: lengths, header and payload, as on the wire.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LinkMessage {
     bytes: Vec<u8>,
@@ -41,15 +27,15 @@ pub struct LinkMessage {
 }
 
 impl LinkMessage {
-    /// From the bytes of a whole message.
+    /// Parses the bytes of a whole message.
     pub fn parse(bytes: Vec<u8>) -> Result<Self, BadLinkMessage> {
         let (header, payload) = lengths(&bytes)?;
         let expected = LENGTHS + header + payload;
         if bytes.len() != expected {
-            return Err(BadLinkMessage::OtherLength {
-                expected,
-                found: bytes.len(),
-            });
+            let found = bytes.len();
+            return Err(BadLinkMessage(format!(
+                "{expected} bytes announced, {found} found"
+            )));
         }
         Ok(Self {
             bytes,
@@ -57,7 +43,7 @@ impl LinkMessage {
         })
     }
 
-    /// Of its parts.
+    /// Builds a message from header and payload.
     pub fn new(header: &[u8], payload: &[u8]) -> Self {
         let mut bytes = Vec::with_capacity(LENGTHS + header.len() + payload.len());
         bytes.extend((header.len() as u32).to_le_bytes());
@@ -75,7 +61,7 @@ impl LinkMessage {
         Self::read_with(stream, |_| Ok(())).await
     }
 
-    /// Reads the next one of a client, which has no payload.
+    /// Reads a client's next request, which has no payload.
     pub async fn read_request(
         stream: &mut (impl AsyncRead + Unpin),
     ) -> Result<Option<Self>, LinkError> {
@@ -129,17 +115,17 @@ impl LinkMessage {
         }))
     }
 
-    /// All of it.
+    /// The message as on the wire.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Its header, which should be JSON.
+    /// The header, which should be JSON.
     pub fn header(&self) -> &[u8] {
         &self.bytes[LENGTHS..self.header_end]
     }
 
-    /// The token of a hello.
+    /// A hello's token.
     pub fn token(&self) -> Option<String> {
         let header: Value = serde_json::from_slice(self.header()).ok()?;
         Some(header.get("token")?.as_str()?.to_owned())
@@ -151,7 +137,7 @@ impl LinkMessage {
         matches!(request, Ok(ScreenRequest::OpenScreen { .. }))
     }
 
-    /// As it may be stored: a token is a secret, and tapes are passed on.
+    /// The message without a token, a secret that must not be stored: tapes are passed on.
     pub(super) fn without_token(&self) -> Option<Self> {
         let mut header: Value = serde_json::from_slice(self.header()).ok()?;
         let token = header.get_mut("token")?;
@@ -167,7 +153,10 @@ fn lengths(bytes: &[u8]) -> Result<(usize, usize), BadLinkMessage> {
             u32::from_le_bytes([*h0, *h1, *h2, *h3]) as usize,
             u32::from_le_bytes([*p0, *p1, *p2, *p3]) as usize,
         )),
-        _ => Err(BadLinkMessage::NoLengths { found: bytes.len() }),
+        _ => Err(BadLinkMessage(format!(
+            "{} bytes are too few for two lengths",
+            bytes.len()
+        ))),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Reads a tape from its beginning, and single messages of it again.
+//! Reads a tape from its beginning, and single messages again.
 //!
 //! Reads what there is: a tape whose recorder was killed ends with its last complete chunk. Only one chunk is kept in memory, since
 //! tapes contain images.
@@ -30,16 +30,16 @@ impl MessagePosition {
     }
 }
 
-/// One message of a tape.
+/// A message on a tape.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// Its location.
+    /// Location on the tape.
     pub place: MessagePosition,
-    /// Its channel.
+    /// The message's channel.
     pub channel: Channel,
-    /// Time at which it passed the recorder, nanoseconds since 1970 in UTC.
+    /// Time of passing the recorder, nanoseconds since 1970 in UTC.
     pub time_ns: u64,
-    /// Its bytes.
+    /// The message.
     pub data: Vec<u8>,
 }
 
@@ -47,7 +47,7 @@ pub struct Entry {
 pub struct TapeReader {
     path: PathBuf,
     file: BufReader<File>,
-    /// Channels so far, by MCAP's number; foreign ones are ignored.
+    /// Channels by MCAP's number; foreign ones are ignored.
     channels: HashMap<u16, Channel>,
     link_version: Option<u32>,
     ready: VecDeque<Entry>,
@@ -118,7 +118,7 @@ impl TapeReader {
         self.whole
     }
 
-    /// Version of the capture link that the clients so far used; `None` if there were none.
+    /// Capture link version that the clients used; `None` if there were none.
     pub fn link_version(&self) -> Option<u32> {
         self.link_version
     }
@@ -172,7 +172,7 @@ impl TapeReader {
         })
     }
 
-    /// The bytes of a message that was read before. Cheap for consecutive messages of the same chunk.
+    /// Reads a message again. Cheap for consecutive messages in the same chunk.
     ///
     /// # Errors
     /// If the file cannot be read any more, or was changed.

@@ -37,7 +37,7 @@ use tape_thread::TapeThread;
 /// The recorder's capture link listens this much above its UDP port, as the stand-in's does.
 const LINK_PORT_OFFSET: u16 = 10;
 
-/// Settings of a recording.
+/// Recording settings.
 #[derive(Debug, Clone)]
 pub struct RecordOptions {
     /// The simulator's UDP address.
@@ -55,7 +55,7 @@ pub struct RecordOptions {
 }
 
 impl RecordOptions {
-    /// Of that simulator, on any free port of this machine.
+    /// Settings for recording this simulator, on any free port of this machine.
     pub fn new(simulator: SocketAddr, out: PathBuf) -> Self {
         Self {
             simulator,
@@ -119,7 +119,7 @@ pub async fn record(
         // Early only if the tape cannot be written.
         summary = &mut writing => return tape_thread::ended(summary),
     };
-    // Clients' tasks have ended with the futures above; what they queued is still written.
+    // Clients' tasks have ended with the futures above; their queued messages are still written.
     route.tape_thread.stop().await;
     let summary = tape_thread::ended(writing.await)?;
     ended.map(|()| summary)

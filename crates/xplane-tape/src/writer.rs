@@ -13,12 +13,12 @@ use serde::Serialize;
 use super::error::TapeError;
 use super::format::{Channel, Direction, METADATA_NAME, PROFILE, TapeInfo};
 
-/// Uncompressed size at which a chunk is closed.
+/// Uncompressed size at which chunks are closed.
 const CHUNK_BYTES: u64 = 1 << 20;
 /// Maximum age of an open chunk: a kill loses at most that much.
 const FLUSH_AFTER: Duration = Duration::from_secs(1);
 
-/// Result of a recording.
+/// Summary of a finished recording.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct TapeSummary {
     /// The tape.
@@ -27,7 +27,7 @@ pub struct TapeSummary {
     pub messages: u32,
     /// Number of those that the simulator sent.
     pub from_simulator: u32,
-    /// Its length, bytes.
+    /// File size, bytes.
     pub bytes: u64,
 }
 
@@ -38,7 +38,7 @@ pub struct TapeWriter {
     channels: HashMap<Channel, u16>,
     messages: u32,
     from_simulator: u32,
-    /// Of the last message. Log times never decrease, see [`TapeWriter::write`].
+    /// Log time of the last message. Log times never decrease, see [`TapeWriter::write`].
     last_log_time_ns: u64,
     flushed: Instant,
 }

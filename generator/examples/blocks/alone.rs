@@ -9,7 +9,7 @@ use dataset::corpus::Corpus;
 use dataset::geometry::camera::Camera;
 use dataset::geometry::pose::{Controls, Pose};
 use dataset::video::{VideoSettings, VideoWriter};
-use mock_xplane::server::{BuiltIn, Engine};
+use mock_xplane::server::{BuiltIn, Engine, Instants, SceneSetting};
 use mock_xplane::window::DisplayWindow;
 use testkit::processor_time;
 use testkit_simulator::Xvfb;
@@ -63,17 +63,23 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
         let camera = calibration.cameras[view].camera();
         let first = frames.rows.len().saturating_sub(PICTURES) / 2;
         let rows = frames.rows.iter().skip(first).take(PICTURES);
-        let states: Vec<(Pose, Controls, f64)> = rows
-            .map(|row| (row.pose, row.controls, row.time_ns as f64 * 1e-9))
+        let states: Vec<(Pose, Controls, Instants)> = rows
+            .map(|row| {
+                (
+                    row.pose,
+                    row.controls,
+                    Instants::all(row.time_ns as f64 * 1e-9),
+                )
+            })
             .collect();
         let scene_of = |camera: &Camera| {
-            BuiltIn.picture(
+            BuiltIn.prepare(&SceneSetting {
                 camera,
-                &record.runway,
-                &record.conditions.weather,
-                &record.conditions.clock,
-                None,
-            )
+                runway: &record.runway,
+                weather: &record.conditions.weather,
+                clock: &record.conditions.clock,
+                degradation: None,
+            })
         };
         // The window has margins around the image.
         let around = with_margins(camera);
@@ -84,8 +90,8 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
             rgb: vec![0; around.width_px as usize * around.height_px as usize * 3],
         };
         sum[0] += stage.per_picture(states.len(), |at| {
-            let (pose, controls, time_s) = &states[at];
-            scene.draw(pose, controls, *time_s, &mut drawn.rgb);
+            let (pose, controls, instants) = &states[at];
+            scene.draw(pose, controls, *instants, &mut drawn.rgb);
             Ok(stage.window.show(&drawn)?)
         })?;
 
@@ -100,9 +106,9 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
 
         // As drawn, not as decoded: a decoded image has lost what costs most, such as streaks of rain.
         let scene = scene_of(&camera);
-        let pictures = states.iter().map(|(pose, controls, time_s)| {
+        let pictures = states.iter().map(|(pose, controls, instants)| {
             let mut rgb = vec![0; camera.width_px as usize * camera.height_px as usize * 3];
-            scene.draw(pose, controls, *time_s, &mut rgb);
+            scene.draw(pose, controls, *instants, &mut rgb);
             rgb
         });
         let pictures: Vec<Vec<u8>> = pictures.collect();

@@ -18,11 +18,11 @@ use dataset::corpus::Corpus;
 use dataset::video::VideoReader;
 use generator::generate::Event;
 use mock_xplane::server::WindowForm;
-use mock_xplane::window::CoverWindow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use table::{Row, Table};
 use testkit::sweep::{FOUR_WEATHERS, SmallSweep, WEATHER_NAMES, starting_from};
+use testkit_simulator::CoverWindow;
 use tracing::field::{Field, Visit};
 use tracing::span;
 

@@ -377,7 +377,7 @@ impl ScenarioError {
                 | Self::Computing(_)
                 | Self::Corpus(dataset::Error::Corpus { .. })
                 | Self::Bridge(
-                    BridgeError::BadConditions { .. }
+                    BridgeError::BadConditions(_)
                         | BridgeError::Packet(_)
                         | BridgeError::Refused { repeats: true, .. }
                 )
@@ -412,7 +412,7 @@ impl ScenarioError {
             error if error.is_setup() => Blame::Setup,
             Self::Bridge(error) => match error {
                 BridgeError::Refused { .. }
-                | BridgeError::BadConditions { .. }
+                | BridgeError::BadConditions(_)
                 | BridgeError::NotTaken { .. }
                 | BridgeError::CommandWithoutEffect { .. }
                 | BridgeError::WeatherNotTaken { .. }
@@ -427,6 +427,7 @@ impl ScenarioError {
 
 #[cfg(test)]
 mod tests {
+    use xplane_bridge::datarefs::BadConditions;
     use xplane_bridge::link::PictureSize;
     use xplane_bridge::pixels::PixelError;
 
@@ -465,9 +466,7 @@ mod tests {
             found: "C172".into(),
             path: "Aircraft/737.acf",
         };
-        let unplayable = BridgeError::BadConditions {
-            what: "a day of 400".into(),
-        };
+        let unplayable = BridgeError::BadConditions(BadConditions("a day of 400".into()));
         for (error, blame, certain) in [
             (other_window(), Blame::Setup, false),
             (wrong_aircraft.into(), Blame::Setup, false),

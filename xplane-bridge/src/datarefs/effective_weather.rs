@@ -8,7 +8,7 @@ use super::{
     WIND_DIRECTION_AT_AIRCRAFT, WIND_SPEED_AT_AIRCRAFT,
 };
 
-/// One dataref of the weather at the aircraft.
+/// A dataref for the weather at the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Gauge {
     Visibility,
@@ -19,7 +19,7 @@ enum Gauge {
 }
 
 impl Gauge {
-    /// Those that are worth reading under a planned weather, in the order of the requests: a light wind has no direction.
+    /// Gauges to read under a planned weather, in the order of the requests: a light wind has no direction.
     fn under(planned: &Weather, reads_wind_speed: bool) -> Vec<Self> {
         let single = [
             Some(Self::Visibility),
@@ -42,7 +42,6 @@ impl Gauge {
     }
 }
 
-/// The datarefs to read under a planned weather.
 pub(crate) fn effective_weather_datarefs(planned: &Weather, reads_wind_speed: bool) -> Vec<String> {
     let gauges = Gauge::under(planned, reads_wind_speed).into_iter();
     gauges.map(Gauge::dataref).collect()

@@ -1,8 +1,7 @@
 //! Tolerances for reading back a written dataref, in the unit of the dataref: the one table, for setting and for watching.
 //!
-//! X-Plane stores weather in its own units and grids, smooths it, and settles on values near the requested ones. The tolerances are
-//! those that clients of a live X-Plane 12.4 use (`docs/x-plane-evidence.md` names them); none uses one in 10,000, which is rounding, for
-//! weather.
+//! X-Plane stores weather in its own units and grids, smooths it, and settles on values near the requested ones. The tolerances come from
+//! clients of a live X-Plane 12.4 (`docs/x-plane-evidence.md` names them), none of which uses one in 10,000, mere rounding, for weather.
 
 use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 
@@ -17,7 +16,7 @@ const VISIBILITY_RATIO: f32 = 0.1;
 /// Rain and turbulence.
 const INTENSITY: f32 = 0.05;
 const COVER: f32 = 0.02;
-/// X-Plane may settle on a base some metres off the requested one: beyond 30 ft a client of X-Plane 12 warns its user. (Another
+/// X-Plane may settle on a base some metres off the requested one: beyond 30 ft a client of X-Plane 12 warns its user. (A second client
 /// holds X-Plane 12.4.3 to 5 m, which would reject such a sky.)
 const CLOUD_HEIGHT_M: f32 = (30.0 * METERS_PER_FOOT) as f32;
 /// Kinds are integers, between which X-Plane 12 may blend.
@@ -25,7 +24,7 @@ const CLOUD_TYPE_STEP: f32 = 0.25;
 const PRESSURE_TOLERANCE_PA: f64 = 100.0;
 const TEMPERATURE_TOLERANCE_C: f32 = 1.0;
 
-/// Accepted deviation of a value read back from the written one.
+/// Accepted difference between read and written values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tolerance {
     /// This much, in the dataref's unit.
@@ -58,7 +57,7 @@ impl Tolerance {
         }
     }
 
-    /// Of a dataref of the weather, by its name with or without an index.
+    /// Tolerance for a weather dataref, by its name with or without an index.
     pub(super) fn of_weather(name: &str, value: f64) -> Self {
         let array = name.split('[').next().unwrap_or(name);
         match array {

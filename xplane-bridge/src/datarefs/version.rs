@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-/// From this number on it is X-Plane 12.
+/// First version number of X-Plane 12.
 const FIRST_OF_12: u32 = 120_000;
 
-/// The set of weather datarefs of a simulator.
+/// Set of weather datarefs by X-Plane generation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Generation {
     /// `sim/weather/`, up to 11.55.
@@ -15,7 +15,7 @@ pub enum Generation {
 }
 
 impl Generation {
-    /// Of the value of [`super::VERSION`].
+    /// Generation for a value of [`super::VERSION`].
     pub(crate) fn of_version(internal_version: f32) -> Self {
         Version::of_number(internal_version as u32).generation()
     }
@@ -33,8 +33,8 @@ pub struct Version {
 }
 
 impl Version {
-    /// Of the value of [`super::VERSION`], which is the "build" of X-Plane's `Log.txt`: 124009 is 12.4.0-r2, 121407 is 12.1.4-r3; before
-    /// X-Plane 12 the minor number has two digits, 115501 is 11.55. The last two digits count builds.
+    /// Decodes [`super::VERSION`], the "build" in X-Plane's `Log.txt`: 124009 is 12.4.0-r2, 121407 is 12.1.4-r3; before X-Plane 12 the
+    /// minor number has two digits, 115501 is 11.55. The last two digits count builds.
     pub fn of_number(internal_version: u32) -> Self {
         let digit = |unit: u32| internal_version / unit % 10;
         let major = internal_version / 10_000;
@@ -53,7 +53,7 @@ impl Version {
         }
     }
 
-    /// Its set of weather datarefs.
+    /// Generation of weather datarefs.
     pub fn generation(self) -> Generation {
         if self.major < 12 {
             Generation::XPlane11

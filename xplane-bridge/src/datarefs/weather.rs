@@ -11,23 +11,26 @@ use super::*;
 /// The weather. A simulator that shows it reads these values, within their tolerances.
 ///
 /// # Errors
-/// [`BridgeError::BadConditions`] for more layers than X-Plane has.
+/// For more layers than X-Plane has.
 pub(crate) fn weather_writes(
     weather: &Weather,
     generation: Generation,
-) -> Result<Vec<DatarefWrite>, BridgeError> {
-    if weather.clouds.len() > CLOUD_LAYERS {
-        return Err(BridgeError::BadConditions {
-            what: format!(
-                "{} cloud layers, X-Plane has {CLOUD_LAYERS}",
-                weather.clouds.len()
-            ),
-        });
-    }
+) -> Result<Vec<DatarefWrite>, BadConditions> {
+    check_cloud_layers(weather)?;
     Ok(match generation {
         Generation::XPlane11 => weather_writes_11(weather),
         Generation::XPlane12 => weather_writes_12(weather),
     })
+}
+
+/// Rejects more layers than X-Plane has.
+pub(crate) fn check_cloud_layers(weather: &Weather) -> Result<(), BadConditions> {
+    match weather.clouds.len() {
+        0..=CLOUD_LAYERS => Ok(()),
+        layers => Err(BadConditions(format!(
+            "{layers} cloud layers, X-Plane has {CLOUD_LAYERS}"
+        ))),
+    }
 }
 
 fn weather_writes_12(weather: &Weather) -> Vec<DatarefWrite> {
@@ -140,7 +143,7 @@ fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
     writes
 }
 
-/// Details of a cloud layer; an empty layer does not show them.
+/// Cloud layer details; an empty layer does not show them.
 fn cloud_writes<const N: usize>(
     cloud: Option<&CloudLayer>,
     writes: [DatarefWrite; N],
@@ -194,7 +197,7 @@ fn cloud_type_11(cloud: &CloudLayer) -> f64 {
         _ if cloud.cover_ratio <= 0.0 => 0.0,
         CloudKind::Cirrus => 1.0,
         CloudKind::Stratus => 5.0,
-        // Oktas of a weather report: scattered up to 4/8, broken up to 7/8, overcast above.
+        // Oktas in weather reports: scattered up to 4/8, broken up to 7/8, overcast above.
         CloudKind::Cumulus | CloudKind::Cumulonimbus => match cloud.cover_ratio {
             cover if cover <= 0.5 => 2.0,
             cover if cover <= 0.875 => 3.0,
@@ -203,8 +206,8 @@ fn cloud_type_11(cloud: &CloudLayer) -> f64 {
     }
 }
 
-/// The weather of a simulator with these datarefs: the inverse of [`condition_writes`], for the stand-in. The wind is taken from the lowest
-/// layer. X-Plane 11 has no number for the cover of a cloud; this returns the middle of its kind's range.
+/// Weather from a simulator's datarefs: the inverse of [`condition_writes`], for the stand-in. The wind is taken from the lowest layer.
+/// X-Plane 11 has no number for cloud cover; this returns the middle of its kind's range.
 pub fn weather_from_datarefs(generation: Generation, read: impl Fn(&str) -> f32) -> Weather {
     match generation {
         Generation::XPlane11 => weather_11(read),

@@ -1,10 +1,9 @@
-//! Text of a peer in errors and records, which end in terminals and logs: as much of it as a person reads, on one line, without control
-//! characters.
+//! Text from a peer in errors and records, which end in terminals and logs: shortened, on one line, without control characters.
 
-/// Characters of a text that are quoted.
+/// Maximum quoted characters.
 const MAX_CHARACTERS: usize = 500;
 
-/// The beginning of a text, safe to print.
+/// The beginning of the text, safe to print.
 pub(crate) fn quoted(text: &str) -> String {
     let mut quoted = String::with_capacity(text.len().min(MAX_CHARACTERS));
     for c in text.chars().take(MAX_CHARACTERS) {

@@ -1,4 +1,4 @@
-//! One view of one instant: the request, and what was drawn.
+//! A view at an instant: the request, and the drawn frame.
 
 use std::ops::RangeInclusive;
 
@@ -6,29 +6,27 @@ use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::{Controls, Pose};
 use serde::{Deserialize, Serialize};
 
-use super::PictureBytes;
 use super::wire::MAX_PAYLOAD_BYTES;
+use super::{PictureBytes, PictureSize};
 
-/// Maximum side of an image, pixels. Limits what a request can make the other side allocate.
+/// Maximum image side, pixels. Limits how much memory a request can make the other side allocate.
 pub(crate) const MAX_PICTURE_SIDE_PX: u32 = 8_192;
 
-/// Delivery of a drawn frame to the client.
+/// Delivery of the drawn frame to the client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Deliver {
-    /// Its pixels are the answer's payload.
+    /// The answer's payload has the pixels.
     #[default]
     Picture,
     /// It stays on the screen until the next request; the client grabs it there. The payload is empty.
     Drawn,
     /// It is on the screen for one drawn frame, with that frame's number in the margins around it. The payload is empty.
     Coded,
-    /// The same, with the aircraft displaced: the frame reveals the lag of the scene behind the number.
+    /// As [`Self::Coded`], with the aircraft displaced: the frame reveals the lag of the scene behind the number.
     Probe,
     /// The file that X-Plane's screenshot command writes is the answer's payload: PNG.
     Screenshot,
-    /// Its pixels are drawn into a slot of the memory that the client shares ([`crate::link::SharedMemory`]). The payload is empty.
-    Slot(u32),
 }
 
 /// A frame to draw.
@@ -43,7 +41,7 @@ pub struct CaptureRequest {
     pub view: u32,
     /// Pose of the aircraft.
     pub pose: Pose,
-    /// Its flaps and gear.
+    /// Flaps and gear.
     pub controls: Controls,
     /// Pose of the camera.
     pub camera: CameraPose,
@@ -59,14 +57,19 @@ pub struct CaptureRequest {
 impl CaptureRequest {
     /// Size of the image, bytes.
     pub fn rgb_bytes(&self) -> usize {
-        rgb_bytes(self.width_px, self.height_px)
+        let (width_px, height_px) = (self.width_px, self.height_px);
+        PictureSize {
+            width_px,
+            height_px,
+        }
+        .rgb_bytes()
     }
 
     /// Sizes that the answer's payload may have, bytes: the image's size, none if it is only drawn, or the size of any file.
     pub fn payload_bytes(&self) -> RangeInclusive<usize> {
         match self.deliver {
             Deliver::Picture => self.rgb_bytes()..=self.rgb_bytes(),
-            Deliver::Drawn | Deliver::Coded | Deliver::Probe | Deliver::Slot(_) => 0..=0,
+            Deliver::Drawn | Deliver::Coded | Deliver::Probe => 0..=0,
             Deliver::Screenshot => 1..=MAX_PAYLOAD_BYTES,
         }
     }
@@ -75,7 +78,9 @@ impl CaptureRequest {
     pub fn check(&self) -> Result<(), BadCapture> {
         for (name, side) in [("width_px", self.width_px), ("height_px", self.height_px)] {
             if !(1..=MAX_PICTURE_SIDE_PX).contains(&side) {
-                return Err(BadCapture::Side { name, found: side });
+                return Err(BadCapture(format!(
+                    "{name} is {side}, expected 1 to {MAX_PICTURE_SIDE_PX}"
+                )));
             }
         }
         let Controls {
@@ -84,12 +89,14 @@ impl CaptureRequest {
         } = self.controls;
         for (name, ratio) in [("flap_ratio", flap_ratio), ("gear_ratio", gear_ratio)] {
             if !(0.0..=1.0).contains(&ratio) {
-                return Err(BadCapture::Ratio { name, found: ratio });
+                return Err(BadCapture(format!("{name} is {ratio}, expected 0 to 1")));
             }
         }
         let hfov_deg = self.camera.hfov_deg;
         if !(hfov_deg > 0.0 && hfov_deg < 180.0) {
-            return Err(BadCapture::FieldOfView { hfov_deg });
+            return Err(BadCapture(format!(
+                "hfov_deg is {hfov_deg}, expected more than 0 and less than 180"
+            )));
         }
         for (name, pose) in [("pose", &self.pose), ("camera", &self.camera.pose)] {
             let angles = [pose.heading_true_deg, pose.pitch_deg, pose.roll_deg];
@@ -97,7 +104,9 @@ impl CaptureRequest {
                 && pose.longitude_deg.abs() <= 360.0
                 && pose.altitude_msl_m.abs() <= 1e6;
             if !on_earth || angles.iter().any(|angle| !angle.is_finite()) {
-                return Err(BadCapture::NotOnEarth { name, pose: *pose });
+                return Err(BadCapture(format!(
+                    "{name} is not a position and attitude on earth: {pose:?}"
+                )));
             }
         }
         Ok(())
@@ -106,38 +115,8 @@ impl CaptureRequest {
 
 /// Reason why an image cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum BadCapture {
-    /// Invalid size of an image.
-    #[error("{name} is {found}, expected 1 to {MAX_PICTURE_SIDE_PX}")]
-    Side {
-        /// Name of the side.
-        name: &'static str,
-        /// Its length, pixels.
-        found: u32,
-    },
-    /// Controls that no aircraft has.
-    #[error("{name} is {found}, expected 0 to 1")]
-    Ratio {
-        /// Name of the control.
-        name: &'static str,
-        /// Its position.
-        found: f64,
-    },
-    /// Invalid field of view of a camera.
-    #[error("hfov_deg is {hfov_deg}, expected more than 0 and less than 180")]
-    FieldOfView {
-        /// The angle.
-        hfov_deg: f64,
-    },
-    /// A pose that is not on earth.
-    #[error("{name} is not a position and attitude on earth: {pose:?}")]
-    NotOnEarth {
-        /// Name of the pose, of the aircraft or of the camera.
-        name: &'static str,
-        /// The pose.
-        pose: Pose,
-    },
-}
+#[error("{0}")]
+pub struct BadCapture(String);
 
 /// A drawn frame. Pose and camera are read from the drawn image, not copied from the request.
 ///
@@ -151,7 +130,7 @@ pub struct FrameHeader {
     pub view: u32,
     /// The simulator's count of drawn frames; grows from each image to the next.
     pub sim_frame: u64,
-    /// Pose with which the aircraft was drawn.
+    /// Pose of the drawn aircraft.
     pub pose: Pose,
     /// Pose of the camera.
     pub camera: CameraPose,
@@ -161,7 +140,7 @@ pub struct FrameHeader {
     pub height_px: u32,
 }
 
-/// An image and what it shows.
+/// An image and its content.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CapturedFrame {
     /// Tick of the request.
@@ -170,7 +149,7 @@ pub struct CapturedFrame {
     pub view: u32,
     /// The simulator's count of drawn frames; grows from each image to the next.
     pub sim_frame: u64,
-    /// Pose with which the aircraft was drawn.
+    /// Pose of the drawn aircraft.
     pub pose: Pose,
     /// Pose of the camera.
     pub camera: CameraPose,
@@ -196,11 +175,6 @@ impl CapturedFrame {
             rgb,
         }
     }
-}
-
-/// Bytes of an image.
-pub(crate) fn rgb_bytes(width_px: u32, height_px: u32) -> usize {
-    width_px as usize * height_px as usize * 3
 }
 
 #[cfg(test)]

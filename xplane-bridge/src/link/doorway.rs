@@ -1,4 +1,4 @@
-//! Accepts TCP clients: a few at a time, and no problem with one of them ends the server.
+//! Accepts TCP clients: a few at a time, and a failing client does not end the server.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -51,7 +51,7 @@ impl Doorway {
         }
     }
 
-    /// A place for a client that came in another way, if there is one.
+    /// Room for a client that was accepted elsewhere, if there is any.
     pub fn room(&self) -> Option<Room> {
         let permit = self.room.clone().try_acquire_owned().ok()?;
         Some(Room {

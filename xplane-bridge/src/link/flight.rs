@@ -1,4 +1,4 @@
-//! The payload of `flown`: the states of a flight as rows of little-endian 64-bit floats.
+//! Payload of `flown`: flight states as rows of little-endian 64-bit floats.
 //!
 //! Binary rather than JSON because a flight at the simulator's rate has some 10^4 states, and because a plugin
 //! packs it in one line (`struct` or `array`). The columns are named in the header and checked.
@@ -25,7 +25,7 @@ pub const FLIGHT_COLUMNS: [&str; 14] = [
 
 const ROW_BYTES: usize = 8 * FLIGHT_COLUMNS.len();
 
-/// The payload of these states.
+/// Encodes flight states as a payload.
 pub fn encode_flight(states: &[FlightState]) -> Vec<u8> {
     let mut payload = Vec::with_capacity(states.len() * ROW_BYTES);
     for state in states {
@@ -53,56 +53,34 @@ pub fn encode_flight(states: &[FlightState]) -> Vec<u8> {
 
 /// Reason why a payload is not a flight.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum BadFlightPayload {
-    /// Other columns than ours.
-    #[error("columns are {found:?}, expected {FLIGHT_COLUMNS:?}")]
-    Columns {
-        /// Their names.
-        found: Vec<String>,
-    },
-    /// Not as many bytes as announced.
-    #[error("{rows} states of {ROW_BYTES} bytes announced, {bytes} bytes found")]
-    Length {
-        /// The announced number of states.
-        rows: usize,
-        /// The payload.
-        bytes: usize,
-    },
-    /// A state with a number that is not finite.
-    #[error("{column} of state {row} is {found}, expected a finite number")]
-    NotFinite {
-        /// Index of the state, from 0.
-        row: usize,
-        /// Name of the column.
-        column: &'static str,
-        /// The number.
-        found: f64,
-    },
-}
+#[error("{0}")]
+pub struct BadFlightPayload(String);
 
-/// The states of a payload.
+/// Decodes a payload's flight states.
 pub fn decode_flight(
     columns: &[String],
     rows: usize,
     payload: &[u8],
 ) -> Result<Vec<FlightState>, BadFlightPayload> {
     if columns != FLIGHT_COLUMNS {
-        return Err(BadFlightPayload::Columns {
-            found: columns.to_vec(),
-        });
+        return Err(BadFlightPayload(format!(
+            "columns are {columns:?}, expected {FLIGHT_COLUMNS:?}"
+        )));
     }
     if rows.checked_mul(ROW_BYTES) != Some(payload.len()) {
-        return Err(BadFlightPayload::Length {
-            rows,
-            bytes: payload.len(),
-        });
+        return Err(BadFlightPayload(format!(
+            "{rows} states of {ROW_BYTES} bytes announced, {} bytes found",
+            payload.len()
+        )));
     }
     let rows = payload.chunks_exact(ROW_BYTES).map(numbers_of);
     rows.enumerate()
         .map(|(row, numbers)| {
             for (column, found) in FLIGHT_COLUMNS.into_iter().zip(numbers) {
                 if !found.is_finite() {
-                    return Err(BadFlightPayload::NotFinite { row, column, found });
+                    return Err(BadFlightPayload(format!(
+                        "{column} of state {row} is {found}, expected a finite number"
+                    )));
                 }
             }
             Ok(state_of(numbers))
@@ -162,31 +140,27 @@ mod tests {
     use super::*;
 
     fn states() -> Vec<FlightState> {
-        (0..3)
-            .map(|i| {
-                let x = f64::from(i) / 3.0;
-                FlightState {
-                    time_s: x,
-                    pose: Pose {
-                        latitude_deg: 1.0 + x,
-                        longitude_deg: 103.0 + x,
-                        altitude_msl_m: 700.0 - x,
-                        heading_true_deg: 23.0 + x,
-                        pitch_deg: x,
-                        roll_deg: -x,
-                    },
-                    velocity_north_mps: 70.0 + x,
-                    velocity_east_mps: 30.0 + x,
-                    velocity_down_mps: 4.0 + x,
-                    true_airspeed_mps: 77.0 + x,
-                    controls: Controls {
-                        flap_ratio: x,
-                        gear_ratio: 1.0 - x,
-                    },
-                    on_ground: i == 2,
-                }
-            })
-            .collect()
+        let state = |i: i32| {
+            let x = f64::from(i) / 3.0;
+            let on_ground = f64::from(u8::from(i == 2));
+            state_of([
+                x,
+                1.0 + x,
+                103.0 + x,
+                700.0 - x,
+                23.0 + x,
+                x,
+                -x,
+                70.0 + x,
+                30.0 + x,
+                4.0 + x,
+                77.0 + x,
+                x,
+                1.0 - x,
+                on_ground,
+            ])
+        };
+        (0..3).map(state).collect()
     }
 
     fn columns() -> Vec<String> {

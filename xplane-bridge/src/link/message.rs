@@ -1,20 +1,16 @@
 //! The headers of the capture link's messages: a client's requests, a simulator's answers.
 
-use std::net::SocketAddr;
-
 use dataset::conditions::Clock;
 use dataset::geometry::imaging::Imaging;
 use dataset::geometry::runway::Runway;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use super::{
-    CaptureRequest, FrameHeader, PictureSize, PixelKind, ScreenOffer, SharedMemory, SimulatorWindow,
-};
+use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, ScreenOffer, SimulatorWindow};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::profile::CallbackOrders;
 
-/// From client to simulator. None has a payload.
+/// A client's message to the simulator, without a payload.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum Request {
@@ -26,9 +22,6 @@ pub enum Request {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token: Option<String>,
     },
-    /// From now on draw images into this memory, when a capture lends a slot of it. Only for a simulator that offers it in its
-    /// hello.
-    ShareMemory(SharedMemory),
     /// Stop the flight model, the clock and the clouds: poses come from captures now.
     Freeze {
         /// The runway of the scenario, whose surroundings the images show.
@@ -62,8 +55,8 @@ pub enum Request {
         /// Longitude, degrees.
         longitude_deg: f64,
     },
-    /// Draw the check pattern over the window, to prove that what a client grabs is this window. Only for registration: while it is
-    /// shown, captures are rejected.
+    /// Draw the check pattern over the window, to prove that the client grabs this window. Only for registration: while it is shown,
+    /// captures are rejected.
     CheckPattern {
         /// The number in the pattern; `None` removes the pattern.
         code: Option<u32>,
@@ -74,7 +67,7 @@ pub enum Request {
     },
     /// Run one of the simulator's commands exactly once: over UDP it could be lost without notice.
     Command {
-        /// Its name, e.g. `sim/operation/regen_weather`.
+        /// Command name, e.g. `sim/operation/regen_weather`.
         path: String,
     },
     /// Store measurements of this simulator, and send them to every client with the hello.
@@ -85,7 +78,7 @@ pub enum Request {
     /// Report if the frame of the last [`Request::Capture`] has been on the screen ever since its answer. The camera may be taken from the
     /// plugin while a client grabs the frame.
     StillShown,
-    /// Report what the simulator's own log complains about the plugin. For plugins only.
+    /// Report the log's complaints about the plugin. For plugins only.
     Complaints,
     /// Report the order of the plugin's callbacks. For plugins only, after a capture.
     WatchCallbacks {
@@ -96,98 +89,96 @@ pub enum Request {
     Release,
     /// Fly an approach, as fast as the simulator can.
     Fly(FlyRequest),
-    /// Draw one view of one tick. Only while frozen.
+    /// Draw a view at a tick. Only while frozen.
     Capture(CaptureRequest),
 }
 
-/// From simulator to client: one for every request, in the same order.
+/// A simulator's description of itself and of its capture link.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Hello {
+    /// Name of the simulator.
+    pub name: String,
+    /// Version of the simulator.
+    pub version: String,
+    /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
+    pub plugin: Option<String>,
+    /// Sources of images, the best first. Unknown names are ignored.
+    #[serde(deserialize_with = "known_kinds")]
+    pub pixels: Vec<PixelKind>,
+    /// The simulator's window, if there is one.
+    pub window: Option<SimulatorWindow>,
+    /// Size of X-Plane's window, the only possible image size. `None` if any size can be drawn, and for plugins that are older than
+    /// this key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn_size: Option<PictureSize>,
+    /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub imaging: bool,
+    /// True if it can draw the check pattern under its own windows.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub patterns_under: bool,
+    /// The screen of the plugin's computer, for clients on a different one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub screen: Option<ScreenOffer>,
+    /// Stored measurements, if any: a [`crate::profile::Profile`] in any version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<Value>,
+    /// True if a tape gives the answers: missing ones will not come later either.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub replayed: bool,
+    /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub frame_codes: bool,
+}
+
+/// The simulator's answer to a client: one per request, in the same order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum Answer {
-    /// To [`Request::Hello`].
-    Hello {
-        /// Name of the simulator.
-        name: String,
-        /// Its version.
-        version: String,
-        /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
-        plugin: Option<String>,
-        /// Sources of images, the best first. Unknown names are ignored.
-        #[serde(deserialize_with = "known_kinds")]
-        pixels: Vec<PixelKind>,
-        /// The window that shows what is drawn, if there is one.
-        window: Option<SimulatorWindow>,
-        /// Size of what it draws, the only possible image size: for X-Plane, which draws into a window. `None` for a simulator
-        /// that draws any size, and for a plugin that is older than this key.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        drawn_size: Option<PictureSize>,
-        /// The client's address as the simulator sees it, if it can draw into memory that a client shares. A client with another
-        /// address is connected through an intermediary, a recorder or a tunnel, which must see the images pass.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        shares_memory_with: Option<SocketAddr>,
-        /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        imaging: bool,
-        /// True if it can draw the check pattern under the windows of its user interface.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        patterns_under: bool,
-        /// The screen that it draws on, if the client cannot reach it: the plugin's, for a client on another computer.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        screen: Option<ScreenOffer>,
-        /// Measurements of it, if any: a [`crate::profile::Profile`], of whichever version.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        profile: Option<Value>,
-        /// True if a tape gives the answers: missing ones will not come later either.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        replayed: bool,
-        /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        frame_codes: bool,
-    },
-    /// To [`Request::ShareMemory`].
-    MemoryShared,
-    /// To [`Request::Freeze`].
+    /// Answer to [`Request::Hello`].
+    Hello(Hello),
+    /// Answer to [`Request::Freeze`].
     Frozen,
-    /// To [`Request::Travel`].
+    /// Answer to [`Request::Travel`].
     Arrived,
-    /// To [`Request::ProbeTerrain`].
+    /// Answer to [`Request::ProbeTerrain`].
     Terrain {
         /// Height of the ground above mean sea level, metres.
         elevation_msl_m: f64,
     },
-    /// To [`Request::CheckPattern`].
+    /// Answer to [`Request::CheckPattern`].
     CheckPatternShown {
         /// The first frame that is drawn with it, or without it.
         sim_frame: u64,
     },
-    /// To [`Request::Command`].
+    /// Answer to [`Request::Command`].
     Commanded,
-    /// To [`Request::KeepProfile`].
+    /// Answer to [`Request::KeepProfile`].
     ProfileKept,
-    /// To [`Request::StillShown`].
+    /// Answer to [`Request::StillShown`].
     Shown {
         /// True if every frame since then has shown the same.
         still: bool,
     },
-    /// To [`Request::Complaints`].
+    /// Answer to [`Request::Complaints`].
     Complaints {
         /// Lines of the log, each once; at most some twenty.
         lines: Vec<String>,
     },
-    /// To [`Request::WatchCallbacks`].
+    /// Answer to [`Request::WatchCallbacks`].
     Callbacks(CallbackOrders),
-    /// To [`Request::Release`].
+    /// Answer to [`Request::Release`].
     Released,
-    /// To [`Request::Fly`]; the payload is `rows` x `columns` 64-bit floats.
+    /// Answer to [`Request::Fly`]; the payload is `rows` x `columns` 64-bit floats.
     Flown {
         /// Names of the columns.
         columns: Vec<String>,
         /// Number of states.
         rows: usize,
     },
-    /// To [`Request::Capture`]; the payload is the image.
+    /// Answer to [`Request::Capture`]; the payload is the image.
     Frame(FrameHeader),
-    /// Instead of any of them.
+    /// Error in place of any other answer.
     Error {
         /// Description of the failure.
         text: String,
@@ -212,7 +203,7 @@ impl Answer {
         }
     }
 
-    /// The refusal of a request that would be refused again.
+    /// Refusal that would be repeated.
     pub fn lasting_refusal(text: impl Into<String>) -> Self {
         Self::Error {
             text: text.into(),
@@ -223,8 +214,7 @@ impl Answer {
     /// The answer's name, for messages.
     pub fn name(&self) -> &'static str {
         match self {
-            Self::Hello { .. } => "hello",
-            Self::MemoryShared => "memory_shared",
+            Self::Hello(_) => "hello",
             Self::Frozen => "frozen",
             Self::Arrived => "arrived",
             Self::Terrain { .. } => "terrain",
@@ -257,7 +247,7 @@ mod tests {
         assert!(matches!(answer, Answer::Frame(header) if header.sim_frame == 9));
         let hello = r#"{"message":"hello","name":"X-Plane","version":"13.00","plugin":null,"pixels":["hologram","screen"],"window":null}"#;
         let answer: Answer = serde_json::from_str(hello).unwrap();
-        assert!(matches!(answer, Answer::Hello { pixels, .. } if pixels == [PixelKind::Screen]));
+        assert!(matches!(answer, Answer::Hello(hello) if hello.pixels == [PixelKind::Screen]));
         let capture = |more: &str| {
             format!(
                 r#"{{"message":"capture","tick":1,"time_ns":0,"view":0,"pose":{pose},"controls":{{"flap_ratio":0,"gear_ratio":1}},"camera":{camera},"width_px":4,"height_px":2{more}}}"#

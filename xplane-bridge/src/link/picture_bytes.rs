@@ -1,23 +1,19 @@
-//! The bytes of an image, wherever they are stored.
+//! Image bytes, and the memory that they return to.
 
 use std::fmt;
 use std::mem;
 use std::ops::Deref;
 use std::sync::mpsc::Sender;
 
-use super::SharedPicture;
-
-/// Red, green, blue, one byte each, row by row from the top left: in our own memory, or in memory shared with the simulator.
+/// Red, green, blue, one byte each, row by row from the top left.
 pub enum PictureBytes {
     /// Received over the link, or grabbed.
     Own(Vec<u8>),
-    /// Grabbed into memory of a pool.
+    /// Grabbed into pool memory.
     Pooled(PooledPicture),
-    /// Shared memory into which the simulator drew the image.
-    Shared(SharedPicture),
 }
 
-/// An image in memory of a pool, which gets the memory back when the image is dropped.
+/// An image in pool memory, which returns to the pool when the image is dropped.
 #[derive(Debug)]
 pub struct PooledPicture {
     bytes: Vec<u8>,
@@ -52,7 +48,6 @@ impl Deref for PictureBytes {
         match self {
             Self::Own(bytes) => bytes,
             Self::Pooled(picture) => picture,
-            Self::Shared(picture) => picture,
         }
     }
 }
@@ -82,7 +77,6 @@ impl fmt::Debug for PictureBytes {
         let place = match self {
             Self::Own(_) => "own",
             Self::Pooled(_) => "pooled",
-            Self::Shared(_) => "shared",
         };
         write!(f, "{} bytes, {place}", self.len())
     }

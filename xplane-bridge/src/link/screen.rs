@@ -1,15 +1,17 @@
-//! Messages of a connection for the screen: a client on another computer grabs the simulator's screen through its plugin.
+//! Messages of the screen connection: a client on a different computer grabs the simulator's screen through its plugin.
 //!
 //! It is a separate conversation from the one of the seat, so that images never wait for the simulator's frames. A server that does not
 //! support it rejects its first message.
 
 use serde::{Deserialize, Serialize};
 
-/// From client to plugin. None has a payload.
+use crate::pixels::Rectangle;
+
+/// A client's message to the plugin, without a payload.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum ScreenRequest {
-    /// The first message, instead of a hello.
+    /// First message, instead of a hello.
     OpenScreen {
         /// Name and version of the client.
         client: String,
@@ -19,41 +21,28 @@ pub enum ScreenRequest {
     },
     /// Take an image of the screen now.
     Grab {
-        /// The region; everything if missing.
+        /// The region of all monitors together, physical pixels from the top left; everything if missing.
         #[serde(flatten)]
-        part: Option<ScreenPart>,
+        part: Option<Rectangle>,
     },
 }
 
-/// A region of the screen: all monitors together, physical pixels from the top left.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ScreenPart {
-    /// Its leftmost column.
-    pub x_px: u32,
-    /// Its topmost row.
-    pub y_px: u32,
-    /// Number of columns.
-    pub width_px: u32,
-    /// Number of rows.
-    pub height_px: u32,
-}
-
-/// From plugin to client: one for every request, in the same order.
+/// The plugin's answer to a client: one per request, in the same order.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum ScreenAnswer {
-    /// To [`ScreenRequest::OpenScreen`]: the size of the screen.
+    /// Answer to [`ScreenRequest::OpenScreen`]: the size of the screen.
     ScreenOpened {
         /// Width of the whole screen, pixels.
         width_px: u32,
-        /// Its height.
+        /// Height, pixels.
         height_px: u32,
     },
-    /// To [`ScreenRequest::Grab`]; the payload is the image.
+    /// Answer to [`ScreenRequest::Grab`]; the payload is the image.
     Grabbed {
         /// Width of the image, pixels.
         width_px: u32,
-        /// Its height.
+        /// Height, pixels.
         height_px: u32,
     },
     /// Instead of either.
@@ -63,7 +52,7 @@ pub enum ScreenAnswer {
     },
 }
 
-/// A plugin's report about its screen in its hello, sent only to a client on another computer.
+/// A plugin's offer of its screen in its hello, sent only to clients on other computers.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScreenOffer {
     /// The reason why the plugin does not grab it; missing if it does.

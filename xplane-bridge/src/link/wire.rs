@@ -1,6 +1,6 @@
 //! Greeting and framing of the capture link, for both sides.
 //!
-//! Lengths above a limit are rejected, and no input panics: the other side is another program, perhaps of another version. Socket
+//! Lengths above a limit are rejected, and no input panics: the other side is a separate program, perhaps of a different version. Socket
 //! buffers keep the system's automatic size, which grows beyond what may be requested manually.
 
 use std::io::ErrorKind;
@@ -27,24 +27,24 @@ pub enum LinkError {
     /// The socket failed.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// The other side closed.
+    /// The connection ended.
     #[error("the other side closed the connection inside {inside}")]
     Ended {
-        /// Part of the message at which it ended.
+        /// Part of the message that was cut off.
         inside: &'static str,
     },
-    /// Another program listens there.
+    /// A different program listens there.
     #[error("the other side greets with \"{}\", expected \"DTDL\": that is not a capture link", .found.escape_ascii())]
     NotTheLink {
-        /// Its first four bytes.
+        /// First four bytes.
         found: [u8; 4],
     },
-    /// The other side is of another version.
+    /// The versions of both sides differ.
     #[error(
         "the other side speaks version {found} of the capture link, expected {LINK_VERSION}: install the plugin and the program of the same release"
     )]
     OtherVersion {
-        /// Its version.
+        /// Version of the other side.
         found: u32,
     },
     /// A length beyond its limit.
@@ -54,13 +54,13 @@ pub enum LinkError {
         part: &'static str,
         /// The length.
         announced: usize,
-        /// Its limit.
+        /// Maximum length.
         limit: usize,
     },
     /// A request with a payload.
     #[error("a request has no payload, but {announced} bytes are announced")]
     PayloadOfRequest {
-        /// Its length.
+        /// Announced length.
         announced: usize,
     },
     /// A header that is not a valid message.
@@ -68,7 +68,7 @@ pub enum LinkError {
     BadHeader {
         /// The parser's error.
         reason: String,
-        /// Its first characters.
+        /// First characters.
         begin: String,
     },
 }
@@ -133,7 +133,7 @@ pub async fn read_header<H: DeserializeOwned>(
     }
 }
 
-/// Reads the next request, which never has a payload; `None` if the client has closed the connection between two of them. After
+/// Reads the next request, which never has a payload; `None` if the client has closed the connection between two requests. After
 /// [`LinkError::BadHeader`] the next request can be read nevertheless.
 pub async fn read_request(
     stream: &mut (impl AsyncRead + Unpin),

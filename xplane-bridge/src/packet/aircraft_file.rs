@@ -1,4 +1,4 @@
-//! `ACFN`: loading another aircraft.
+//! `ACFN`: loads an aircraft.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub struct LoadAircraft {
     pub plane: i32,
     /// Path of the `.acf` file below X-Plane's folder.
     pub path: String,
-    /// Index of its livery, counted from 0.
+    /// Livery index, from 0.
     pub livery: i32,
 }
 

@@ -28,11 +28,11 @@ pub struct Beacon {
     pub host: i32,
     /// Version of the program, 124009 for 12.4.0.
     pub version: i32,
-    /// Role: 1 is the master of a network of simulators.
+    /// Role: 1 is the master in a network of simulators.
     pub role: u32,
     /// The port that takes our packets.
     pub port: u16,
-    /// Name of the computer. It is in the system's encoding: what is not UTF-8 is replaced by U+FFFD.
+    /// Computer name in the system's encoding; bytes that are not UTF-8 become U+FFFD.
     pub name: Option<String>,
     /// Port of the newer protocol, if the packet is long enough to contain it.
     pub raknet_port: Option<u16>,
@@ -61,8 +61,8 @@ impl Beacon {
         let (host, version) = (fields.i32("host")?, fields.i32("version")?);
         let (role, port) = (fields.u32("role")?, fields.u16("port")?);
         let (name, raknet) = match fields.rest() {
-            // Two bytes are not a name but the port after an omitted name; unless they are a name of one character, since no port
-            // below 256 is free for this.
+            // Two bytes are the port after an omitted name, unless they form a single-character name, since no port below 256 is free for
+            // this.
             rest @ [_, 1..=u8::MAX] => (&rest[..0], rest),
             rest => {
                 let end = rest
@@ -123,7 +123,7 @@ mod tests {
             Beacon::decode(&nameless.encode().unwrap()).unwrap(),
             nameless
         );
-        // Ends right after the port, and ends with a port but without even the NUL of a name.
+        // Datagrams that end right after the port, or with a port but without even the NUL of a name.
         assert_eq!(Beacon::decode(&bytes[..21]).unwrap(), bare);
         let without_nul = [&bytes[..21], &[0x72, 0xbf]].concat();
         assert_eq!(Beacon::decode(&without_nul).unwrap(), nameless);

@@ -1,6 +1,6 @@
-//! Reading and writing the fields of a packet's body, shared by all packets.
+//! Reads and writes the fields of packet bodies.
 
-use super::PacketError;
+use super::{PacketError, bad_field};
 
 /// Bytes before the body: four of the tag, one without meaning.
 pub(super) const HEADER_BYTES: usize = 5;
@@ -22,7 +22,7 @@ macro_rules! take_number {
 }
 
 impl<'a> Fields<'a> {
-    /// Starts after the header of a datagram. A bare tag is treated like an empty body.
+    /// Starts after a datagram's header. A bare tag is treated like an empty body.
     pub(super) fn new(tag: &'static str, datagram: &'a [u8]) -> Self {
         Self {
             tag,
@@ -65,7 +65,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// The text of a character field: up to the first NUL or the end, without the spaces some clients pad with.
+/// The text in a character field: up to the first NUL or the end, without the spaces some clients pad with.
 pub(super) fn text(
     tag: &'static str,
     field: &'static str,
@@ -77,16 +77,14 @@ pub(super) fn text(
         .unwrap_or(bytes.len());
     match std::str::from_utf8(&bytes[..end]) {
         Ok(text) => Ok(text.trim_end_matches(' ').to_owned()),
-        Err(_) => Err(PacketError::BadField {
-            tag,
-            field,
-            expected: "text in UTF-8",
-            found: format!("\"{}\"", bytes[..end].escape_ascii()),
-        }),
+        Err(_) => {
+            let found = format!("\"{}\"", bytes[..end].escape_ascii());
+            Err(bad_field(tag, field, "text in UTF-8", found))
+        }
     }
 }
 
-/// The header of a packet, with room for its body.
+/// A packet header, with room for the body.
 pub(super) fn start(tag: &[u8; 4], body_bytes: usize) -> Vec<u8> {
     let mut datagram = Vec::with_capacity(HEADER_BYTES + body_bytes);
     datagram.extend(tag);
@@ -94,7 +92,7 @@ pub(super) fn start(tag: &[u8; 4], body_bytes: usize) -> Vec<u8> {
     datagram
 }
 
-/// Appends a text and fills its field of `width` bytes with NULs, of which there is at least one.
+/// Appends a text, and pads its field to `width` bytes with at least one NUL.
 pub(super) fn push_text(
     datagram: &mut Vec<u8>,
     tag: &'static str,
@@ -103,12 +101,9 @@ pub(super) fn push_text(
     width: usize,
 ) -> Result<(), PacketError> {
     if text.len() >= width || text.contains('\0') || text.ends_with(' ') {
-        return Err(PacketError::BadField {
-            tag,
-            field,
-            expected: "text without NUL or closing space that leaves a byte of its field free",
-            found: format!("{text:?} for a field of {width} bytes"),
-        });
+        let expected = "text without NUL or closing space that leaves a byte of its field free";
+        let found = format!("{text:?} for a field of {width} bytes");
+        return Err(bad_field(tag, field, expected, found));
     }
     datagram.extend(text.as_bytes());
     datagram.resize(datagram.len() + width - text.len(), 0);

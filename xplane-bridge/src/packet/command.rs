@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::PacketError;
 use super::body::{Fields, push_text, start, text};
+use super::{PacketError, bad_field};
 
 const TAG: &str = "CMND";
 
@@ -19,12 +19,7 @@ impl Command {
     pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
         let path = text(TAG, "path", Fields::new(TAG, datagram).rest())?;
         if path.is_empty() {
-            return Err(PacketError::BadField {
-                tag: TAG,
-                field: "path",
-                expected: "the name of a command",
-                found: "empty".into(),
-            });
+            return Err(bad_field(TAG, "path", "the name of a command", "empty"));
         }
         Ok(Self { path })
     }

@@ -12,7 +12,7 @@ const PATH_BYTES: usize = 500;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WriteDataref {
-    /// Dataref, one element of an array as `name[3]`.
+    /// Dataref; array elements as `name[3]`.
     pub path: String,
     /// The value in X-Plane's unit.
     pub value: f32,

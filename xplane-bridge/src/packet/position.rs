@@ -4,8 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::PacketError;
 use super::body::{Fields, start, text};
+use super::{PacketError, bad_field};
 
 const TAG: &str = "RPOS";
 
@@ -13,7 +13,7 @@ const TAG: &str = "RPOS";
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubscribePosition {
-    /// Rate at which to send it, 1/s; 0 ends the subscription.
+    /// Rate in 1/s; 0 ends the subscription.
     pub frequency_hz: u32,
 }
 
@@ -22,12 +22,10 @@ impl SubscribePosition {
         let text = text(TAG, "frequency", Fields::new(TAG, datagram).rest())?;
         match text.trim().parse() {
             Ok(frequency_hz) => Ok(Self { frequency_hz }),
-            Err(_) => Err(PacketError::BadField {
-                tag: TAG,
-                field: "frequency",
-                expected: "a whole number in decimal characters",
-                found: format!("{text:?}"),
-            }),
+            Err(_) => {
+                let expected = "a whole number in decimal characters";
+                Err(bad_field(TAG, "frequency", expected, format!("{text:?}")))
+            }
         }
     }
 

@@ -4,8 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::PacketError;
 use super::body::{Fields, push_text, start, text};
+use super::{PacketError, bad_field};
 
 /// Maximum values in one reply: more would not fit an Ethernet frame.
 pub const MAX_VALUES_PER_REPLY: usize = 183;
@@ -18,11 +18,11 @@ const VALUE_BYTES: usize = 8;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubscribeDataref {
-    /// Rate at which to send the value, 1/s; 0 or less ends the subscription.
+    /// Rate in 1/s; 0 or less ends the subscription.
     pub frequency_hz: i32,
     /// The client's own number for it, which comes back with every value.
     pub index: i32,
-    /// Dataref, e.g. `sim/time/zulu_time_sec` or, for one element of an array, `name[3]`. Empty ends the subscription.
+    /// Dataref, e.g. `sim/time/zulu_time_sec`, or `name[3]` for array elements. Empty ends the subscription.
     pub path: String,
 }
 
@@ -50,7 +50,7 @@ impl SubscribeDataref {
     }
 }
 
-/// One value of a reply.
+/// A value in a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DatarefValue {
@@ -64,11 +64,11 @@ pub struct DatarefValue {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DatarefValues {
-    /// At most [`MAX_VALUES_PER_REPLY`] of them.
+    /// At most [`MAX_VALUES_PER_REPLY`] values.
     pub values: Vec<DatarefValue>,
 }
 
-/// `RREF,` from the simulator as a view of its datagram: the values are read in place, without allocation.
+/// `RREF,` from the simulator, as a view into its datagram: values are read in place, without allocation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DatarefValuesView<'a> {
     values: &'a [[u8; VALUE_BYTES]],
@@ -128,12 +128,9 @@ impl DatarefValues {
 
     pub(super) fn encode(&self) -> Result<Vec<u8>, PacketError> {
         if self.values.len() > MAX_VALUES_PER_REPLY {
-            return Err(PacketError::BadField {
-                tag: TAG,
-                field: "values",
-                expected: "at most 183 values in a reply",
-                found: format!("{} values", self.values.len()),
-            });
+            let found = format!("{} values", self.values.len());
+            let expected = "at most 183 values in a reply";
+            return Err(bad_field(TAG, "values", expected, found));
         }
         let mut datagram = start(b"RREF", VALUE_BYTES * self.values.len());
         // The one fifth byte that matters: clients were seen to demand exactly `RREF,`.

@@ -2,11 +2,11 @@
 
 use super::Rectangle;
 
-/// Side of a cell, pixels.
+/// Cell side, pixels.
 pub(super) const CELL_PX: usize = 16;
 const CHANNELS: usize = 3;
 
-/// Images of one size, divided into cells row by row; those at the right and lower edge may be smaller.
+/// Equally large images, divided into cells row by row; cells at the right and lower edge may be smaller.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     width_px: usize,
@@ -20,9 +20,8 @@ pub(super) struct Grid {
 pub(super) struct Changes {
     /// Values that differ by more than a level.
     pub(super) beyond_level: Vec<u32>,
-    /// Values that differ by more than half of it.
+    /// Values that differ by more than half the level.
     pub(super) beyond_half: Vec<u32>,
-    /// True for cells in which anything differs.
     pub(super) differs: Vec<bool>,
 }
 
@@ -41,7 +40,6 @@ impl Grid {
         self.columns * self.rows
     }
 
-    /// Bytes of an image.
     pub(super) fn bytes(&self) -> usize {
         self.width_px * self.height_px * CHANNELS
     }
@@ -50,14 +48,13 @@ impl Grid {
         self.width_px * CHANNELS
     }
 
-    /// First column and row of a cell, and those after its last, pixels.
+    /// First column and row, and those after the last, pixels.
     fn edges(&self, at: usize) -> [usize; 4] {
         let (left, top) = (at % self.columns * CELL_PX, at / self.columns * CELL_PX);
         let right = (left + CELL_PX).min(self.width_px);
         [left, top, right, (top + CELL_PX).min(self.height_px)]
     }
 
-    /// Bytes of a cell.
     pub(super) fn values(&self, at: usize) -> u32 {
         let [left, top, right, bottom] = self.edges(at);
         ((right - left) * (bottom - top) * CHANNELS) as u32
@@ -87,7 +84,7 @@ impl Grid {
         for (a, b) in self.bands(a).zip(self.bands(b)) {
             columns.fill(0);
             for (a, b) in self.lines(a).zip(self.lines(b)) {
-                // Most rows of a paused world.
+                // The usual case in a paused world.
                 if a != b {
                     count_beyond(&mut columns, a, b, level);
                 }
@@ -97,7 +94,7 @@ impl Grid {
         changed
     }
 
-    /// The same for a level and for half of it, and whether a cell differs at all.
+    /// Changed values for a level and for half that level, and whether a cell differs at all.
     pub(super) fn changes(&self, a: &[u8], b: &[u8], level: u8) -> Changes {
         let mut changes = Changes::default();
         let mut columns = vec![0_u8; self.row_bytes()];
@@ -123,7 +120,7 @@ impl Grid {
         changes
     }
 
-    /// The number of values of one cell that differ by more than `level`.
+    /// Number of values in a cell that differ by more than `level`.
     pub(super) fn changed_in_cell(&self, at: usize, a: &[u8], b: &[u8], level: u8) -> u32 {
         self.rows_of_cell(at)
             .map(|row| {
@@ -133,14 +130,14 @@ impl Grid {
             .sum()
     }
 
-    /// The mean of all values of a cell, levels.
+    /// Mean of a cell's values, levels.
     pub(super) fn mean(&self, at: usize, rgb: &[u8]) -> f64 {
         let values = self.rows_of_cell(at).flat_map(|row| &rgb[row]);
         let sum: u32 = values.map(|value| u32::from(*value)).sum();
         f64::from(sum) / f64::from(self.values(at))
     }
 
-    /// The sum of the differences of all values of a cell.
+    /// Sum of a cell's differences.
     pub(super) fn distance(&self, at: usize, a: &[u8], b: &[u8]) -> u64 {
         let rows = self.rows_of_cell(at);
         rows.map(|row| {
@@ -180,8 +177,8 @@ impl Grid {
             .flat_map(move |row| columns.clone().map(move |column| row * of_row + column))
     }
 
-    /// The cells that are connected to a cell, edges and corners alike, in the order in which they are reached; they are removed from
-    /// `left`. `connects` decides for a cell and one beside it.
+    /// Removes from `left`, and returns, the cells that are connected to a cell, edges and corners alike, in the order of reaching them.
+    /// `connects` decides for two neighbouring cells.
     pub(super) fn connected(
         &self,
         start: usize,
@@ -217,7 +214,6 @@ impl Grid {
         self.around_all(&largest)
     }
 
-    /// The rectangle around some cells.
     pub(super) fn around_all(&self, cells: &[usize]) -> Option<Rectangle> {
         let edges = cells.iter().map(|at| self.edges(*at));
         let [left, top, right, bottom] = edges.reduce(|a, b| {

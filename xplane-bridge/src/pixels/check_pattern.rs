@@ -1,19 +1,18 @@
-//! The check pattern: an image with a code, so that a client can identify what it grabbed from the screen.
+//! The check pattern: an image with a code that identifies a grabbed window.
 //!
-//! During registration the simulator covers its window with the pattern of a given code; the client grabs the screen until it reads
-//! that very code, and learns the window's position, whether it is scaled, and how long a drawn frame takes to be visible. It is
-//! never drawn during a recording. A border in magenta, which no scenery has, marks the position; a grid of black and white cells
-//! carries the code and a checksum, so that an image torn between two codes is invalid. `docs/capture-link.md` specifies it for
-//! other implementations.
+//! During registration the simulator covers its window with a code's pattern; the client grabs the screen until it reads that very code,
+//! and learns the window's position, whether it is scaled, and how long a drawn frame takes to be visible. It is never drawn during a
+//! recording. A border in magenta, which no scenery has, marks the position; a grid of black and white cells carries the code and a
+//! checksum, so that an image torn between two codes is invalid. `docs/capture-link.md` specifies it for other implementations.
 
-use super::picture::{Rectangle, RgbPicture};
+use super::rgb_picture::{Rectangle, RgbPicture};
 
 /// Smallest window that can show the pattern, pixels.
-pub(crate) const MIN_PX: (u32, u32) = (64, 48);
+pub(crate) const MIN_WINDOW_PX: (u32, u32) = (64, 48);
 
 const COLUMNS: u32 = 8;
 const ROWS: u32 = 6;
-/// Bits of the code and of its checksum: one for each cell.
+/// Bits in code and checksum, one per cell.
 const BITS: u32 = COLUMNS * ROWS;
 const CHECKSUM_BITS: u32 = BITS - u32::BITS;
 
@@ -41,7 +40,7 @@ const UNDECIDED: (f64, f64) = (0.35, 0.65);
 pub struct Sighting {
     /// The code that it carries.
     pub code: u32,
-    /// Its position in the image: the window.
+    /// Position in the image: the window.
     pub rectangle: Rectangle,
 }
 
@@ -59,7 +58,7 @@ pub enum Unreadable {
     Damaged(Rectangle),
 }
 
-/// The pattern of `code` as an image. A window smaller than [`MIN_PX`] is too small for it.
+/// The pattern of `code` as an image. A window smaller than [`MIN_WINDOW_PX`] is too small for it.
 pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
     let mut picture = RgbPicture::black(width_px, height_px);
     for (rectangle, colour) in rectangles(code, width_px, height_px) {
@@ -79,7 +78,7 @@ pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
 /// There is none, or an incomplete one.
 pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
     let rectangle = border_box(picture).ok_or(Unreadable::Absent)?;
-    let smallest = MIN_PX;
+    let smallest = MIN_WINDOW_PX;
     if rectangle.width_px < smallest.0 / 2 || rectangle.height_px < smallest.1 / 2 {
         return Err(Unreadable::Absent);
     }
@@ -101,8 +100,8 @@ pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
     }
 }
 
-/// True if an image of just the window may show the pattern: checks its corners, cheap enough for every image. Only the pattern has all
-/// four of them in magenta.
+/// True if an image of just the window may show the pattern: checks its corners, cheap enough for every image. Only the pattern has four
+/// magenta corners.
 pub fn covers(picture: &RgbPicture) -> bool {
     let (width, height) = (picture.width_px, picture.height_px);
     width > 0
@@ -117,7 +116,7 @@ pub fn covers(picture: &RgbPicture) -> bool {
         .all(|(x, y)| picture.pixels(x, x + 1, y).iter().all(is_magenta))
 }
 
-/// A code and two more, in which every cell of the pattern is black at least once, and white at least once: the opposite code, and one
+/// A code and two more, among which every cell of the pattern is black at least once, and white at least once: the opposite code, and one
 /// with the opposite checksum.
 pub(crate) fn both_colours(code: u32) -> [u32; 3] {
     [code, !code, code ^ OPPOSITE_CHECKSUM]
@@ -138,7 +137,6 @@ pub(crate) fn checksum(code: u32) -> u16 {
     })
 }
 
-/// Width of the border of a window of this size, pixels.
 fn border_px(width_px: u32, height_px: u32) -> u32 {
     (width_px.min(height_px) / 32).max(2)
 }
@@ -162,7 +160,7 @@ fn rectangles(code: u32, width_px: u32, height_px: u32) -> Vec<(Rectangle, Rgb)>
     all
 }
 
-/// The cells of a pattern at this position, row by row.
+/// Cells of a pattern at this position, row by row.
 fn cells(window: Rectangle) -> impl Iterator<Item = Rectangle> {
     let grid = window.inside(2 * border_px(window.width_px, window.height_px));
     let edge = |start: u32, length: u32, at: u32, of: u32| start + length * at / of;
@@ -210,7 +208,7 @@ fn longest_run(row: &[Rgb]) -> (u32, u32) {
 
 /// White and black as the border shows them, if it is complete.
 fn border_levels(picture: &RgbPicture, window: Rectangle) -> Option<(f64, f64)> {
-    // The outermost and innermost line of a scaled border are blended with their surroundings.
+    // Outermost and innermost lines of scaled borders are blended with their surroundings.
     let border = border_px(window.width_px, window.height_px);
     let mixed = if border < 3 { 0 } else { 1.max(border / 4) };
     let (outer, inner) = (window.inside(mixed), window.inside(border - mixed));
@@ -239,7 +237,7 @@ fn border_levels(picture: &RgbPicture, window: Rectangle) -> Option<(f64, f64)> 
     (whole && white - black >= MIN_CONTRAST).then_some((white, black))
 }
 
-/// The middle half of a cell in both directions: away from its neighbours.
+/// The cell's middle half in both directions, away from its neighbours.
 fn middle_of(cell: Rectangle) -> Rectangle {
     let (x, y) = (cell.width_px / 4, cell.height_px / 4);
     Rectangle::between(

@@ -1,4 +1,4 @@
-//! Selects the source of pixels: the caller's choice among what the simulator offers.
+//! Selects the source of pixels among the simulator's offers.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,10 +7,10 @@ use super::error::PixelError;
 use crate::link::PixelKind;
 
 impl PixelKind {
-    /// All of them, the preferred one first.
+    /// All kinds, the preferred one first.
     pub const ALL: [Self; 4] = [Self::Link, Self::Gl, Self::Screen, Self::Screenshot];
 
-    /// Its name, as typed and recorded.
+    /// Name, as typed and recorded.
     pub fn name(self) -> &'static str {
         match self {
             Self::Link => "link",
@@ -70,7 +70,7 @@ impl PixelChoice {
     /// The source to use with a simulator that offers these.
     ///
     /// # Errors
-    /// [`PixelError::NotOffered`] if the simulator does not offer the choice, or no source at all.
+    /// [`PixelError::BadInput`] if the simulator does not offer the choice, or no source at all.
     pub fn among(self, offered: &[PixelKind]) -> Result<PixelKind, PixelError> {
         let found = match self {
             Self::Auto => PixelKind::ALL
@@ -78,9 +78,15 @@ impl PixelChoice {
                 .find(|kind| offered.contains(kind)),
             Self::Only(kind) => offered.contains(&kind).then_some(kind),
         };
-        found.ok_or_else(|| PixelError::NotOffered {
-            wanted: self,
-            offered: offered.to_vec(),
+        found.ok_or_else(|| {
+            let offer = match offered {
+                [] => "no source of pixels: it can neither send nor show images".into(),
+                kinds => {
+                    let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
+                    format!("only {}", names.join(", "))
+                }
+            };
+            PixelError::BadInput(format!("--pixels {self}: the simulator offers {offer}"))
         })
     }
 }

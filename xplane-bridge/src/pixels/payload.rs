@@ -1,6 +1,6 @@
 //! Images that come with the simulator's answer, ready to use.
 
-use super::{ComingPicture, Confirmed, PatternDisplay, PixelKind, PixelSource};
+use super::{ComingPicture, PixelKind, PixelSource};
 use crate::link::MAX_OUTSTANDING_CAPTURES;
 
 /// The source `link` or `gl`: the answer's payload is the image.
@@ -18,9 +18,5 @@ impl PixelSource for Payload {
 
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
         Box::pin(std::future::ready(Ok(payload)))
-    }
-
-    fn confirm<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
-        Box::pin(std::future::ready(Ok(())))
     }
 }

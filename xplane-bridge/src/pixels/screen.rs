@@ -38,7 +38,6 @@ use crate::link::{PictureSize, SimulatorWindow};
 pub(crate) use coded_grabs::{CodedGrabs, CodedPicture};
 use covered::{Hidden, cover_on_screen, share_of};
 pub use ffmpeg_screen::FfmpegScreen;
-pub(crate) use frame_code::MARGIN_PX;
 use grabber::Grabber;
 pub use remote_screen::RemoteScreen;
 
@@ -48,7 +47,7 @@ const PATIENCE: Duration = if cfg!(test) {
 } else {
     Duration::from_secs(2)
 };
-/// A pattern of which a larger share is hidden may be an earlier one: half of the cells of two patterns differ.
+/// A pattern with a larger hidden share may be an earlier one: two patterns differ in half their cells.
 const LATE_SHARE: f64 = 0.25;
 /// Number of codes for measuring the lag.
 const TRIALS: u32 = 8;
@@ -62,14 +61,14 @@ pub trait Screen: fmt::Debug + Send + Sync {
     /// Name for messages.
     fn name(&self) -> String;
 
-    /// Starts grabbing a region of it, or all of it.
+    /// Starts grabbing a region, or the whole screen.
     ///
     /// # Errors
     /// It cannot be grabbed.
     fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError>;
 }
 
-/// Takes images of a region of a screen.
+/// Takes images from a screen region.
 pub trait Grab: Send {
     /// Takes the next image. It may be older than this call: its age is measured, never assumed.
     ///
@@ -77,7 +76,7 @@ pub trait Grab: Send {
     /// If there is none.
     fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError>;
 
-    /// The same, with the bytes of what is inside a margin apart, rows without gaps. The inside of `margins` is undefined then.
+    /// [`Grab::grab`] that separates the bytes inside a margin, rows without gaps. The inside of `margins` is undefined then.
     ///
     /// # Errors
     /// If there is none.
@@ -97,7 +96,7 @@ pub trait Grab: Send {
     }
 }
 
-/// From the simulator's report that a frame is drawn until the frame is visible.
+/// Delay from the simulator's report that a frame is drawn until the frame is visible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Lag {
     /// Grabs that still showed something older.
@@ -118,10 +117,9 @@ impl Lag {
 /// An image that still equals the previous one after this many more grabs shows no change; before that, it may be late.
 const STALE_GRABS: u32 = 10;
 
-/// Window in which numbered frames are grabbed: the image and the code around it.
+/// Window for grabbing numbered frames: the image and the code around it.
 #[derive(Debug, Clone)]
 pub struct CodedWindow {
-    /// The screen.
     pub(crate) screen: Arc<dyn Screen>,
     /// The image and its code on the screen.
     pub(crate) region: Rectangle,
@@ -129,21 +127,9 @@ pub struct CodedWindow {
     pub(crate) margins_px: [u32; 2],
 }
 
-/// A window's margins around an image in its middle, if they have room for the code.
-pub(crate) fn margins_around(picture: PictureSize, window: PictureSize) -> Option<[u32; 2]> {
-    let margin = |window_px: u32, picture_px: u32| {
-        let both_px = window_px.checked_sub(picture_px)?;
-        (both_px.is_multiple_of(2) && both_px >= 2 * MARGIN_PX).then_some(both_px / 2)
-    };
-    Some([
-        margin(window.width_px, picture.width_px)?,
-        margin(window.height_px, picture.height_px)?,
-    ])
-}
-
 /// A window that is grabbed, and its measurements.
 pub struct ScreenSource {
-    /// Of the whole window.
+    /// Grabs the whole window.
     grabber: Grabber,
     on: Arc<dyn Screen>,
     margins_px: Option<[u32; 2]>,
@@ -160,8 +146,7 @@ impl ScreenSource {
     /// margins for frame codes around them if it `may_have_margins`, and measures the lag. `reported`: the window as the simulator
     /// reports it, for messages.
     ///
-    /// # Errors
-    /// Any of it fails; the message says what to change. The pattern is removed in any case.
+    /// # Errors A step fails; the message says what to change. The pattern is removed in any case.
     pub async fn set_up(
         screen: &Arc<dyn Screen>,
         (width_px, height_px): (u32, u32),
@@ -171,31 +156,16 @@ impl ScreenSource {
     ) -> Result<Self, BridgeError> {
         let result = async {
             let mut codes = Codes::fresh();
-            check_room(
-                screen,
-                PictureSize {
-                    width_px,
-                    height_px,
-                },
-            )
-            .await?;
-            let window = find(screen, &mut codes, reported, display).await?;
             let picture = PictureSize {
                 width_px,
                 height_px,
             };
-            let found = PictureSize {
-                width_px: window.width_px,
-                height_px: window.height_px,
-            };
-            let margins_px = margins_around(picture, found).filter(|_| may_have_margins);
+            check_room(screen, picture).await?;
+            let window = find(screen, &mut codes, reported, display).await?;
+            let found = window.size();
+            let margins_px = picture.margins_in(found).filter(|_| may_have_margins);
             if found != picture && margins_px.is_none() {
-                return Err(BridgeError::Pixels(PixelError::WrongSize {
-                    window,
-                    reported_px: reported.map(|window| (window.width_px, window.height_px)),
-                    width_px,
-                    height_px,
-                }));
+                return Err(wrong_size(picture, found, reported).into());
             }
             let grabber = Grabber::open(screen, Some(window)).await?;
             let mut source = Self {
@@ -239,7 +209,7 @@ impl ScreenSource {
         }
     }
 
-    /// The longest lag over some codes, each of which must fill the window.
+    /// Measures the longest lag over some codes, each of which must fill the window.
     async fn measure(&mut self, display: &mut dyn PatternDisplay) -> Result<Lag, BridgeError> {
         let mut longest = Lag::default();
         for trial in 0..=TRIALS {
@@ -249,8 +219,12 @@ impl ScreenSource {
             let size_px = (expected.width_px, expected.height_px);
             let (seen, lag) = wait_for(&self.grabber, &self.screen, Some(size_px), code).await?;
             if seen.rectangle != expected {
-                let found = seen.rectangle;
-                return Err(PixelError::Moved { expected, found }.into());
+                return Err(PixelError::Unusable(format!(
+                    "the simulator's window has moved or changed: the check pattern fills {} of what is grabbed, expected {expected}. Leave it \
+                     alone while recording",
+                    seen.rectangle
+                ))
+                .into());
             }
             // The first one empties a queue that the device may have filled before anything was grabbed.
             if trial > 0 {
@@ -316,7 +290,7 @@ impl ScreenSource {
         shown.map(|()| pattern)
     }
 
-    /// Adds what the window hides of the pattern that was shown last. Returns the memory of the last grab.
+    /// Adds the hidden cells of the pattern that was shown last. Returns the memory of the last grab.
     async fn compare_shown(
         &self,
         pattern: &RgbPicture,
@@ -352,7 +326,7 @@ impl ScreenSource {
         Ok(picture)
     }
 
-    /// The window in the images that are grabbed: all of them.
+    /// The window in grabbed images: their whole area.
     fn grabbed(&self) -> Rectangle {
         Rectangle {
             x_px: 0,
@@ -379,8 +353,12 @@ impl ScreenSource {
         let measured = async {
             let (lag, allowed) = (self.measure(display).await?, self.allowed());
             if lag.grabs > allowed.grabs || lag.time > allowed.time {
-                let (found, allowed) = (lag.time, allowed.time);
-                return Err(PixelError::Slower { found, allowed }.into());
+                return Err(PixelError::Unusable(format!(
+                    "frames took {:.1?} to appear on the screen after the recording, more than the {:.1?} waited for during it: its images \
+                     may show earlier ticks. Close what else draws on this machine",
+                    lag.time, allowed.time
+                ))
+                .into());
             }
             self.check_covers(display).await
         };
@@ -466,7 +444,7 @@ impl fmt::Debug for ScreenSource {
     }
 }
 
-/// The part of a rectangle of the window that is in the image between the margins.
+/// The part of a window rectangle that is in the image between the margins.
 fn in_picture(
     cover: Rectangle,
     [width_px, height_px]: [u32; 2],
@@ -498,18 +476,43 @@ fn cut_margins(picture: &mut RgbPicture, [x_px, y_px]: [u32; 2]) {
 async fn check_room(screen: &Arc<dyn Screen>, wanted: PictureSize) -> Result<(), PixelError> {
     let whole = Grabber::open(screen, None).await?;
     let picture = whole.grab(RgbPicture::default(), 0).await?;
-    let found = PictureSize {
-        width_px: picture.width_px,
-        height_px: picture.height_px,
-    };
+    let found = picture.size();
     if wanted.width_px <= found.width_px && wanted.height_px <= found.height_px {
         return Ok(());
     }
-    Err(PixelError::ScreenTooSmall {
-        wanted,
-        screen: found,
-        fitting: fitting::sizes_that_fit(wanted, found),
-    })
+    let fitting = match &fitting::sizes_that_fit(wanted, found)[..] {
+        [] => "nothing of this shape does; choose another shape in [picture] of the sweep".into(),
+        sizes => {
+            let sizes: Vec<String> = sizes.iter().map(ToString::to_string).collect();
+            format!("{} do; change [picture] in the sweep", sizes.join(", "))
+        }
+    };
+    Err(PixelError::BadInput(format!(
+        "images of {wanted} pixels do not fit this screen, which has {found}: {fitting}. The window's frame and the desktop's bars need room \
+         besides; or let X-Plane run on a larger screen"
+    )))
+}
+
+/// The window is not as large as the images.
+fn wrong_size(
+    wanted: PictureSize,
+    window: PictureSize,
+    reported: Option<&SimulatorWindow>,
+) -> PixelError {
+    let advice = match reported.map(SimulatorWindow::size) {
+        Some(reported) if reported != window => {
+            let percent = 100.0 * f64::from(window.width_px) / f64::from(reported.width_px.max(1));
+            format!(
+                "the simulator draws {reported}, and the desktop scales it to {percent:.0} %. Set the display's scaling to 100 %"
+            )
+        }
+        _ => "give the window exactly this size (X-Plane: Settings > Graphics, or --window=WIDTHxHEIGHT on its command line), or change \
+              [picture] in the sweep"
+            .into(),
+    };
+    PixelError::Setup(format!(
+        "the simulator's window is {window} on the screen, the images must be {wanted}: {advice}"
+    ))
 }
 
 /// The rectangle of the simulator's window on the whole screen.
@@ -549,20 +552,20 @@ async fn wait_for(
         }
         let waited = shown.elapsed();
         if waited > PATIENCE {
+            let says =
+                format!("the simulator says that it shows the check pattern {code:08x}, but");
             return Err(match found {
-                Ok(seen) => PixelError::StalePattern {
-                    code,
-                    waited,
-                    found: seen.code,
-                },
+                Ok(seen) => PixelError::Unusable(format!(
+                    "{says} after {waited:.1?} the screen still shows {:08x}: it is drawn late or not at all, and images would show earlier \
+                     ticks. Is the simulator paused or its window frozen?",
+                    seen.code
+                )),
                 Err(found) => match cover_over_pattern(grabber, size_px, code, found).await? {
                     Some(cover) => cover,
-                    None => PixelError::PatternNotSeen {
-                        code,
-                        waited,
-                        screen: screen.to_owned(),
-                        found,
-                    },
+                    None => PixelError::Unusable(format!(
+                        "{says} after {waited:.1?} the screen {screen} shows {found}. Is its window open on this screen, in front of all \
+                         others, not minimised and not reaching over the edge?"
+                    )),
                 },
             });
         }
@@ -573,7 +576,7 @@ async fn wait_for(
     }
 }
 
-/// Names what hides a part of a pattern that cannot be read.
+/// Names the cover over an unreadable pattern.
 async fn cover_over_pattern(
     grabber: &Grabber,
     size_px: Option<(u32, u32)>,

@@ -4,7 +4,7 @@ use std::io::Cursor;
 
 use image::{ImageFormat, ImageReader, Limits};
 
-use super::{ComingPicture, Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource};
+use super::{ComingPicture, PixelError, PixelKind, PixelSource};
 use crate::link::PictureSize;
 
 /// X-Plane's own screenshots. Slow: suitable for sparse sweeps.
@@ -26,15 +26,11 @@ impl PixelSource for Screenshots {
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
         Box::pin(std::future::ready(decode(payload, self.size)))
     }
-
-    fn confirm<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
-        Box::pin(std::future::ready(Ok(())))
-    }
 }
 
 /// Red, green, blue from the top left.
 fn decode(png: Vec<u8>, size: PictureSize) -> Result<Vec<u8>, PixelError> {
-    let wrong = |what: String| PixelError::Screenshot { what };
+    let wrong = |what| PixelError::Unusable(format!("X-Plane's screenshot cannot be used: {what}"));
     let mut reader = ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
     let mut limits = Limits::default();
     limits.max_image_width = Some(size.width_px);

@@ -1,10 +1,10 @@
-//! Detection of covers over the scene, in images of a camera that rests.
+//! Detects covers over the scene in images of a resting camera.
 //!
-//! Input: the images of one block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of a cover
-//! that came over the scene: a message, a window, a notification, a pointer.
+//! Input: the images in a block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of a new cover
+//! over the scene: a message, a window, a notification, a pointer.
 //!
-//! The image is divided into cells of 16 x 16 pixels, and the first seven images of a cell without a moving object give its noise: ripples
-//! of water change many values of their cells from image to image, other cells do not change. From then on a cell is covered
+//! The image is divided into cells of 16 x 16 pixels, and the first seven images in which no moving object touches a cell give its noise:
+//! water ripples change many values in their cells from image to image, other cells do not change. From then on a cell is covered
 //!
 //! - in a paused world, if it differs from its first image by more than its noise ([`CoverKind::Appeared`]);
 //! - where time runs, if it differs from the image just before by more than its noise, and until it looks again like before the cover:
@@ -14,7 +14,7 @@
 //!
 //! A cell that a moving rectangle touches is not judged. An object that lay over the scene from the first image on counts as part of it;
 //! when it goes, the scene differs from the beginning and is called covered. The two cases cannot be distinguished here, so the caller
-//! shows a check pattern: in a paused world after the first image, which all later ones are compared with; where time runs after the last.
+//! shows a check pattern: in a paused world after the first image, the reference for all later ones; where time runs after the last.
 
 mod standing_still;
 #[cfg(test)]
@@ -30,7 +30,6 @@ pub(crate) use watch::{CoverWatch, Covered, Verdict};
 /// Motion of the world between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum WorldTime {
-    /// Only water moves.
     Paused,
     /// Clouds drift and rain falls.
     Runs,
@@ -41,13 +40,13 @@ pub(crate) enum WorldTime {
 pub(crate) struct Cover {
     /// Covered rectangle, to the cell.
     pub(crate) rectangle: Rectangle,
-    /// The way in which it was detected.
+    /// How it was detected.
     pub(crate) kind: CoverKind,
     /// Number of images before this one that may show it as well, although they were accepted.
     pub(crate) pictures_before: u32,
 }
 
-/// The way in which a cover is detected.
+/// Detection of a cover.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum CoverKind {
     /// The image changed more than this scene usually does.
@@ -56,12 +55,12 @@ pub(crate) enum CoverKind {
     StandsStill,
 }
 
-/// Comparisons from which the noise of a cell is learnt: one less than images.
+/// Comparisons from which a cell's noise is learnt: one less than images.
 const LEARNT: usize = 6;
-/// Of these, ordered by size, the one that counts: what comes and goes meanwhile shows in two of them and must not pass for noise.
+/// Rank of the comparison that counts, by size: an object that comes and goes meanwhile shows in two comparisons and must not pass for
+/// noise.
 const TYPICAL: usize = LEARNT - 3;
 
-/// State of a cell.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
     /// True if the kept images show the scene here, and not the aircraft.
@@ -70,15 +69,15 @@ struct Cell {
     /// or darker they are in the mean.
     changes: [(u32, u32); LEARNT],
     shifts: [f64; LEARNT],
-    /// The darkest and the brightest mean of these images.
+    /// Darkest and brightest mean in these images.
     means: (f64, f64),
-    /// Number of these comparisons.
+    /// Number of comparisons.
     learnt: usize,
     /// True if no value changed in the typical comparison.
     still: bool,
-    /// True if so many values change in the scene itself that only their mean is meaningful.
+    /// True if the scene itself changes too many values, so that only their mean is meaningful.
     restless: bool,
-    /// Values that change, and by how much their mean shifts, from image to image: as learnt, or where time runs as of late.
+    /// Changed values, and shift of their mean, from image to image: as learnt, or recent where time runs.
     noise: f64,
     shift: f64,
     /// True if these, and the image before, date from before something moved through the cell.
@@ -91,7 +90,7 @@ impl Cell {
         self.learnt < LEARNT
     }
 
-    /// Takes note of a comparison with the image before: values that changed, and those that changed at least half as much.
+    /// Learns from a comparison with the image before: values that changed, and those that changed at least half as much.
     fn learn(&mut self, changed: (u32, u32), before: f64, now: f64) {
         if self.learnt == 0 {
             self.means = (before, before);
@@ -148,30 +147,30 @@ impl Cell {
     }
 }
 
-/// Accepted change of a cell's mean beyond the scene's own changes, levels.
+/// Accepted shift of a cell's mean beyond the scene's own changes, levels.
 const SHIFT_LEVELS: f64 = 6.0;
 /// Share of the previous image's noise that still counts.
 const FADING: f64 = 0.9;
-/// A cell beside a covered one is partly covered if this share of what would cover it has changed.
+/// Share of the cover threshold at which a covered cell's neighbour counts as partly covered.
 const PARTLY: f64 = 0.3;
 /// Images for which a cover counts that only the aircraft hides: two seconds of 60 frames.
 const MAX_HIDDEN_LOOKS: u32 = 120;
-/// With a smaller share of changed values, the shift of the mean is not worth its computation.
-const MIN_SHARE: f64 = 0.1;
+/// Share of changed values below which the shift of the mean is not worth its computation.
+const MIN_CHANGED_SHARE: f64 = 0.1;
 
-/// The limits of one kind of world.
+/// Limits for a kind of world.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
-    /// A value, one byte of a pixel, has changed if it differs by more than this.
+    /// Minimum difference of a changed value (a pixel's byte).
     level: u8,
-    /// A cell is covered if this share of its values has changed, over its noise.
+    /// Minimum share of changed values in a covered cell, beyond its noise.
     share: f64,
-    /// A cell in which the scene itself changes a larger share is restless.
+    /// Maximum share of values that the scene itself changes in a calm cell.
     restless: f64,
 }
 
 impl Limits {
-    /// The most values that may change in a cell of so many, with its noise.
+    /// Maximum changed values in a cell with this noise.
     fn allowed(self, noise: f64, values: u32) -> f64 {
         1.5 * noise + f64::from(values) * self.share
     }
@@ -183,7 +182,7 @@ impl Limits {
                 share: 0.125,
                 restless: 0.02,
             },
-            // A streak of rain changes a few pixels of a cell by up to a tenth of the way to its own grey.
+            // Streaks of rain change a few pixels per cell by up to a tenth of the way to their own grey.
             WorldTime::Runs => Self {
                 level: 8,
                 share: 0.33,
@@ -193,7 +192,7 @@ impl Limits {
     }
 }
 
-/// The scene of one resting camera.
+/// The scene before a resting camera.
 #[derive(Debug)]
 pub(crate) struct StillScene {
     grid: Grid,
@@ -206,7 +205,7 @@ pub(crate) struct StillScene {
     latest: Vec<u8>,
     /// True until the first image has been examined.
     is_new: bool,
-    /// Number of images in which no part of a cover could be judged.
+    /// Number of images in which no part of the cover could be judged.
     hidden_looks: u32,
     standing_still: StandingStill,
 }
@@ -230,8 +229,7 @@ impl StillScene {
 
     /// Begins with an image, as if it were the first one.
     ///
-    /// # Panics
-    /// If the image has another size.
+    /// # Panics If the image size differs.
     pub(crate) fn begin_with(&mut self, rgb: &[u8], moving: &[Rectangle]) {
         assert_eq!(rgb.len(), self.grid.bytes(), "an image of another size");
         self.uncovered.copy_from_slice(rgb);
@@ -262,8 +260,7 @@ impl StillScene {
     /// # Errors
     /// Something covers the scene. The image must not be used, nor [`Cover::pictures_before`] images before it.
     ///
-    /// # Panics
-    /// If the image has another size.
+    /// # Panics If the image size differs.
     pub(crate) fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
         assert_eq!(rgb.len(), self.grid.bytes(), "an image of another size");
         if self.is_new {
@@ -399,12 +396,12 @@ impl StillScene {
         self.verdict(&came_while_learning, standing)
     }
 
-    /// True if a cell changed suddenly, where time runs: in this image, or in one from which its noise was learnt.
+    /// True if a cell changed suddenly, where time runs: in this image, or while its noise was learnt.
     fn jumps(&mut self, at: usize, rgb: &[u8], (changed, at_least_half): (u32, u32)) -> bool {
         let (limits, values) = (self.limits, self.grid.values(at));
         let is_learning = self.cells[at].is_learning();
         let (mut before, mut now) = (0.0, 0.0);
-        if is_learning || f64::from(at_least_half) > MIN_SHARE * f64::from(values) {
+        if is_learning || f64::from(at_least_half) > MIN_CHANGED_SHARE * f64::from(values) {
             before = self.grid.mean(at, &self.latest);
             now = self.grid.mean(at, rgb);
         }
@@ -492,8 +489,8 @@ impl StillScene {
         distance(&self.uncovered) < distance(&self.latest)
     }
 
-    /// Discards what was learnt from images with a cover, or from the first one without it: they are no evidence of the noise of cells that
-    /// were learning or renewed theirs.
+    /// Discards noise learnt from images with a cover, or from the first one without it: they are no evidence for cells that were learning
+    /// or renewing their noise.
     fn learn_nothing(&mut self, learning: &[usize], renewed: &[usize]) {
         for at in learning {
             let cell = &mut self.cells[*at];
@@ -514,8 +511,8 @@ impl StillScene {
         cell.outdated = true;
     }
 
-    /// Decides, in a paused world, if a cell is covered, from the number of its values that changed since the image before and since the
-    /// scene was last uncovered. Returns true if something came, and perhaps went, while its noise was learnt.
+    /// Decides, in a paused world, if a cell is covered, from its numbers of changed values since the image before and since the scene was
+    /// last uncovered. Returns true if something came, and perhaps went, while its noise was learnt.
     fn judge(&mut self, at: usize, rgb: &[u8], since_latest: u32, since_uncovered: u32) -> bool {
         let (limits, values) = (self.limits, self.grid.values(at));
         let mut came_while_learning = false;

@@ -1,10 +1,10 @@
-//! Images of a block of ticks from a camera that rests, one tick in every drawn frame.
+//! Images of a block of ticks from a resting camera, one tick per drawn frame.
 //!
 //! The plugin writes the next tick in each camera callback, and numbers the frames that it draws. A thread grabs each numbered frame
 //! (`pixels/screen/coded_grabs.rs`); which tick it shows is decided in `block/sequence.rs`. Requests are sent ahead as far as there is
 //! room for their images, so that neither a slow encoder nor a slow screen loses any.
 //!
-//! Off the screen, moving the camera costs frames of settling, so the camera of one view rests while every drawn frame shows another tick.
+//! Off the screen, moving the camera costs frames of settling, so the camera rests at one view while every drawn frame shows the next tick.
 
 mod aircraft_place;
 mod probe;
@@ -42,16 +42,16 @@ const SEGMENT_TICKS: (usize, usize) = (12, 100);
 const MORE_BUFFERS: usize = 16;
 /// A screen without any readable code for this long is covered, or its window is gone.
 const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
-/// A grab may show the aircraft as it was so many frames before.
+/// Maximum frames by which a grab may lag behind.
 const MAX_BEHIND: u64 = 8;
-/// Maximum number of turns in a row in which no request is sent and no image is expected or delivered: more would never end.
+/// Maximum turns in a row without a request and without an expected or delivered image: more would never end.
 const MAX_IDLE: u32 = 8;
-/// If the first images have been covered for so long, the one that they are compared with may show what has gone since.
+/// If the first images have been covered for longer, their reference image may show something that has gone since.
 const LONG_COVERED: Duration = Duration::from_secs(3);
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
 const SETTLED_LEVELS: f64 = 0.25;
 
-/// The ticks of a block and their camera.
+/// A block's ticks and their camera.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockOfTicks<'a> {
     /// The number of the first tick.
@@ -71,7 +71,7 @@ pub struct BlockOfTicks<'a> {
 /// Report on a recorded block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockReport {
-    /// Number of frames by which the scene was behind the code; `None` if every tick was held until it had settled.
+    /// Frames by which the scene was behind the code; `None` if every tick was held until it had settled.
     pub frames_behind: Option<u32>,
     /// True if a probe of this block measured that.
     pub is_measured: bool,
@@ -90,17 +90,16 @@ pub struct BlockRecording<'a> {
     /// True once the check pattern has shown that nothing covers the scene: in a pause the image that later ones are compared with, while
     /// time runs the last one.
     is_proven: bool,
-    /// A cover because of which the block began again.
+    /// The cover because of which the block began again.
     covered: Covered,
     /// Ticks that were shown again before that.
     repeated: u32,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
-    /// Headers of the drawn frames, by frame.
     drawn: BTreeMap<u64, FrameHeader>,
 }
 
-/// Memory for the images of a block that is being recorded, bytes.
+/// Image memory while a block is recorded, bytes.
 pub fn block_bytes(size_px: (u32, u32)) -> u64 {
     let picture_bytes = u64::from(size_px.0) * u64::from(size_px.1) * 3;
     picture_bytes * buffers(size_px) as u64
@@ -111,13 +110,13 @@ fn buffers(size_px: (u32, u32)) -> usize {
     pictures_waiting(size_px) + of_a_segment + of_a_segment / 2 + MORE_BUFFERS
 }
 
-/// Images for which the caller should have room: those that come at once, and as many of the block before. The simulator draws on while it
-/// is waited for, which slows down the encoders of a caller on the same computer.
+/// Images for which the caller should have room: those that come at once, and as many from the block before. The simulator keeps drawing
+/// while the caller waits, which slows down encoders on the same computer.
 pub fn pictures_waiting(size_px: (u32, u32)) -> usize {
     2 * pictures_at_once(size_px)
 }
 
-/// Images of a block that come at once, when a probe has proven them.
+/// Images that come at once, when a probe has proven them.
 fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
     let picture_bytes = width_px as usize * height_px as usize * 3;
     let (least, most) = SEGMENT_TICKS;
@@ -181,7 +180,11 @@ impl Simulator {
         &'a mut self,
         block: BlockOfTicks<'a>,
     ) -> Result<BlockRecording<'a>, BridgeError> {
-        let window = self.pixels.coded_window().ok_or(PixelError::NoMargins)?;
+        let window = self.pixels.coded_window().ok_or_else(|| {
+            PixelError::Unusable(
+                "the window has no margins around the images, in which the plugin could number its frames".into(),
+            )
+        })?;
         let most_pictures = buffers(block.size_px);
         self.grabs
             .begin(&window.screen, window.region, most_pictures);
@@ -202,6 +205,15 @@ impl Simulator {
 }
 
 impl BlockRecording<'_> {
+    /// No frame's number can be read.
+    fn no_code(&self, waited: Duration) -> PixelError {
+        let tick = self.block.first_tick + self.sequence.waits_for_tick();
+        PixelError::Unusable(format!(
+            "tick {tick}: no frame's number could be read off the screen for {waited:.0?}. Does something cover the edge of X-Plane's \
+             window, or was it moved, resized or minimised?"
+        ))
+    }
+
     /// The next image; `None` after the last one.
     ///
     /// # Errors
@@ -236,11 +248,7 @@ impl BlockRecording<'_> {
                     // A skipped probe has proven the images before it.
                     idle += 1;
                     if idle > MAX_IDLE {
-                        return Err(PixelError::NoCode {
-                            tick: self.block.first_tick + self.sequence.waits_for_tick(),
-                            waited: Duration::ZERO,
-                        }
-                        .into());
+                        return Err(self.no_code(Duration::ZERO).into());
                     }
                     continue;
                 }
@@ -252,11 +260,7 @@ impl BlockRecording<'_> {
                     }
                 } else {
                     let grabbed = timeout(NO_CODE_TIMEOUT, self.simulator.grabs.next()).await;
-                    let tick = self.block.first_tick + self.sequence.waits_for_tick();
-                    self.see(grabbed.map_err(|_| PixelError::NoCode {
-                        tick,
-                        waited: NO_CODE_TIMEOUT,
-                    })??)?;
+                    self.see(grabbed.map_err(|_| self.no_code(NO_CODE_TIMEOUT))??)?;
                 }
                 self.simulator.check_settings()?;
             }
@@ -290,7 +294,7 @@ impl BlockRecording<'_> {
         is_time && !self.is_proven
     }
 
-    /// Looks for a cover. In a pause the block begins again if there is one, since no image of it has been taken.
+    /// Looks for a cover. In a pause the block then begins again, since it has no images yet.
     async fn prove(&mut self) -> Result<(), BridgeError> {
         self.simulator.grabs.rest(true);
         match self.simulator.wait_until_uncovered().await? {
@@ -305,7 +309,7 @@ impl BlockRecording<'_> {
         }
     }
 
-    /// A cover that has lasted so long, before any image was delivered, that the first one may show something that has gone since.
+    /// A cover that has lasted [`LONG_COVERED`] before any image was delivered.
     fn long_covered(&self) -> Option<Rectangle> {
         let covered = self.covers.covered_for(LONG_COVERED, Instant::now());
         covered.filter(|_| self.sequence.waits_for_tick() == 0)
@@ -424,8 +428,7 @@ impl BlockRecording<'_> {
         Ok(())
     }
 
-    /// The frame from which on the scene is covered, if it is in the grab of a frame. While the scene settles, each grab replaces the one
-    /// with which later ones are compared.
+    /// First covered frame, if the grab shows a cover. While the scene settles, each grab becomes the reference for later ones.
     fn covered_from(&mut self, number: u64, rgb: &[u8]) -> Result<Option<u64>, PixelError> {
         let moving = self.moving(number);
         if self.sequence.is_settling() {
@@ -452,7 +455,7 @@ impl BlockRecording<'_> {
         Err(PixelError::CoveredBefore { rectangle }.into())
     }
 
-    /// Rectangles in which the aircraft and its shadow may be in the grab of a frame.
+    /// Rectangles in which the aircraft and its shadow may be in a frame's grab.
     fn moving(&self, number: u64) -> Vec<Rectangle> {
         let BlockOfTicks {
             camera, size_px, ..

@@ -56,7 +56,7 @@ impl Simulator {
             }
             match found {
                 (Some(true), _) => {}
-                // The servos are reliable; aircraft differ in what they show of the modes. The flight shows whether they are on.
+                // The servos are reliable; aircraft differ in how they show the modes. The flight shows whether they are on.
                 (_, values) if command != COMMAND_SERVOS_ON => {
                     tracing::warn!(command, ?values, "the autopilot does not show it");
                 }
@@ -74,8 +74,8 @@ impl Simulator {
         Ok(())
     }
 
-    /// State of a function of the autopilot, as far as it can be read, with the values read. With `effect` it waits until the function is
-    /// on; without, it takes the first values.
+    /// State of an autopilot function, if it can be read, with the values read. With `effect` it waits until the function is on; without,
+    /// it takes the first values.
     async fn state_of(
         &mut self,
         switch: &AutopilotSwitch,

@@ -17,17 +17,16 @@ use crate::datarefs::{
 };
 use crate::error::BridgeError;
 
-/// Writes of a dataref before it counts as not accepting the value. A scenario has some 110 of them: if one datagram of five is
-/// lost, fewer attempts would make one scenario in thirty fail.
+/// Maximum writes per dataref. A scenario has some 110: if one datagram in five is lost, fewer attempts would make one scenario in thirty
+/// fail.
 const ATTEMPTS: u32 = 12;
-/// Timeout of one reading.
 const READ_TIMEOUT: Duration = Duration::from_secs(3);
 /// Time for X-Plane to draw a frame between writing and the next attempt.
 const RETRY_PAUSE: Duration = Duration::from_millis(100);
 
 impl Simulator {
-    /// Sets every parameter of weather and time, reads all of them back and compares. From then on they are watched: if one
-    /// changes, or the simulator restarts, the next frame or flight is an error.
+    /// Sets every parameter of weather and time, reads them back and compares. From then on they are watched: if one changes, or the
+    /// simulator restarts, the next frame or flight is an error.
     ///
     /// # Errors
     /// [`BridgeError::BadConditions`] before anything is sent; [`BridgeError::NotTaken`] names the dataref, the value
@@ -92,7 +91,7 @@ impl Simulator {
             .await
     }
 
-    /// Waits until the weather of a new flight, which starts with its own, is the scenario's, if there is one.
+    /// Waits until the scenario's weather, if any, has replaced the weather with which the new flight started.
     pub(super) async fn await_weather_of(
         &mut self,
         conditions: Option<&Conditions>,
@@ -115,8 +114,8 @@ impl Simulator {
             .await
     }
 
-    /// Reads all settings and the weather at the aircraft once more, and compares: what was recorded since then was recorded under these
-    /// conditions, by this simulator.
+    /// Reads all settings and the weather at the aircraft once more, and compares: success proves that all recordings since then were made
+    /// under these conditions.
     ///
     /// # Errors
     /// [`BridgeError::SettingLost`], [`BridgeError::Restarted`], or [`BridgeError::OtherWeatherShows`] as in
@@ -205,7 +204,7 @@ impl Simulator {
         }
     }
 
-    /// The same, but at most this many times; returns the first that still differs.
+    /// Writes at most this many times; returns the first dataref that still differs.
     pub(super) async fn write_in_rounds(
         &mut self,
         writes: &[DatarefWrite],

@@ -1,6 +1,6 @@
 //! Connection options besides the address: from the caller or the environment.
 //!
-//! An invalid variable is an error that names it. Ignoring it would record scenarios in another way than the user intended.
+//! An invalid variable is an error that names it. Ignoring it would record scenarios in an unintended way.
 
 pub(crate) mod find_web_api;
 
@@ -16,8 +16,6 @@ use crate::web_api;
 pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
 /// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to disable it.
 pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
-/// Environment variable that, when it is `off`, sends every image over the capture link.
-pub(crate) const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
 
 /// Connection options besides the address.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -26,15 +24,12 @@ pub struct ConnectOptions {
     pub token: Option<String>,
     /// Address of X-Plane 12's Web API, if it may be used. It is used if it belongs to the same simulator.
     pub web_api: Option<SocketAddr>,
-    /// True if every image must be sent over the link, even if the simulator could draw it into our memory.
-    pub no_shared_memory: bool,
     /// The local side of UDP.
     pub local_udp: LocalUdp,
 }
 
 impl ConnectOptions {
-    /// The environment's options ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`], [`SHARED_MEMORY_VARIABLE`]) for the simulator at
-    /// `address`.
+    /// The environment's options ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`]) for the simulator at `address`.
     ///
     /// # Errors
     /// [`BridgeError::BadVariable`] if [`WEB_API_VARIABLE`] is neither `off` nor an address.
@@ -42,7 +37,6 @@ impl ConnectOptions {
         Ok(Self {
             token: env::var(LINK_TOKEN_VARIABLE).ok(),
             web_api: WebApiPlace::from_environment()?.of(address),
-            no_shared_memory: env::var(SHARED_MEMORY_VARIABLE).is_ok_and(|word| word == "off"),
             local_udp: LocalUdp::default(),
         })
     }
@@ -69,7 +63,7 @@ impl WebApiPlace {
         Self::of_variable(env::var(WEB_API_VARIABLE))
     }
 
-    /// Without a variable, or with an empty one, the default is used.
+    /// Parses the variable; if it is missing or empty, the default is used.
     fn of_variable(found: Result<String, VarError>) -> Result<Self, BridgeError> {
         let bad = |found: String, why: BadWebApiPlace| BridgeError::BadVariable {
             name: WEB_API_VARIABLE,
@@ -105,13 +99,13 @@ const EXPECTED: &str = "expected HOST:PORT, e.g. 127.0.0.1:8086 or localhost:808
 /// Reason why a text is not a location of the Web API.
 #[derive(Debug, thiserror::Error)]
 pub enum BadWebApiPlace {
-    /// Not an address, and no host of this name is known.
+    /// The host name is unknown, or the text is not an address.
     #[error("{0}; {EXPECTED}")]
     Unresolved(std::io::Error),
     /// A host without addresses.
     #[error("it has no address; {EXPECTED}")]
     NoAddress,
-    /// Not a text at all.
+    /// The value is not text.
     #[error("it is not UTF-8 text; {EXPECTED}")]
     NotText,
 }

@@ -5,7 +5,7 @@
 //! disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the aircraft's place during
 //! the images.
 //!
-//! It is part of this crate because it measures with what the client keeps private, such as writing a dataref until it holds.
+//! It is part of this crate because it measures with private functions of the client, such as writing a dataref until it holds.
 
 mod complaints;
 mod eyes;
@@ -44,7 +44,7 @@ const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
 /// Timeout for opening the capture link.
 const LINK_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Result of a check.
+/// Check result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -54,7 +54,7 @@ pub enum Verdict {
     Warning,
     /// Recording is impossible or would be wrong.
     Failed,
-    /// Not tried, for the given reason.
+    /// Skipped, for the given reason.
     Skipped,
 }
 
@@ -69,12 +69,12 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// One point of the examination.
+/// A point of the examination.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
     /// Name of the check.
     pub name: &'static str,
-    /// Its result.
+    /// Result.
     pub verdict: Verdict,
     /// Details of the result.
     pub found: String,
@@ -143,9 +143,9 @@ pub enum Measuring {
     /// If this installation has no profile.
     #[default]
     Once,
-    /// In any case.
+    /// Always.
     Again,
-    /// Not at all.
+    /// Never.
     Never,
 }
 
@@ -154,16 +154,16 @@ pub enum Measuring {
 pub struct Intent {
     /// File of the sweep, as the user names it.
     pub sweep: String,
-    /// Size of its images.
+    /// Image size.
     pub pictures: PictureSize,
 }
 
-/// Settings of an examination.
+/// Examination settings.
 #[derive(Debug, Clone)]
 pub struct DoctorOptions {
-    /// Its UDP address; by default the one in the beacon, or X-Plane's default.
+    /// The simulator's UDP address; by default the one in the beacon, or X-Plane's default.
     pub address: Option<SocketAddr>,
-    /// Address of its Web API.
+    /// Web API address.
     pub web_api: WebApiPlace,
     /// The screen that it draws on, if images come off it.
     pub screen: Arc<dyn Screen>,

@@ -14,7 +14,7 @@ use dataset::geometry::geodesy::{Geodetic, LatLon};
 use futures_util::future::LocalBoxFuture;
 use tokio::time::{Instant, sleep};
 
-use super::{Simulator, wrong};
+use super::Simulator;
 use crate::datarefs::{
     AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, AIRCRAFT_WIDTH_M, AircraftFile, COMMAND_TOGGLE_MAIN_MENU,
     FLIGHT_TIME_S, Generation, aircraft_file,
@@ -27,9 +27,10 @@ use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
 /// Attempts of `PREL` and `ACFN`.
 const ATTEMPTS: u32 = 8;
-/// Maximum distance from its start of an aircraft whose flight X-Plane started while it did not answer, for a minute or two.
+/// Maximum distance from its start at which an aircraft counts as started: X-Plane does not answer for a minute or two while it starts the
+/// flight.
 const BEGUN_WITHIN_M: f64 = 12_000.0;
-/// Farther than this from where images are taken, the aircraft must travel: scenery and weather are those around it.
+/// Distance from the place of the images beyond which the aircraft must travel: scenery and weather follow it.
 const NEAR_M: f64 = 30_000.0;
 /// Maximum time for X-Plane to load an aircraft.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
@@ -39,7 +40,7 @@ const START_TIMEOUT: Duration = Duration::from_secs(180);
 const TRAVEL_TIMEOUT: Duration = Duration::from_secs(150);
 /// Timeout for simulated time to move, and for a position to arrive.
 const READY_TIMEOUT: Duration = Duration::from_secs(5);
-/// X-Plane's size of an aircraft of some type is within these multiples of the type's; it is approximate.
+/// Accepted ratio of X-Plane's approximate aircraft size to the type's.
 const SIZE_RATIOS: std::ops::RangeInclusive<f64> = 0.4..=1.6;
 
 /// Means of starting flights.
@@ -54,12 +55,11 @@ pub(super) enum Starter {
 }
 
 impl Simulator {
-    /// Ensures that a flight is loaded, with the scenario's aircraft, where its images are taken or its approach starts, with the
-    /// scenery there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or another one.
+    /// Ensures that a flight is loaded, with the scenario's aircraft, where its images are taken or its approach starts, with the scenery
+    /// there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or of the wrong type.
     ///
-    /// # Errors
-    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or another reason that prevents the flight from
-    /// starting.
+    /// # Errors [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or any other reason that prevents the flight
+    /// from starting.
     pub fn prepare<'a>(
         &'a mut self,
         conditions: &'a Conditions,
@@ -83,7 +83,7 @@ impl Simulator {
     /// Waits until simulated time moves: in a menu it does not, whatever X-Plane answers.
     async fn await_flight(&mut self) -> Result<(), BridgeError> {
         if self.description.replayed {
-            // A tape has no menu, and its times stand still behind what was recorded.
+            // A tape has no menu, and its times stand still after the last record.
             return Ok(());
         }
         for menu_was_toggled in [false, true] {
@@ -113,7 +113,7 @@ impl Simulator {
         })
     }
 
-    /// One value, once it is as wanted, or the last one.
+    /// Reads a value until it is as wanted; returns the last one.
     async fn read_one(
         &mut self,
         name: &str,
@@ -187,14 +187,9 @@ impl Simulator {
             start: *start,
             already_started,
         };
-        match self
-            .link
-            .ask("travelling", &request, TRAVEL_TIMEOUT)
-            .await?
-        {
-            Answer::Arrived => Ok(()),
-            other => Err(wrong("arrived", &other)),
-        }
+        self.link
+            .tell("travelling", &request, TRAVEL_TIMEOUT, &Answer::Arrived)
+            .await
     }
 
     async fn start_by_web_api(
@@ -286,7 +281,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Loads the scenario's aircraft if the simulator has another one. A simulator that does not report its aircraft is left alone.
+    /// Loads the scenario's aircraft if the simulator has a different one. A simulator that does not report its aircraft is left alone.
     async fn load_aircraft(&mut self) -> Result<(), BridgeError> {
         let Some(file) = self.aircraft_file() else {
             return Ok(());

@@ -1,7 +1,4 @@
-//! The client's end of the capture link. A failure in the middle of a message closes it, because the position of the next message
-//! is then unknown.
-
-pub(crate) mod sharing;
+//! The client's end of the capture link. A failure inside a message closes it, because the position of the next message is then unknown.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -10,21 +7,18 @@ use tokio::io::BufReader;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout_at};
 
-use super::before;
 use crate::error::BridgeError;
 use crate::error::peer_text::quoted;
 use crate::link::{
     Answer, LinkError, Request, exchange_greetings, read_header, read_payload, write_message,
 };
 
-/// An open link, or what is left of one.
+/// A link, open or closed.
 #[derive(Debug)]
 pub(super) struct LinkClient {
     /// Buffered for the small reads of headers; a payload goes past the buffer into its own memory.
     stream: Option<BufReader<TcpStream>>,
     payload_bytes: usize,
-    /// Our own address.
-    local: SocketAddr,
 }
 
 impl LinkClient {
@@ -34,9 +28,8 @@ impl LinkClient {
             Ok(connected) => connected,
             Err(_) => Err(std::io::ErrorKind::TimedOut.into()),
         };
-        let (local, stream) = connected
+        let stream = connected
             .and_then(|stream| stream.set_nodelay(true).map(|()| stream))
-            .and_then(|stream| Ok((stream.local_addr()?, stream)))
             .map_err(|source| BridgeError::CannotOpenLink { address, source })?;
         let mut stream = BufReader::new(stream);
         let limit = deadline.saturating_duration_since(Instant::now());
@@ -44,13 +37,7 @@ impl LinkClient {
         Ok(Self {
             stream: Some(stream),
             payload_bytes: 0,
-            local,
         })
-    }
-
-    /// Our own address, as the other side sees it unless there is an intermediary.
-    pub(super) fn local_address(&self) -> SocketAddr {
-        self.local
     }
 
     /// Sends a request and waits for its answer.
@@ -62,6 +49,20 @@ impl LinkClient {
     ) -> Result<Answer, BridgeError> {
         self.send(doing, request, limit).await?;
         self.receive(doing, limit).await
+    }
+
+    /// Sends a request whose answer can only be `expected`.
+    pub(super) async fn tell(
+        &mut self,
+        doing: &'static str,
+        request: &Request,
+        limit: Duration,
+        expected: &Answer,
+    ) -> Result<(), BridgeError> {
+        match self.ask(doing, request, limit).await? {
+            answer if answer == *expected => Ok(()),
+            other => Err(wrong(expected.name(), &other)),
+        }
     }
 
     /// Sends a request.
@@ -139,5 +140,29 @@ impl LinkClient {
             self.close();
         }
         result
+    }
+}
+
+/// Waits for the link until a deadline.
+async fn before<T>(
+    doing: &'static str,
+    limit: Duration,
+    work: impl Future<Output = Result<T, LinkError>>,
+) -> Result<T, BridgeError> {
+    match timeout_at(Instant::now() + limit, work).await {
+        Ok(Ok(done)) => Ok(done),
+        Ok(Err(source)) => Err(BridgeError::Link { doing, source }),
+        Err(_) => Err(BridgeError::LinkTimeout {
+            doing,
+            waited: limit,
+        }),
+    }
+}
+
+/// An answer that does not match its request.
+pub(crate) fn wrong(expected: &str, found: &Answer) -> BridgeError {
+    BridgeError::WrongAnswer {
+        expected: expected.to_owned(),
+        found: found.name().to_owned(),
     }
 }

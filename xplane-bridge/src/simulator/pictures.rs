@@ -19,11 +19,11 @@ use futures_util::future::BoxFuture;
 /// The screen that the simulator draws on, as reported.
 #[derive(Debug)]
 pub(super) enum DrawnOn {
-    /// One that the caller can grab.
+    /// A screen that the caller can grab.
     Here,
-    /// The screen of another computer, which the plugin there grabs for us.
+    /// A remote screen, which the plugin there grabs for us.
     Elsewhere(Arc<dyn Screen>),
-    /// The screen of another computer, with the reason why it is not grabbed.
+    /// A remote screen, with the reason why it is not grabbed.
     OutOfReach(String),
 }
 
@@ -52,22 +52,23 @@ impl Simulator {
         match &self.drawn_on {
             DrawnOn::Here => Ok(here.clone()),
             DrawnOn::Elsewhere(there) => Ok(there.clone()),
-            DrawnOn::OutOfReach(reason) => Err(PixelError::ScreenElsewhere {
-                reason: reason.clone(),
-            }),
+            DrawnOn::OutOfReach(reason) => Err(PixelError::BadInput(format!(
+                "images come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there, \
+                 or, for few images, take --pixels screenshot (docs/x-plane.md, \"X-Plane on another computer\")"
+            ))),
         }
     }
 
-    /// True if the window may have margins around the images of this source, in which the plugin numbers its frames. Over a network a
-    /// grab takes longer than a frame is shown.
+    /// True if the window may have margins around this source's images, in which the plugin numbers its frames. Over a network a grab takes
+    /// longer than a frame is shown.
     pub(super) fn may_have_margins(&self, kind: PixelKind) -> bool {
         let is_near = matches!(self.drawn_on, DrawnOn::Here);
         kind == PixelKind::Screen && self.description.frame_codes && is_near
     }
 
-    /// Chooses the source of images, and proves that it works: for the screen, that the simulator's window is visible, complete, and in
-    /// the size of the images, width and height in pixels, on `screen`, or on the screen of the simulator's computer if it is another one
-    /// and the plugin grabs there. Without this call, images come over the link.
+    /// Chooses the source of images, and proves that it works: for the screen, that the simulator's window is visible, complete, and in the
+    /// size of the images, width and height in pixels, on `screen`, or on the simulator's own screen if that is remote and the plugin grabs
+    /// it. Without this call, images come over the link.
     ///
     /// # Errors
     /// The simulator does not offer the choice, or the proof fails; the message says what to change.

@@ -17,17 +17,16 @@ impl Simulator {
             repeats: true,
         })?;
         let request = Request::KeepProfile { profile: kept };
-        match self
-            .link
-            .ask("keeping the profile", &request, SWITCH_TIMEOUT)
-            .await?
-        {
-            Answer::ProfileKept => {
-                self.description.profile = KnownProfile::Current(Box::new(profile));
-                Ok(())
-            }
-            other => Err(wrong("profile_kept", &other)),
-        }
+        self.link
+            .tell(
+                "keeping the profile",
+                &request,
+                SWITCH_TIMEOUT,
+                &Answer::ProfileKept,
+            )
+            .await?;
+        self.description.profile = KnownProfile::Current(Box::new(profile));
+        Ok(())
     }
 
     /// Adds to the profile how long a recorded scenario took, for later estimates. Without a profile of this simulator this has no effect.
@@ -62,7 +61,7 @@ impl Simulator {
         self.keep_profile(profile).await
     }
 
-    /// Uses the findings of an earlier connection to the same simulator, unless the plugin has more.
+    /// Uses an earlier connection's findings about the same simulator, unless the plugin has more.
     pub fn use_profile(&mut self, known: KnownProfile) {
         if self.description.profile.current().is_none() {
             self.description.profile = known;
@@ -90,13 +89,9 @@ impl Simulator {
 
     /// Lets everything run again, and stays connected.
     pub(super) async fn let_go(&mut self) -> Result<(), BridgeError> {
-        match self
-            .link
-            .ask("releasing", &Request::Release, SWITCH_TIMEOUT)
-            .await?
-        {
-            Answer::Released => Ok(()),
-            other => Err(wrong("released", &other)),
-        }
+        let (request, expected) = (&Request::Release, &Answer::Released);
+        self.link
+            .tell("releasing", request, SWITCH_TIMEOUT, expected)
+            .await
     }
 }

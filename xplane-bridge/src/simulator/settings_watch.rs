@@ -52,12 +52,11 @@ impl SettingsWatch {
         }
     }
 
-    /// From now on these settings, which have just been confirmed, must hold; any other may change.
+    /// Watches these settings, which have just been confirmed; any other may change.
     pub(super) fn expect(&mut self, writes: impl IntoIterator<Item = DatarefWrite>) {
         self.judge.expect(writes, Instant::now());
     }
 
-    /// The expected settings.
     pub(super) fn expected(&self) -> Vec<DatarefWrite> {
         self.judge.expected.values().cloned().collect()
     }
@@ -150,7 +149,7 @@ mod tests {
         judge
     }
 
-    /// The running time and the wind, both of them this much after the beginning.
+    /// Running time and wind at this time after the beginning.
     fn readings(begin: Instant, after_s: f32, running_s: f32, wind: f32) -> [Option<Reading>; 2] {
         let at = begin + Duration::from_secs_f32(after_s);
         [running_s, wind].map(|value| Some(Reading { value, at }))

@@ -1,4 +1,4 @@
-//! Requests of a client during setup: the ground's height, and the check pattern.
+//! Client requests during setup: the ground's height, and the check pattern.
 
 use super::link_client::LinkClient;
 use super::{SWITCH_TIMEOUT, Simulator, wrong};
@@ -43,7 +43,7 @@ impl Simulator {
     }
 }
 
-/// Lets the other side of a link draw or remove the check pattern, over the windows of its user interface or `under` them.
+/// Draws or removes the check pattern, over the simulator's own windows or `under` them.
 pub(super) async fn show_check_pattern(
     link: &mut LinkClient,
     code: Option<u32>,

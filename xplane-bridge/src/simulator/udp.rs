@@ -1,8 +1,7 @@
 //! The client's UDP side: reading datarefs by short-lived subscriptions, writing them, sending commands.
 //!
-//! Datagrams may be lost both ways, so requests are repeated until values arrive, and values that arrive for a subscription that
-//! should have ended end it again (`udp_socket`). Every reading uses fresh indices, so that a late value of an earlier reading is not
-//! mistaken for a new one.
+//! Datagrams may be lost both ways, so requests are repeated until values arrive, and values that arrive for a subscription that should
+//! have ended end it again (`udp_socket`). Every reading uses fresh indices, so that late values are not mistaken for new ones.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -42,7 +41,7 @@ pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &Loc
     read.is_ok_and(|values| came(&values))
 }
 
-/// Time at which the simulator at an address began to run, by its own clock; `None` if it does not answer within a time.
+/// Time at which the simulator at an address began to run, by its own clock; `None` if it does not answer in time.
 pub(crate) async fn running_since(
     address: SocketAddr,
     within: Duration,
@@ -152,7 +151,7 @@ impl UdpClient {
         self.send(&ToSimulator::PlaceAtStart(start)).await
     }
 
-    /// Loads another aircraft.
+    /// Loads an aircraft.
     pub(super) async fn load_aircraft(&self, load: LoadAircraft) -> Result<(), BridgeError> {
         self.send(&ToSimulator::LoadAircraft(load)).await
     }
@@ -235,7 +234,6 @@ impl Reading {
         }
     }
 
-    /// The number of a dataref.
     fn index(&self, at: usize) -> i32 {
         self.claim.first() + at as i32
     }

@@ -4,9 +4,9 @@
 //! not cross routers, and some networks drop it; then the address must be given. We join the group on the default interface and on
 //! loopback, where a simulator on this computer is heard.
 //!
-//! A computer with several networks may be heard under several addresses, not all of which can be reached. Equal beacons may also come
-//! from two computers, since X-Plane 12 may send no name. So each of their addresses is asked for the simulator's running time: one
-//! simulator runs equally long at all of its addresses.
+//! A computer with several networks may be heard under several addresses, some of them unreachable. Equal beacons may also come from two
+//! computers, since X-Plane 12 may send no name. So each of their addresses is asked for the simulator's running time: a simulator's
+//! running time is the same at all its addresses.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -22,25 +22,25 @@ use crate::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 use crate::simulator::running_since;
 use crate::udp::socket::LocalUdp;
 
-/// Time to listen: three beacons, of which two may be lost.
+/// Time to listen: three beacons; two may be lost.
 pub const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(3);
 /// [`Beacon::host`] of X-Plane; 2 is PlaneMaker.
 const HOST_X_PLANE: i32 = 1;
-/// [`Beacon::role`] of a simulator that flies; the others only display.
+/// [`Beacon::role`] of flying simulators; the others only display.
 const ROLE_MASTER: u32 = 1;
-/// Timeout for each address of a simulator that is heard under several.
+/// Timeout per address of a simulator that is heard under several.
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 /// Addresses that are taken from beacons. Anyone on the network can send them, and each address may be asked.
 const MAX_ADDRESSES: usize = 64;
-/// The start of one simulator, as computed from answers at two of its addresses, differs by less than this: X-Plane hangs while it loads.
+/// Maximum difference of a simulator's start, computed from answers at two addresses: X-Plane hangs while it loads.
 const SAME_START: Duration = Duration::from_secs(2);
 
 /// A simulator that announced itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Announced {
-    /// Its UDP address: the sender's address, the beacon's port.
+    /// UDP address: the sender's address, the beacon's port.
     pub address: SocketAddr,
-    /// The content of its beacon.
+    /// Beacon content.
     pub beacon: Beacon,
 }
 
@@ -85,7 +85,8 @@ pub async fn the_announced(time: Duration, local: &LocalUdp) -> Result<Announced
     choose(announced(time).await?, time, local).await
 }
 
-/// Of all that were heard, the one that flies, at an address where it answers. If none answers, an address of this computer, or the first.
+/// Chooses the flying simulator among all heard, at an address where it answers. If none answers, an address of this computer, or the
+/// first.
 pub(crate) async fn choose(
     heard: Vec<Announced>,
     waited: Duration,
@@ -118,7 +119,7 @@ pub(crate) async fn choose(
     }
 }
 
-/// Those that fly, addresses of this computer first.
+/// Flying simulators, addresses of this computer first.
 fn flying(mut heard: Vec<Announced>) -> Vec<Announced> {
     heard.retain(|one| one.beacon.host == HOST_X_PLANE && one.beacon.role == ROLE_MASTER);
     heard.sort_by_key(|one| !one.address.ip().is_loopback());
@@ -210,7 +211,7 @@ mod tests {
         choose(heard, DISCOVERY_TIMEOUT, &LocalUdp::default()).await
     }
 
-    /// The same beacon, heard under several addresses.
+    /// A beacon heard under several addresses.
     fn under(addresses: &[SocketAddr]) -> Vec<Announced> {
         let one = |address: &SocketAddr| heard(&address.to_string(), |beacon| beacon.port = 49_000);
         addresses.iter().map(one).collect()

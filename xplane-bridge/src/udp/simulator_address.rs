@@ -1,6 +1,6 @@
-//! Addresses of a simulator: where its packets go, and which datagrams are its answers.
+//! Simulator addresses: the target of packets, and the recognition of answers.
 //!
-//! X-Plane receives on one UDP port (49000) and sends from another one ("Port we send from (legacy)" in its network settings, 49001 by
+//! X-Plane receives on one UDP port (49000) and sends from a second one ("Port we send from (legacy)" in its network settings, 49001 by
 //! default). So an answer is recognised by its IP address alone.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -17,15 +17,14 @@ pub fn reachable(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, address.port())
 }
 
-/// True if a datagram from this address comes from the simulator at `simulator`. A simulator of this computer may answer from another
-/// loopback address than the one that was named.
+/// True if a datagram from this address comes from the simulator at `simulator`. A local simulator may answer from a different loopback
+/// address than the given one.
 pub fn is_answer(simulator: SocketAddr, from: SocketAddr) -> bool {
     let (simulator, from) = (simulator.ip().to_canonical(), from.ip().to_canonical());
     from == simulator || from.is_loopback() && simulator.is_loopback()
 }
 
-/// The local address of a socket that talks to the simulator at `simulator`. Other computers cannot reach a socket that serves a
-/// simulator of this one.
+/// Local address of a socket for the simulator at `simulator`. Sockets for local simulators cannot be reached by other computers.
 pub fn local_address(simulator: SocketAddr, port: u16) -> SocketAddr {
     let ip: IpAddr = match simulator {
         SocketAddr::V4(address) if address.ip().is_loopback() => Ipv4Addr::LOCALHOST.into(),

@@ -1,8 +1,8 @@
-//! The UDP socket of a client, shared by its readers.
+//! A client's UDP socket, shared by its readers.
 //!
-//! The socket is not connected: the answers come from another port than the one that takes the requests ([`simulator_address`]). A task
-//! receives them and hands each value to the reader that claimed its number. A value that no reader claimed is late, or belongs to a
-//! client that was killed and whose port this one took over ([`PortNote`]): its subscription is ended by its number.
+//! The socket is not connected: answers do not come from the port that takes the requests ([`simulator_address`]). A task receives them and
+//! hands each value to the reader that claimed its number. A value that no reader claimed is late, or belongs to a client that was killed
+//! and whose port this one took over ([`PortNote`]): its subscription is ended by its number.
 //!
 //! A system reports only to connected sockets that a port is closed. So a second socket, which is connected and on which no answer is
 //! expected, finds out if any program listens there.
@@ -37,13 +37,13 @@ const REFUSAL_WAIT: Duration = Duration::from_millis(50);
 /// Time to listen on exit, repeated while unwanted values arrive, up to [`MAX_LEAVE`].
 const LEAVE_PAUSE: Duration = Duration::from_millis(60);
 const MAX_LEAVE: Duration = Duration::from_millis(600);
-/// Time during which values of a killed client may arrive before its port is used.
+/// Time during which values for a killed client may arrive before its port is used.
 const TAKE_OVER_PAUSE: Duration = Duration::from_millis(300);
 /// Maximum time for which a port of our own that is being closed stays taken.
 const PORT_PATIENCE: Duration = Duration::from_secs(1);
 /// Positions that arrive this soon after their end were on the way.
 const POSITIONS_ON_THE_WAY: Duration = Duration::from_millis(250);
-/// More ports of killed clients than this are left to the next client.
+/// Maximum ports of killed clients to take over; the rest are left to the next client.
 const MAX_TAKEN_OVER: usize = 16;
 
 /// A client's socket. Dropping it closes it.
@@ -172,8 +172,8 @@ impl SimulatorSocket {
             && matches!(self.ask_for_refusal().await, Err(error) if is_refusal(&error))
     }
 
-    /// Sends a datagram without effect from a connected socket. Linux, macOS and Windows report a refusal at the next use of it; on one
-    /// that does not, a closed port looks like a silent one.
+    /// Sends a datagram without effect from a connected socket. Linux, macOS and Windows report a refusal when the socket is used next; on
+    /// other systems, a closed port looks like a silent one.
     async fn ask_for_refusal(&self) -> io::Result<()> {
         let open = || async {
             let socket = UdpSocket::bind(local_address(self.simulator(), 0)).await?;
@@ -267,7 +267,7 @@ impl Shared {
         }
     }
 
-    /// Hands out what a datagram contains, and ends what is unwanted.
+    /// Hands out a datagram's values, and ends unwanted subscriptions.
     async fn take(&self, datagram: &[u8]) {
         self.has_heard.store(true, Ordering::Relaxed);
         if let Ok(values) = DatarefValuesView::new(datagram) {
@@ -330,7 +330,7 @@ async fn receive(shared: Arc<Shared>) {
     }
 }
 
-/// Binds a port that the user chose. The socket of an earlier connection of this process may be about to close.
+/// Binds a port that the user chose. An earlier connection of this process may be about to close it.
 async fn bind_fixed(local: SocketAddr) -> Result<UdpSocket, BridgeError> {
     let until = Instant::now() + PORT_PATIENCE;
     loop {

@@ -19,19 +19,19 @@ use crate::packet::ToSimulator;
 use crate::udp::socket::{Claim, LocalUdp, SimulatorSocket};
 use requested::RequestedDatarefs;
 
-/// Requests per batch. X-Plane handles about 140 in one of its frames and loses the others silently.
+/// Requests per batch. X-Plane handles about 140 per frame and loses the others silently.
 pub(crate) const BATCH: usize = 100;
 /// Time between batches: X-Plane draws several frames in it.
 pub(crate) const BATCH_PAUSE: Duration = Duration::from_millis(100);
 /// A simulator that is silent for this long has forgotten us, or is gone.
 pub const SILENCE: Duration = Duration::from_millis(2_500);
 
-/// The newest value of a dataref.
+/// Newest value of a dataref.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// In X-Plane's unit.
+    /// Value in X-Plane's unit.
     pub value: f32,
-    /// Time of its arrival.
+    /// Time of arrival.
     pub at: Instant,
 }
 
@@ -73,7 +73,7 @@ impl Subscription {
         Self::keeping(socket.clone(), names.into_iter().collect(), frequency_hz)
     }
 
-    /// Not generic: what it spawns is compiled here, not by every caller.
+    /// Not generic: the spawned task is compiled here, not by every caller.
     fn keeping(socket: Arc<SimulatorSocket>, names: Vec<String>, frequency_hz: i32) -> Self {
         let claim = socket.claim(names.len());
         let requested = RequestedDatarefs::new(names, frequency_hz, claim.first());

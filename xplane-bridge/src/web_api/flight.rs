@@ -1,17 +1,16 @@
-//! The request body with which X-Plane 12.4 starts a flight: aircraft, start in the air, time, weather.
+//! Request body that starts a flight in X-Plane 12.4: aircraft, start in the air, time, weather.
 //!
-//! Pure. Handles X-Plane's traps: every key of the weather is present, since a flight without one of them does not start; every
-//! number that X-Plane reads as a float is written as one (`10.0`, never `10`), since an integer is silently rejected; units are
-//! feet, knots and kilometres.
+//! Pure. Handles X-Plane's traps: every key of the weather is present, since a flight does not start otherwise; every number that X-Plane
+//! reads as a float is written as one (`10.0`, never `10`), since an integer is silently rejected; units are feet, knots and kilometres.
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use serde_json::{Value, json};
 
 use crate::datarefs::{
-    CLOUD_LAYERS, STANDARD_PRESSURE_PA, STANDARD_TEMPERATURE_C, WIND_ALTITUDES_MSL_M,
+    BadConditions, STANDARD_PRESSURE_PA, STANDARD_TEMPERATURE_C, WIND_ALTITUDES_MSL_M,
+    check_cloud_layers,
 };
-use crate::error::BridgeError;
 use crate::fly::FlightStart;
 
 /// A start in the air.
@@ -23,15 +22,15 @@ pub struct AirStart {
     pub pitch_deg: f64,
 }
 
-/// The body of a flight of the aircraft in the file `aircraft_path` (below X-Plane's folder), in these conditions.
+/// Flight body for the aircraft in the file `aircraft_path` (below X-Plane's folder), in these conditions.
 ///
 /// # Errors
-/// [`BridgeError::BadConditions`] for more cloud layers than X-Plane has, or a NaN.
+/// For more cloud layers than X-Plane has, or a NaN.
 pub(crate) fn flight_body(
     aircraft_path: &str,
     AirStart { start, pitch_deg }: &AirStart,
     conditions: &Conditions,
-) -> Result<Value, BridgeError> {
+) -> Result<Value, BadConditions> {
     let position = &start.position;
     let body = json!({
         "aircraft": { "path": aircraft_path },
@@ -49,9 +48,7 @@ pub(crate) fn flight_body(
     });
     match without_number(&body, "flight") {
         // JSON has no NaN: it became null.
-        Some(path) => Err(BridgeError::BadConditions {
-            what: format!("{path} is not a finite number"),
-        }),
+        Some(path) => Err(BadConditions(format!("{path} is not a finite number"))),
         None => Ok(body),
     }
 }
@@ -64,17 +61,10 @@ fn time(clock: &Clock) -> Value {
     })
 }
 
-fn weather(weather: &Weather, start: &FlightStart) -> Result<Value, BridgeError> {
-    if weather.clouds.len() > CLOUD_LAYERS {
-        return Err(BridgeError::BadConditions {
-            what: format!(
-                "{} cloud layers, X-Plane has {CLOUD_LAYERS}",
-                weather.clouds.len()
-            ),
-        });
-    }
+fn weather(weather: &Weather, start: &FlightStart) -> Result<Value, BadConditions> {
+    check_cloud_layers(weather)?;
     let clouds: Vec<Value> = weather.clouds.iter().map(cloud).collect();
-    // All layers alike: the wind of a scenario is the same at all heights.
+    // All layers alike: a scenario's wind is the same at all heights.
     let wind: Vec<Value> = WIND_ALTITUDES_MSL_M
         .into_iter()
         .map(|altitude_msl_m| {
@@ -205,7 +195,7 @@ mod tests {
 
     #[test]
     fn no_number_but_the_day_is_written_as_an_integer() {
-        // Every number of these conditions is an integer, which is the trap.
+        // These conditions have only integers, which is the trap.
         assert_eq!(integers(&body(), ""), ["/gmt_time/day_of_year"]);
         let text = body().to_string();
         assert!(

@@ -1,4 +1,4 @@
-//! A simulator for the client's tests: records what it receives, sends what is subscribed, and accepts everything.
+//! A simulator for the client's tests: records received packets, sends subscribed datarefs, and accepts everything.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -16,7 +16,8 @@ use xplane_bridge::datarefs::{
     WEATHER_SETTLE_S, WIND_DIRECTION_AT_AIRCRAFT, WIND_SPEED_AT_AIRCRAFT,
 };
 use xplane_bridge::link::{
-    Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
+    Answer, FLIGHT_COLUMNS, Hello, PixelKind, Request, exchange_greetings, read_header,
+    write_message,
 };
 use xplane_bridge::packet::{
     DatarefValue, DatarefValues, FromSimulator, LoadAircraft, PlaceAtStart, Position, ToSimulator,
@@ -25,7 +26,7 @@ use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, Simulator};
 
 /// State of the fake simulator, and everything that it received, in order.
 #[derive(Debug, Default)]
-pub(crate) struct Told {
+pub(crate) struct FakeState {
     pub(crate) datarefs: BTreeMap<String, f32>,
     pub(crate) writes: Vec<(String, f32)>,
     pub(crate) commands: Vec<String>,
@@ -37,11 +38,11 @@ pub(crate) struct Told {
     /// X-Plane 12's habit: clouds keep their old values in all slots until this long after they were last written, by the
     /// simulator's clock.
     pub(crate) clouds_take_s: f32,
-    /// Its habit after real weather: until then, by the simulator's clock, the temperature differs from the written one.
+    /// Habit after real weather: until then, by the simulator's clock, the temperature differs from the written one.
     pub(crate) temperature_slides_until_s: f32,
     pending_clouds: Vec<(String, f32)>,
     clouds_from_s: f32,
-    /// Its other habit: until then it takes what is written, and slides away.
+    /// A second habit: until then the temperature takes a written value, and slides away.
     pub(crate) temperature_drifts_until_s: f32,
     /// Time during which it neither draws nor answers after a `PREL`, and time during which it loads scenery after that.
     pub(crate) start_takes: Option<(Duration, Duration)>,
@@ -51,15 +52,15 @@ pub(crate) struct Told {
     pub(crate) hasty: Vec<String>,
     /// True if commands have no effect.
     pub(crate) ignores_commands: bool,
-    /// Set while a menu is open, in which simulated time stands still; true if toggling it helps.
+    /// Set while a menu is open, in which simulated time stands still; true if toggling helps.
     pub(crate) menu: Option<bool>,
     frames: u32,
-    /// Start of its clock, and the number of seconds it counts in one of ours; without it, its running time stands still.
+    /// Start of the clock, and its speed relative to ours; without it, the running time stands still.
     clock: Option<(Instant, f32)>,
     subscribed: BTreeMap<(SocketAddr, i32), String>,
 }
 
-impl Told {
+impl FakeState {
     pub(crate) fn wrote(&self, name: &str) -> Option<f32> {
         let last = self
             .writes
@@ -123,7 +124,7 @@ impl Told {
             .is_some_and(|until| Instant::now() < until)
     }
 
-    /// Its current value.
+    /// Lets time pass.
     fn pass(&mut self) {
         let loading = f32::from(u8::from(self.is_loading()));
         self.set(SCENERY_LOADING, loading);
@@ -169,7 +170,7 @@ impl Told {
 
 pub(crate) struct Fake {
     address: SocketAddr,
-    told: Arc<Mutex<Told>>,
+    told: Arc<Mutex<FakeState>>,
 }
 
 impl Fake {
@@ -178,7 +179,7 @@ impl Fake {
         let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
         let link = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = udp.local_addr().unwrap();
-        let mut told = Told::default();
+        let mut told = FakeState::default();
         told.set(VERSION, version);
         told.set(CAPTURE_PORT, f32::from(link.local_addr().unwrap().port()));
         told.set(WEATHER_SETTLE_S, 0.0);
@@ -189,7 +190,7 @@ impl Fake {
         Self { address, told }
     }
 
-    pub(crate) fn told(&self) -> MutexGuard<'_, Told> {
+    pub(crate) fn told(&self) -> MutexGuard<'_, FakeState> {
         self.told.lock().unwrap()
     }
 
@@ -200,7 +201,7 @@ impl Fake {
     }
 }
 
-async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<Told>>) {
+async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<FakeState>>) {
     let mut frames = interval(Duration::from_millis(20));
     let mut buffer = [0; 2048];
     loop {
@@ -222,7 +223,7 @@ async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<Told>>) {
 }
 
 /// Every subscribed value, every frame.
-fn due(told: &Told) -> Vec<(SocketAddr, FromSimulator)> {
+fn due(told: &FakeState) -> Vec<(SocketAddr, FromSimulator)> {
     let value = |(&(client, index), name): (&(SocketAddr, i32), &String)| {
         let value = told.datarefs.get(name).copied().unwrap_or_default();
         let values = vec![DatarefValue { index, value }];
@@ -234,7 +235,11 @@ fn due(told: &Told) -> Vec<(SocketAddr, FromSimulator)> {
     told.subscribed.iter().map(value).collect()
 }
 
-fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, FromSimulator)> {
+fn obey(
+    told: &mut FakeState,
+    datagram: &[u8],
+    from: SocketAddr,
+) -> Vec<(SocketAddr, FromSimulator)> {
     let packet = ToSimulator::decode(datagram).unwrap();
     if told.is_loading() {
         match &packet {
@@ -310,7 +315,7 @@ fn position(start: &PlaceAtStart) -> Position {
     }
 }
 
-async fn serve_link(listener: TcpListener, told: Arc<Mutex<Told>>, plugin: Option<String>) {
+async fn serve_link(listener: TcpListener, told: Arc<Mutex<FakeState>>, plugin: Option<String>) {
     while let Ok((stream, _)) = listener.accept().await {
         let _ = talk(stream, &told, plugin.as_ref()).await;
     }
@@ -318,27 +323,19 @@ async fn serve_link(listener: TcpListener, told: Arc<Mutex<Told>>, plugin: Optio
 
 async fn talk(
     mut stream: TcpStream,
-    told: &Mutex<Told>,
+    told: &Mutex<FakeState>,
     plugin: Option<&String>,
 ) -> Result<(), xplane_bridge::link::LinkError> {
     exchange_greetings(&mut stream).await?;
     while let Some((request, _)) = read_header::<Request>(&mut stream).await? {
         let answer = match &request {
-            Request::Hello { .. } => Answer::Hello {
+            Request::Hello { .. } => Answer::Hello(Hello {
                 name: "fake".into(),
                 version: "0".into(),
                 plugin: plugin.cloned(),
                 pixels: vec![PixelKind::Link],
-                window: None,
-                drawn_size: None,
-                screen: None,
-                shares_memory_with: None,
-                imaging: false,
-                patterns_under: false,
-                profile: None,
-                replayed: false,
-                frame_codes: false,
-            },
+                ..Hello::default()
+            }),
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,
             Request::Travel { .. } => Answer::Arrived,

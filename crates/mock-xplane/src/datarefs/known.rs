@@ -61,7 +61,7 @@ pub(crate) const FOREIGN_NAMES: &str = "dtd/mock/foreign_names";
 const CLOUDS: usize = names::CLOUD_LAYERS;
 const WINDS: usize = names::WIND_LAYERS;
 
-/// The datarefs of a generation. X-Plane 12 keeps the datarefs of 11 as deprecated.
+/// All datarefs of a generation. X-Plane 12 keeps the datarefs of 11 as deprecated.
 pub(super) fn datarefs(generation: Generation) -> impl Iterator<Item = Dataref> {
     let (own, deprecated) = match generation {
         Generation::XPlane11 => (ELEVEN, [].as_slice()),

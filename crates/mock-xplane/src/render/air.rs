@@ -1,8 +1,8 @@
 //! The air between objects and the camera, and the clear sky behind them.
 //!
-//! Koschmieder: an object of luminance `L` at distance `r` appears as `L t + A (1 - t)` with `t = exp(-beta r)` and
-//! `beta = 3.912 / visibility`. The airlight `A` of a direction is the clear sky's own luminance there, so contrast against the
-//! sky falls exactly as `t`, equally for every colour.
+//! Koschmieder: an object of luminance `L` at distance `r` appears as `L t + A (1 - t)` with `t = exp(-beta r)` and `beta = 3.912 /
+//! visibility`. The airlight `A` in a direction is the clear sky's own luminance there, so contrast against the sky falls exactly as `t`,
+//! equally for every colour.
 
 use dataset::conditions::extinction_per_m;
 use glam::{DVec3, Vec3};
@@ -15,7 +15,6 @@ const HAZE_HEIGHT_M: f64 = 1_500.0;
 /// Radius of the solar disc, radians.
 const SUN_RADIUS_RAD: f64 = 0.004_65;
 
-/// Air of a scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Air {
     /// Extinction, 1/m.
@@ -25,7 +24,7 @@ pub(crate) struct Air {
     zenith: Vec3,
 }
 
-/// Extinction coefficient (1/m) of a meteorological visibility.
+/// Extinction coefficient (1/m) for a meteorological visibility.
 pub(crate) fn beta_per_m(visibility_m: f64) -> f64 {
     // A visibility of zero would make the world a wall; one metre is opaque enough.
     extinction_per_m(visibility_m.max(1.0))
@@ -47,7 +46,7 @@ impl Air {
         }
     }
 
-    /// Share of an object's light that arrives over a distance.
+    /// Transmittance over a distance.
     pub(crate) fn transmittance(&self, distance_m: f64) -> f32 {
         (-self.beta_per_m * distance_m).exp() as f32
     }

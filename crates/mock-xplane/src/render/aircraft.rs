@@ -19,7 +19,7 @@ use raster::ScreenTriangle;
 const GROUND_REFLECTANCE: f32 = 0.12;
 /// Mirror reflection of paint at a right angle.
 const GLOSS: f32 = 0.04;
-/// Nearest distance from the camera at which anything is drawn, metres.
+/// Minimum distance from the camera at which anything is drawn, metres.
 const NEAREST_M: f64 = 1.0;
 /// Landing lights burn below this height, metres (10 000 ft).
 const LIGHTS_BELOW_MSL_M: f64 = 3_048.0;
@@ -28,11 +28,11 @@ const LIGHTS_BELOW_MSL_M: f64 = 3_048.0;
 pub(crate) struct Placed<'a> {
     pub(crate) pose: &'a Pose,
     pub(crate) controls: &'a Controls,
-    /// From body axes to camera axes.
+    /// Rotation: body axes to camera axes.
     camera_from_body: DMat3,
     /// Centre of gravity in camera axes, metres.
     center_camera_m: DVec3,
-    /// From site axes (east, north, up) to body axes.
+    /// Rotation: site axes (east, north, up) to body axes.
     body_from_site: DMat3,
 }
 
@@ -71,8 +71,8 @@ impl<'a> Placed<'a> {
         })
     }
 
-    /// The faces that point towards the camera. Their light is the exposed light that arrives (red, green, blue) and the share of
-    /// the air's light that is *not* in front of them (the transmittance).
+    /// The faces that point towards the camera. Light: the exposed light that arrives (red, green, blue), and the transmittance, the share
+    /// of the air's light that is *not* in front of them.
     pub(crate) fn triangles(
         &self,
         mesh: &Mesh,
@@ -138,7 +138,7 @@ impl<'a> Placed<'a> {
             .collect()
     }
 
-    /// From the camera to a point of the body, in site axes.
+    /// Vector from the camera to a body point, in site axes.
     fn site_offset_m(&self, view: &View, body_m: DVec3) -> DVec3 {
         let camera_m = self.center_camera_m + self.camera_from_body * body_m;
         view.site_from_ecef * (view.camera.ecef_from_camera * camera_m)
@@ -172,7 +172,7 @@ impl Shading {
         }
     }
 
-    /// Luminance of a face: Lambert's law under sun, sky above and ground below, and the horizon mirrored in glossy paint.
+    /// Face luminance: Lambert's law under sun, sky above and ground below, and the horizon mirrored in glossy paint.
     fn luminance(&self, normal: DVec3, place_m: DVec3, reflectance: Vec3) -> Vec3 {
         let sun = normal.dot(self.to_sun).max(0.0) as f32;
         let sky_share = ((1.0 + normal.dot(self.up)) / 2.0) as f32;
@@ -203,7 +203,6 @@ struct Lamp {
     needs_gear: f64,
 }
 
-/// Direction of a lamp.
 enum Beam {
     /// Ahead, a little down: a Gaussian of this standard deviation (radians) and one percent of spill to the front.
     Ahead(f32),
@@ -234,10 +233,9 @@ impl Beam {
     }
 }
 
-/// Timing of a lamp.
 enum Flash {
     Steady,
-    /// Seconds between flashes, seconds of one flash, and where in the period it starts.
+    /// Period, duration and phase of the flash, seconds.
     Every(f64, f64, f64),
 }
 

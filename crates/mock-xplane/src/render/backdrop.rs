@@ -1,9 +1,9 @@
 //! Everything behind the aircraft, cached for copying.
 //!
-//! Below the first row with a silhouette the image is static and is cached completely. Above it the sky is smooth: it is stored
-//! as a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is
-//! computed for each of a series of instants so close together that the clouds drift by at most a pixel from one to the next
-//! (`drift.rs` tracks them). If several images show an instant, its rows are interpolated once and copied.
+//! Below the first row with a silhouette the image is static and is cached completely. Above it the sky is smooth: it is stored as a coarse
+//! grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is computed at successive
+//! instants so close together that the clouds drift by at most a pixel between two (`drift.rs` tracks them). If several images show an
+//! instant, its rows are interpolated once and copied.
 
 pub(crate) mod clouds;
 mod drift;
@@ -16,12 +16,12 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::render::CELL_PX;
 use crate::render::air::Air;
 use crate::render::imaging::blur::Blur;
 use crate::render::imaging::tone::{self, Tone};
-use crate::render::kept::Kept;
+use crate::render::instant_cache::InstantCache;
 use crate::render::lamps::Spot;
+use crate::render::view::CELL_PX;
 use crate::render::view::View;
 use clouds::Clouds;
 use drift::{DriftingLayer, Moved};
@@ -33,7 +33,6 @@ const DRIFT_PER_INSTANT_PX: f64 = 1.0;
 /// Samples per pixel of the ground, across and down. Grazing views change faster downwards.
 const GROUND_SAMPLES: (usize, usize) = (2, 4);
 
-/// Content of a backdrop.
 pub(crate) struct Surroundings {
     pub(crate) view: View,
     pub(crate) air: Air,
@@ -48,7 +47,7 @@ pub(crate) struct Backdrop {
     sky_rows: usize,
     /// The sky without clouds.
     clear: ClearSky,
-    /// The clouds in front of it, nearest first.
+    /// Clouds in front of it, nearest first.
     layers: Vec<DriftingLayer>,
     /// The whole image at time 0, as bytes.
     still: Vec<u8>,
@@ -58,12 +57,12 @@ pub(crate) struct Backdrop {
     still_sky: Arc<SkyGrid>,
     /// Seconds between computed instants; `None` if the backdrop is static.
     instant_s: Option<f64>,
-    instants: Kept<SkyGrid>,
+    instants: InstantCache<SkyGrid>,
     /// Time of the last image, seconds.
     last_time_s: Mutex<f64>,
 }
 
-/// The places at which the sky is computed: every [`CELL_PX`]th pixel across and down.
+/// Grid on which the sky is computed: every [`CELL_PX`]th pixel across and down.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Nodes {
     pub(crate) columns: usize,
@@ -127,7 +126,7 @@ impl Backdrop {
             ground: still_ground,
             still_sky,
             instant_s: moves.then(|| (DRIFT_PER_INSTANT_PX / speed_px_per_s).clamp(0.05, 10.0)),
-            instants: Kept::default(),
+            instants: InstantCache::default(),
             last_time_s: Mutex::new(f64::NEG_INFINITY),
         }
     }
@@ -165,7 +164,7 @@ impl Backdrop {
             None => {
                 sky.paint(self.width, above);
                 if again {
-                    // Another thread may have been faster.
+                    // A different thread may have been faster.
                     let _ = sky.rows.set(above.to_vec());
                 }
             }
@@ -298,7 +297,7 @@ impl SkyGrid {
             });
     }
 
-    /// One row of nodes as a line of pixels, in 1/[`LEVEL`] of a display level.
+    /// Expands a row of nodes to a line of pixels, in 1/[`LEVEL`] of a display level.
     fn widen(&self, row: usize, line: &mut [u16]) {
         let nodes = &self.values[row * self.columns..][..self.columns];
         for (pair, cell) in nodes.windows(2).zip(line.chunks_mut(CELL_PX * 3)) {
@@ -322,7 +321,6 @@ const CELLS_AT_ONCE: usize = 4;
 /// 16 bits, of which processors multiply and add many at once.
 const LEVEL: f32 = 16.0;
 
-/// The line `y` pixels below the line above.
 fn blend(above: &[u16], below: &[u16], y: u16, line: &mut [u8]) {
     const CELL: u16 = CELL_PX as u16;
     const HALF: u16 = LEVEL as u16 * CELL / 2;
@@ -341,7 +339,7 @@ fn sky_luminance(world: &Surroundings, ray: DVec3, time_s: f64) -> Vec3 {
 
 fn ground_pixel(world: &Surroundings, ground: &Ground, x: f64, y: f64) -> Vec3 {
     let middle = world.view.ray(DVec2::new(x, y));
-    // Rows of a rolled camera may mix ground and high sky; the clouds there keep their shape of time 0.
+    // Rows of a rolled camera may mix ground and high sky; the clouds there keep their shape at time 0.
     if middle.z > 2.0 * MAX_SILHOUETTE_RAD {
         return world.tone.expose(sky_luminance(world, middle, 0.0));
     }
@@ -376,7 +374,7 @@ fn add_spot(light: &mut [Vec3], width: usize, first_row: usize, spot: &Spot) {
     }
 }
 
-/// Rows from the top in which no ray comes near the horizon.
+/// Number of top rows in which no ray comes near the horizon.
 fn sky_rows(view: &View) -> usize {
     let (width, height) = (
         view.camera.width_px as usize,

@@ -1,7 +1,7 @@
 //! Point lights: how a lamp of some candela at some distance falls on pixels.
 //!
-//! A lamp is smaller than a pixel at any distance of interest. Its illuminance at the camera, divided by the solid angle of a
-//! pixel, is spread by a Gaussian (the optics) with a weak wide skirt (glare), centred with sub-pixel accuracy.
+//! A lamp is smaller than a pixel at any distance of interest. Its illuminance at the camera, divided by a pixel's solid angle, is spread
+//! by a Gaussian (the optics) with a weak wide skirt (glare), centred with sub-pixel accuracy.
 
 pub(crate) mod site_lamps;
 
@@ -12,9 +12,9 @@ const SIGMA_PX: f64 = 0.65;
 /// Part of the light in the skirt, and its radius in pixels.
 const SKIRT: f64 = 8e-4;
 const SKIRT_RADIUS_PX: f64 = 3.0;
-/// Exposed light below which a lamp's edge is not drawn (half a grey level of a dark image).
+/// Exposed light below which a lamp's edge is not drawn (half a grey level in a dark image).
 const FAINTEST: f64 = 4e-4;
-/// Maximum extent of a lamp, pixels.
+/// Maximum extent of lamps, pixels.
 const FARTHEST_PX: f64 = 40.0;
 
 /// A lamp as it falls on the image.
@@ -44,7 +44,7 @@ impl Spot {
     }
 }
 
-/// Light per pixel at a squared distance, of a spot of unit energy.
+/// Light per pixel at a squared distance, for a spot with unit energy.
 fn profile(r2: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     let core =

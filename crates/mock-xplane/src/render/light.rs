@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 
 use crate::render::curves::{geometric_lookup, luminance};
 
-/// Solar elevation in degrees, and diffuse illuminance of a horizontal plane under a clear sky, lux per channel.
+/// Solar elevation in degrees, and diffuse horizontal illuminance under a clear sky, lux per channel.
 const SKY_LUX: [(f32, Vec3); 11] = [
     (-18.0, Vec3::new(0.070, 0.068, 0.082)),
     (-14.0, Vec3::new(0.080, 0.092, 0.140)),
@@ -30,7 +30,6 @@ const SKY_LUX: [(f32, Vec3); 11] = [
 const SUN_LUX: f32 = 128_000.0;
 /// Vertical optical depth of clean air for red, green and blue.
 const AIR_DEPTH: Vec3 = Vec3::new(0.12, 0.19, 0.32);
-/// The light of a scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Light {
     /// Unit vector to the sun: east, north, up.
@@ -78,7 +77,6 @@ impl Light {
         }
     }
 
-    /// Light on the ground, lux.
     pub(crate) fn ground_lux(&self) -> Vec3 {
         self.sky_lux + self.sun_lux * (self.to_sun.z as f32).max(0.0)
     }

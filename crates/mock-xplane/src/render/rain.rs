@@ -2,12 +2,12 @@
 
 use crate::render::backdrop::noise::{hash, unit_hash};
 
-/// Streaks in an image of one million pixels in the heaviest rain.
+/// Streaks per million pixels in the heaviest rain.
 const STREAKS_PER_MEGAPIXEL: f64 = 260.0;
-/// Strength with which a streak pulls a pixel towards the grey of the rain.
+/// Strength with which streaks pull a pixel towards the grey of the rain.
 const STRENGTH: f32 = 0.10;
 
-/// Draws the streaks of an instant. `grey` is the display value of lit drops; `seed` distinguishes cameras.
+/// Draws the streaks at an instant. `grey` is the display value of lit drops; `seed` distinguishes cameras.
 pub(crate) fn draw(
     rgb: &mut [u8],
     size: (usize, usize),

@@ -4,6 +4,7 @@ use dataset::conditions::{CloudKind, CloudLayer};
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::distortion::Distortion;
 use dataset::geometry::imaging::{Degradation, Imaging, Seeing, Sensor, Sway};
+pub(crate) use dataset::numbers::units::METERS_PER_NAUTICAL_MILE as NM_M;
 pub(crate) use testkit::changi_02l;
 
 use super::*;
@@ -11,7 +12,6 @@ use super::*;
 /// Focal length of 1920 pixels over ten degrees.
 const FOCAL_PX: f64 = 10_972.8;
 const SINGAPORE_S: f64 = 8.0 * 3600.0;
-pub(crate) const NM_M: f64 = 1_852.0;
 
 pub(crate) fn clear() -> Weather {
     Weather {
@@ -56,7 +56,6 @@ pub(crate) fn small_camera(distance_m: f64) -> Camera {
     camera_towards(distance_m.max(NM_M), 320, 192)
 }
 
-/// On the 3 degree glide path, `right_m` right of it.
 fn on_glide_path(distance_m: f64, right_m: f64) -> Pose {
     let runway = changi_02l();
     let at = runway.point_on_approach(distance_m, right_m);
@@ -70,7 +69,7 @@ fn on_glide_path(distance_m: f64, right_m: f64) -> Pose {
     }
 }
 
-/// On the optical axis, flying towards the camera.
+/// A pose on the optical axis, flying towards the camera.
 fn on_central_ray(scene: &Scene, range_m: f64) -> Pose {
     let camera = &scene.world.view.camera;
     let at = Geodetic::from_ecef(camera.center_ecef_m + camera.ray(camera.principal_px) * range_m);
@@ -302,9 +301,8 @@ fn strongest_contrast(scene: &Scene, pose: &Pose) -> f64 {
 
 #[test]
 fn fog_takes_the_airframe_where_the_formula_says() {
-    const FOG_VISIBILITY_M: f64 = 9_260.0;
     let weather = Weather {
-        visibility_m: FOG_VISIBILITY_M,
+        visibility_m: 5.0 * NM_M,
         ..clear()
     };
     let scene = scene(6.0 * NM_M, &weather);
@@ -320,7 +318,7 @@ fn fog_takes_the_airframe_where_the_formula_says() {
     let levels_per_contrast = f64::from(
         (imaging::tone::encode(behind) - imaging::tone::encode(behind * 0.99)).max_element(),
     ) / 0.01;
-    let beta_per_m = 3.912 / FOG_VISIBILITY_M;
+    let beta_per_m = 3.912 / weather.visibility_m;
     let lost_m = near_m + (near * levels_per_contrast).ln() / beta_per_m;
     assert!((9_000.0..16_000.0).contains(&lost_m), "{lost_m}");
 
@@ -347,7 +345,7 @@ fn fog_takes_the_airframe_where_the_formula_says() {
     assert!(largest_change(1.1 * lost_m) <= 1, "seen beyond {lost_m} m");
 }
 
-/// Centre of the covered area of a patch, pixels.
+/// Centre of the patch's covered area, pixels.
 fn covered_centre(patch: &Patch) -> DVec2 {
     let (sum, moment) =
         patch

@@ -9,6 +9,8 @@ use dataset::geometry::refraction::lift_m;
 use dataset::geometry::runway::Runway;
 use glam::{DMat3, DVec2, DVec3};
 
+/// Pixels between grid nodes.
+pub(crate) const CELL_PX: usize = 8;
 /// Radius of the earth for the drop of the ground below the tangent plane, metres. Off by less than 0.3 % in any direction, about
 /// ten centimetres at the horizon.
 const EARTH_RADIUS_M: f64 = 6.36e6;
@@ -67,7 +69,7 @@ impl View {
         (self.site_from_camera * self.camera.image_of(pixel).extend(1.0)).normalize()
     }
 
-    /// Apparent position of a point of the world (ECEF) in camera axes, metres.
+    /// Apparent position in camera axes, metres.
     pub(crate) fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
         self.true_camera.to_camera(ecef_m)
     }
@@ -78,7 +80,7 @@ impl View {
             .project(self.origin_ecef_m + self.site_from_ecef.transpose() * site_m)
     }
 
-    /// Height above mean sea level of a point of the site, metres.
+    /// Height above mean sea level at a site position, metres.
     pub(crate) fn height_msl_m(&self, site_m: DVec3) -> f64 {
         let flat = site_m.truncate();
         self.ground_msl_m + site_m.z + flat.length_squared() / (2.0 * EARTH_RADIUS_M)
@@ -115,7 +117,7 @@ impl View {
         Some([first.min(second), first.max(second)])
     }
 
-    /// Solid angle of a pixel in the middle of the image, steradians.
+    /// Solid angle per pixel in the middle of the image, steradians.
     pub(crate) fn pixel_solid_angle_sr(&self) -> f64 {
         self.camera.focal_px.powi(-2)
     }

@@ -1,9 +1,8 @@
 //! The capture link, simulator's side: accepts requests, flies, draws, and answers in order.
 //!
-//! Images are drawn into the client's memory if it shares some, else into our own and sent. That happens on separate threads, one
-//! per processor, while further requests are read. A queue of pending answers keeps their order and, being short, limits the
-//! memory: when it is full, requests wait in the socket. One client at a time, see [`super::seat`]; it must send a hello, with the
-//! token if there is one, before it is admitted.
+//! Images are drawn on separate threads, one per processor, while further requests are read. A queue of pending answers keeps their order
+//! and, being short, limits the memory: when it is full, requests wait in the socket. One client at a time, see [`super::seat`]; it must
+//! send a hello, with the token if there is one, before it is admitted.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,13 +20,12 @@ use tokio::time::timeout;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{
-    Answer, CaptureRequest, Deliver, DrawingSlot, DrawingSlots, FLIGHT_COLUMNS, FrameHeader,
-    LinkError, LinkToken, PixelKind, Request, SharedMemory, encode_flight, exchange_greetings,
-    read_request, write_message,
+    Answer, CaptureRequest, Deliver, FLIGHT_COLUMNS, FrameHeader, Hello, LinkError, LinkToken,
+    PixelKind, Request, encode_flight, exchange_greetings, read_request, write_message,
 };
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
-use super::engine::Engine;
+use super::engine::{Engine, Instants};
 use super::faults::cameras::{Drawn, FaultyCameras};
 use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
@@ -118,7 +116,6 @@ struct CaptureService {
     engine: Arc<dyn Engine>,
     outages: Arc<Outages>,
     admission: Admission,
-    /// The window that shows what is drawn, if there is one.
     stage: Option<Arc<dyn DisplayWindow>>,
     /// They decide what an image shows.
     cameras: Mutex<FaultyCameras>,
@@ -129,15 +126,6 @@ struct CaptureService {
     seat: Seat,
     /// The profile that a client measured.
     profile: Mutex<Option<Value>>,
-}
-
-/// A client's connection.
-struct Client {
-    /// Its address.
-    address: SocketAddr,
-    /// The memory that it shares, if it does.
-    memory: Option<DrawingSlots>,
-    activity: Arc<Activity>,
 }
 
 /// An answer and its payload.
@@ -174,12 +162,9 @@ impl CaptureService {
         // When no more requests come, the writer finishes the pending answers and ends with the queue. If the client reads no more
         // answers, reading its requests is pointless.
         let read_then_wait = async {
-            let client = Client {
-                address: from,
-                memory: None,
-                activity: activity.clone(),
-            };
-            if let Err(error) = self.read_requests(hello, from_client, client, order).await
+            if let Err(error) = self
+                .read_requests(hello, from_client, activity, order)
+                .await
                 && !error.is_hang_up()
             {
                 tracing::warn!(%from, %error, "no more requests are taken");
@@ -221,7 +206,7 @@ impl CaptureService {
         self: &Arc<Self>,
         hello: Request,
         mut stream: impl AsyncRead + Unpin,
-        mut client: Client,
+        activity: &Arc<Activity>,
         order: mpsc::Sender<Pending>,
     ) -> Result<(), LinkError> {
         let mut next = Some(hello);
@@ -230,11 +215,11 @@ impl CaptureService {
                 Some(request) => Ok(Some(request)),
                 None => read_request(&mut stream).await,
             };
-            let work = client.activity.work();
+            let work = activity.work();
             let pending = match request {
                 Ok(None) => return Ok(()),
-                Ok(Some(request)) => self.answer(&mut client, request).await,
-                // All of it was read: the next request can be parsed.
+                Ok(Some(request)) => self.answer(activity, request).await,
+                // The whole request was read: the next one can be parsed.
                 Err(error @ LinkError::BadHeader { .. }) => refusal(error.to_string()),
                 // Sent to the client as well; the rest of the stream cannot be parsed any more.
                 Err(error) => {
@@ -273,7 +258,7 @@ impl CaptureService {
         Ok(())
     }
 
-    async fn answer(self: &Arc<Self>, from: &mut Client, request: Request) -> Pending {
+    async fn answer(self: &Arc<Self>, activity: &Arc<Activity>, request: Request) -> Pending {
         if matches!(request, Request::Capture(_)) {
             self.outages.count_capture();
         }
@@ -291,23 +276,16 @@ impl CaptureService {
                 };
                 let mut pixels = vec![PixelKind::Link];
                 pixels.extend(window.is_some().then_some(PixelKind::Screen));
-                ready(Answer::Hello {
+                ready(Answer::Hello(Hello {
                     name: "mock-xplane".into(),
                     version: self.world.lock().version_text(),
-                    plugin: None,
                     pixels,
                     window,
-                    drawn_size: None,
-                    screen: None,
-                    shares_memory_with: DrawingSlots::POSSIBLE.then_some(from.address),
                     imaging: true,
-                    patterns_under: false,
                     profile: self.lock_profile().clone(),
-                    replayed: false,
-                    frame_codes: false,
-                })
+                    ..Hello::default()
+                }))
             }
-            Request::ShareMemory(offer) => share_memory(from, &offer),
             // Drawing takes effect at once here: no frame needs to settle.
             Request::Freeze {
                 runway, imaging, ..
@@ -366,7 +344,7 @@ impl CaptureService {
                 ready(Answer::Released)
             }
             Request::Fly(request) => self.fly(request).await,
-            Request::Capture(request) => self.capture(from, request).await,
+            Request::Capture(request) => self.capture(activity, request).await,
         }
     }
 
@@ -401,28 +379,23 @@ impl CaptureService {
     }
 
     /// Starts drawing. The content is fixed here, in the order of the requests; drawing takes its time.
-    async fn capture(self: &Arc<Self>, from: &Client, request: CaptureRequest) -> Pending {
+    async fn capture(
+        self: &Arc<Self>,
+        activity: &Arc<Activity>,
+        request: CaptureRequest,
+    ) -> Pending {
         if let Err(bad) = request.check() {
             return refusal(bad.to_string());
         }
-        let slot = match (request.deliver, &from.memory) {
-            (Deliver::Slot(number), Some(memory)) => {
-                match memory.borrow(number, request.rgb_bytes()) {
-                    Ok(slot) => Some(slot),
-                    Err(none) => return refusal(none.to_string()),
-                }
-            }
-            (Deliver::Slot(_), None) => {
-                return refusal("no memory is shared: send share_memory first".into());
-            }
-            (Deliver::Screenshot, _) => {
+        match request.deliver {
+            Deliver::Screenshot => {
                 return refusal("only an X-Plane writes screenshots: ask for the image".into());
             }
-            (Deliver::Coded | Deliver::Probe, _) => {
+            Deliver::Coded | Deliver::Probe => {
                 return refusal("only the plugin numbers its frames: ask for the image".into());
             }
-            (Deliver::Picture | Deliver::Drawn, _) => None,
-        };
+            Deliver::Picture | Deliver::Drawn => {}
+        }
         let drawn = {
             let mut cameras = self.lock_cameras();
             if let Some(text) = cameras.fault_of_no_view(&request) {
@@ -463,34 +436,27 @@ impl CaptureService {
         };
         let permit = self.painters.clone().acquire_owned().await;
         let service = self.clone();
-        let work = from.activity.work();
+        let work = activity.work();
         let drawing = spawn_blocking(move || {
             let _in_work = (permit, work);
-            service.draw((&request, &drawn), &key, frame, slot)
+            service.draw((&request, &drawn), &key, frame)
         });
-        match request.deliver {
-            Deliver::Picture
-            | Deliver::Slot(_)
-            | Deliver::Screenshot
-            | Deliver::Coded
-            | Deliver::Probe => Pending::Drawing(drawing),
-            // The window shows one image: the next one is not started before this one is visible.
-            Deliver::Drawn => {
-                let (answer, rgb) = drawing.await.unwrap_or_else(failed);
-                if matches!(answer, Answer::Error { .. }) {
-                    return ready(answer);
-                }
-                let (width_px, height_px) = (request.width_px, request.height_px);
-                let picture = RgbPicture {
-                    width_px,
-                    height_px,
-                    rgb,
-                };
-                match self.show(picture).await {
-                    Ok(()) => ready(answer),
-                    Err(text) => refusal(text),
-                }
-            }
+        if request.deliver != Deliver::Drawn {
+            return Pending::Drawing(drawing);
+        }
+        // The window shows one image: the next one is not started before this one is visible.
+        let (answer, rgb) = drawing.await.unwrap_or_else(failed);
+        if matches!(answer, Answer::Error { .. }) {
+            return ready(answer);
+        }
+        let picture = RgbPicture {
+            width_px: request.width_px,
+            height_px: request.height_px,
+            rgb,
+        };
+        match self.show(picture).await {
+            Ok(()) => ready(answer),
+            Err(text) => refusal(text),
         }
     }
 
@@ -524,45 +490,32 @@ impl CaptureService {
         result.map_err(|error| error.to_string())
     }
 
-    /// Draws into the slot, or into our own memory that becomes the payload. The answer is to the request, whatever is drawn.
+    /// Draws the payload. The answer is to the request, whatever is drawn.
     fn draw(
         &self,
         (request, drawn): (&CaptureRequest, &Drawn),
         key: &SceneKey,
         frame: Frame,
-        slot: Option<DrawingSlot>,
     ) -> Reply {
-        let draw = |rgb: &mut [u8]| {
-            let content = &drawn.request;
-            let time_s = SimTime(content.time_ns).seconds();
-            self.scenes.with(self.engine.as_ref(), key, |picture| {
-                picture.draw(&content.pose, &content.controls, time_s, rgb);
-            });
-            if drawn.shift_px != DVec2::ZERO {
-                let size = (key.width_px as usize, key.height_px as usize);
-                displace(rgb, size, drawn.shift_px);
-            }
-            if frame.alert {
-                let mut canvas = Canvas {
-                    rgb,
-                    width_px: key.width_px as usize,
-                    height_px: key.height_px as usize,
-                };
-                canvas.draw_alert();
-            }
-        };
-        let payload = match slot {
-            Some(mut slot) => {
-                draw(&mut slot);
-                Vec::new()
-            }
-            None => {
-                let mut rgb = self.lock_buffers().pop().unwrap_or_default();
-                rgb.resize(request.rgb_bytes(), 0);
-                draw(&mut rgb);
-                rgb
-            }
-        };
+        let mut rgb = self.lock_buffers().pop().unwrap_or_default();
+        rgb.resize(request.rgb_bytes(), 0);
+        let content = &drawn.request;
+        let instants = Instants::all(SimTime(content.time_ns).seconds());
+        self.scenes.with(self.engine.as_ref(), key, |picture| {
+            picture.draw(&content.pose, &content.controls, instants, &mut rgb);
+        });
+        let (width_px, height_px) = (key.width_px as usize, key.height_px as usize);
+        if drawn.shift_px != DVec2::ZERO {
+            displace(&mut rgb, (width_px, height_px), drawn.shift_px);
+        }
+        if frame.alert {
+            let mut canvas = Canvas {
+                rgb: &mut rgb,
+                width_px,
+                height_px,
+            };
+            canvas.draw_alert();
+        }
         let header = FrameHeader {
             tick: request.tick,
             view: request.view,
@@ -572,7 +525,7 @@ impl CaptureService {
             width_px: key.width_px,
             height_px: key.height_px,
         };
-        (Answer::Frame(header), payload)
+        (Answer::Frame(header), rgb)
     }
 
     fn lock_profile(&self) -> MutexGuard<'_, Option<Value>> {
@@ -585,17 +538,6 @@ impl CaptureService {
 
     fn lock_buffers(&self) -> MutexGuard<'_, Vec<Vec<u8>>> {
         self.buffers.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Maps the memory that a client shares, replacing what it shared before.
-fn share_memory(from: &mut Client, offer: &SharedMemory) -> Pending {
-    match DrawingSlots::open(offer) {
-        Ok(memory) => {
-            from.memory = Some(memory);
-            ready(Answer::MemoryShared)
-        }
-        Err(unusable) => refusal(unusable.to_string()),
     }
 }
 

@@ -9,7 +9,8 @@ use dataset::geometry::runway::Runway;
 use flight_model::NotLanded;
 use xplane_bridge::fly::FlyRequest;
 
-use crate::render::{Instants, Scene};
+pub use crate::render::Instants;
+use crate::render::Scene;
 
 /// Reason why an engine does not fly an approach.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -17,44 +18,41 @@ pub enum NotFlown {
     /// The aircraft was still in the air at the end.
     #[error(transparent)]
     NotLanded(#[from] NotLanded),
-    /// Another reason of an engine.
+    /// Any other reason.
     #[error("{0}")]
     Because(&'static str),
 }
 
 /// A flight model and a renderer.
 pub trait Engine: Send + Sync + 'static {
-    /// Flies an approach in this weather; the states at the model's own rate.
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown>;
+    /// Flies an approach in this weather; the states at the model's own rate. An engine that only draws need not implement it.
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+        Err(NotFlown::Because("this simulator does not fly"))
+    }
 
-    /// Prepares the images of one camera in one weather at one time, degraded or not.
-    fn picture(
-        &self,
-        camera: &Camera,
-        runway: &Runway,
-        weather: &Weather,
-        clock: &Clock,
-        degradation: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer>;
+    /// Prepares images for a scene.
+    fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer>;
 }
 
-/// Images of one camera in one weather at one time, with the aircraft anywhere.
+/// A camera and its surroundings: all that an image depends on besides the aircraft and the instant.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneSetting<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// The runway whose surroundings it sees.
+    pub runway: &'a Runway,
+    /// The weather.
+    pub weather: &'a Weather,
+    /// The time of day, for the light.
+    pub clock: &'a Clock,
+    /// Effects of optics, air and sensor, if any.
+    pub degradation: Option<&'a Degradation>,
+}
+
+/// Images from a prepared camera, weather and time, with the aircraft anywhere.
 pub trait SceneRenderer: Send + Sync {
     /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
-    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]);
-
-    /// The same with clouds and rain at another instant than flashing lamps. Engines whose weather does not move need not implement
-    /// it.
-    fn draw_in_moving_weather(
-        &self,
-        pose: &Pose,
-        controls: &Controls,
-        lamps_s: f64,
-        _weather_s: f64,
-        rgb: &mut [u8],
-    ) {
-        self.draw(pose, controls, lamps_s, rgb);
-    }
+    fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]);
 }
 
 /// The built-in flight model and the renderer of this crate.
@@ -66,16 +64,14 @@ impl Engine for BuiltIn {
         Ok(flight_model::land(request, weather)?)
     }
 
-    fn picture(
-        &self,
-        camera: &Camera,
-        runway: &Runway,
-        weather: &Weather,
-        clock: &Clock,
-        degradation: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
-        let scene = Scene::new(camera, runway, weather, clock);
-        Box::new(match degradation {
+    fn prepare(&self, setting: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
+        let scene = Scene::new(
+            setting.camera,
+            setting.runway,
+            setting.weather,
+            setting.clock,
+        );
+        Box::new(match setting.degradation {
             None => scene,
             Some(degradation) => scene.degraded(degradation),
         })
@@ -83,18 +79,7 @@ impl Engine for BuiltIn {
 }
 
 impl SceneRenderer for Scene {
-    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
-        self.render(pose, controls, time_s, rgb);
-    }
-
-    fn draw_in_moving_weather(
-        &self,
-        pose: &Pose,
-        controls: &Controls,
-        lamps_s: f64,
-        weather_s: f64,
-        rgb: &mut [u8],
-    ) {
-        self.render_at(pose, controls, Instants { lamps_s, weather_s }, rgb);
+    fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]) {
+        self.draw_frame(pose, controls, instants, true, rgb);
     }
 }

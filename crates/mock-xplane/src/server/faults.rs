@@ -14,7 +14,7 @@ use std::time::Duration;
 
 pub use cameras::{CameraFault, CameraFaultKind};
 
-/// Default downtime of a restart: slightly more than a client needs to notice.
+/// Default downtime for restarts: slightly more than clients need to notice.
 const DEFAULT_DOWN: Duration = Duration::from_secs(3);
 /// The syntax of the text form, for messages.
 const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S], restart=WHEN[:DOWN_S], \
@@ -32,27 +32,27 @@ pub struct Faults {
     pub reordering: f64,
     /// Seed of the three above and of the cameras' faults.
     pub seed: u64,
-    /// Failures of the simulator itself. Each outage happens once; any number of them may follow each other.
+    /// Failures of the simulator itself. Each outage happens once; any number may follow each other.
     pub outages: Vec<Outage>,
     /// Faults of the cameras; a view can have several. Only the built-in capture link has them.
     pub cameras: Vec<CameraFault>,
 }
 
-/// One period without answers.
+/// A period without answers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
-    /// Time of its beginning.
+    /// Begin of the outage.
     pub begins: Moment,
-    /// Its effect on clients.
+    /// Effect on clients.
     pub kind: OutageKind,
-    /// Its duration; `None` means forever.
+    /// Duration; `None` means forever.
     pub lasts: Option<Duration>,
 }
 
-/// The effect of an outage on clients.
+/// Effect of outages on clients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutageKind {
-    /// Sockets stay open, requests remain unanswered, simulated time stands still; then everything continues, with what was queued.
+    /// Sockets stay open, requests remain unanswered, simulated time stands still; then everything continues, including queued requests.
     Freeze,
     /// Connections close, datagrams are lost; then a new simulator runs on the same ports: datarefs, weather and frame numbers are
     /// at their initial values, subscriptions forgotten.
@@ -64,32 +64,16 @@ pub enum OutageKind {
 pub enum Moment {
     /// This long after the start. Not reproducible to the frame.
     After(Duration),
-    /// With the n-th simulated frame, counted from 1.
+    /// The n-th simulated frame, counted from 1.
     Frame(u64),
-    /// At the n-th requested capture, counted from 1. That capture is the first one not to be answered in time.
+    /// The n-th requested capture, counted from 1, which is the first one not to be answered in time.
     Capture(u64),
 }
 
 /// A text that describes no valid faults.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum FaultsError {
-    /// A key that does not exist.
-    #[error("unknown fault {found:?}; expected {EXPECTED}")]
-    UnknownKey {
-        /// The text found.
-        found: String,
-    },
-    /// A key without a valid value.
-    #[error("fault {key} is {found:?}; expected {expected}")]
-    BadValue {
-        /// Name of the fault.
-        key: String,
-        /// The text found.
-        found: String,
-        /// The allowed values.
-        expected: &'static str,
-    },
-}
+#[error("{0}")]
+pub struct FaultsError(String);
 
 impl Faults {
     /// True if there are no faults.
@@ -106,11 +90,8 @@ impl FromStr for Faults {
         let mut faults = Self::default();
         for part in text.split(',').filter(|part| !part.trim().is_empty()) {
             let (key, value) = part.trim().split_once('=').unwrap_or((part.trim(), ""));
-            let bad = |expected| FaultsError::BadValue {
-                key: key.into(),
-                found: value.into(),
-                expected,
-            };
+            let bad =
+                |expected| FaultsError(format!("fault {key} is {value:?}; expected {expected}"));
             match key {
                 "loss" => faults.loss = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
                 "dup" => faults.duplication = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
@@ -142,7 +123,11 @@ impl FromStr for Faults {
                     let fault = camera_fault(key, value).map_err(bad)?;
                     faults.cameras.push(fault);
                 }
-                _ => return Err(FaultsError::UnknownKey { found: key.into() }),
+                _ => {
+                    return Err(FaultsError(format!(
+                        "unknown fault {key:?}; expected {EXPECTED}"
+                    )));
+                }
             }
         }
         Ok(faults)
@@ -204,7 +189,7 @@ impl fmt::Display for CameraFault {
     }
 }
 
-/// The fault of a camera, or the text that was expected.
+/// Parses a camera fault; the error is the expected text.
 fn camera_fault(key: &str, value: &str) -> Result<CameraFault, &'static str> {
     let (view, kind) = value.split_once(':').unwrap_or((value, ""));
     let positive = |text: &str| {

@@ -39,7 +39,7 @@ const FAKE_XP: &str = include_str!("../../fake_xp/fake_xp.py");
 const RULES: &str = include_str!("../../fake_xp/xp_rules.py");
 const HELD_LOCK: &str = include_str!("../../fake_xp/held_lock.py");
 const HOST: &str = include_str!("../../fake_xp/host.py");
-/// Ends the name of a question that has no answer.
+/// End mark for the name of a question that has no answer.
 const STATEMENT: char = '!';
 /// Creates the modules from the settings in the first line, and runs the host.
 const BOOTSTRAP: &str = "import json, sys, types
@@ -75,10 +75,10 @@ pub struct PluginOptions {
 }
 
 impl PluginOptions {
-    /// Simulated time between two frames of a simulator that draws 60 per second.
+    /// Simulated time between two frames at 60 frames per second.
     pub const FRAME_PERIOD_S: f64 = 1.0 / 60.0;
 
-    /// Runs the plugin of a folder undisturbed.
+    /// Runs the plugin in a folder undisturbed.
     pub fn new(folder: impl Into<PathBuf>) -> Self {
         Self {
             folder: folder.into(),
@@ -100,7 +100,7 @@ impl PluginOptions {
 pub struct FramesDrawn(Arc<AtomicU64>);
 
 impl FramesDrawn {
-    /// Frames so far.
+    /// Frames drawn.
     pub fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }

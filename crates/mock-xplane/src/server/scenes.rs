@@ -8,12 +8,12 @@ use dataset::geometry::camera::{Camera, CameraPose};
 use dataset::geometry::imaging::Imaging;
 use dataset::geometry::runway::Runway;
 
-use super::engine::{Engine, SceneRenderer};
+use super::engine::{Engine, SceneRenderer, SceneSetting};
 
-/// Maximum number of prepared images: two rigs of a few cameras.
+/// Maximum prepared images: two rigs with a few cameras each.
 const KEPT: usize = 8;
 
-/// The inputs of a prepared image.
+/// Inputs of a prepared image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SceneKey {
     pub(super) camera: CameraPose,
@@ -45,8 +45,13 @@ impl Scenes {
         let picture = slot.get_or_init(|| {
             let camera = Camera::from_pose(&key.camera, key.width_px, key.height_px)
                 .seen_through(&key.imaging);
-            let degradation = key.imaging.degradation.as_ref();
-            engine.picture(&camera, &key.runway, &key.weather, &key.clock, degradation)
+            engine.prepare(&SceneSetting {
+                camera: &camera,
+                runway: &key.runway,
+                weather: &key.weather,
+                clock: &key.clock,
+                degradation: key.imaging.degradation.as_ref(),
+            })
         });
         draw(picture.as_ref())
     }

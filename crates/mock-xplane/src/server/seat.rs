@@ -1,4 +1,4 @@
-//! The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one requests it.
+//! The single place at the aircraft. Its client keeps it while active; a silent client must leave when the next one requests it.
 //!
 //! So a client may take all the time it needs between two requests (a commit to a slow store, a debugger), and one that hangs, or was never
 //! more than an open connection, blocks no other.
@@ -12,9 +12,9 @@ use tokio::time::{Instant, timeout};
 /// Timeouts of the capture link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LinkPatience {
-    /// From the connection to its greeting and its complete hello.
+    /// Time from the connection to its greeting and complete hello.
     pub hello: Duration,
-    /// Time that a client waits for another one's seat.
+    /// Time that a client waits for the seat.
     pub seat: Duration,
     /// A client that neither sends requests nor reads answers for this long loses its seat to the next one.
     pub silence: Duration,
@@ -44,7 +44,7 @@ pub(super) struct Seated {
     _place: OwnedMutexGuard<()>,
 }
 
-/// Time of a client's last sign of life.
+/// Time of the client's last sign of life.
 #[derive(Debug)]
 pub(super) struct Activity {
     state: StdMutex<State>,
@@ -111,7 +111,7 @@ impl Activity {
         Work(self.clone())
     }
 
-    /// Waits until the client has to leave for another one.
+    /// Waits until the client has to leave for the next one.
     pub(super) async fn has_to_leave(&self) {
         self.leave.notified().await;
     }

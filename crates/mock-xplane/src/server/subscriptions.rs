@@ -85,8 +85,8 @@ impl Subscriptions {
         true
     }
 
-    /// Starts or ends the stream of positions to a client, with the same limits and one of clients; returns whether it was accepted.
-    /// Some clients end it from another socket than they started it from; then it ends for all sockets of that computer.
+    /// Starts or ends the stream of positions to a client, with the same limits and a maximum number of clients; returns whether it was
+    /// accepted. Some clients end it from a different socket than they started it from; then it ends for all sockets on that computer.
     pub(super) fn subscribe_position(
         &mut self,
         from: SocketAddr,

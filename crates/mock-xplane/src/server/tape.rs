@@ -1,4 +1,4 @@
-//! A recorded session instead of a simulator: clients get the answers that the recorded simulator gave.
+//! A recorded session instead of a simulator: clients get the recorded simulator's answers.
 //!
 //! ```text
 //! tape --loading--> histories of datarefs, positions          --udp-->  clients
@@ -6,8 +6,8 @@
 //! ```
 //!
 //! No answer is invented. A dataref has the recorded values, in their order, and advances past a write or a command when a client sends the
-//! same one ([`history`]); the weather at the aircraft is looked up by the same writes ([`shown_weather`]). A request of the capture link
-//! is answered if the tape has it, under the same written datarefs; otherwise an `error` reports what was requested and what the tape has
+//! same one ([`history`]); the weather at the aircraft is looked up by the same writes ([`shown_weather`]). Capture link requests are
+//! answered if the tape has them, under the same written datarefs; otherwise an `error` names the request and what the tape has
 //! ([`conversation`]).
 
 mod conversation;
@@ -115,7 +115,7 @@ struct Player {
     patience: LinkPatience,
 }
 
-/// Progress of a replay.
+/// Progress of the replay.
 struct Playback {
     histories: Histories<SocketAddr>,
     shown_weather: ShownWeather,

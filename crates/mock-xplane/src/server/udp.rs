@@ -1,4 +1,4 @@
-//! X-Plane's UDP protocol on a socket: receives packets, and sends in every frame what is due.
+//! X-Plane's UDP protocol on a socket: receives packets, and sends due values in every frame.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use super::faults::outages::Outages;
 use super::subscriptions::Subscriptions;
 use super::{MockError, ServerOptions, Shared, UdpSockets};
 
-/// Length of a frame of the stand-in: 60 per second.
+/// Duration of the stand-in's frames: 60 per second.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 /// Maximum simulated time from one frame to the next, seconds: X-Plane slows down rather than jump.
 const MAX_FRAME_S: f64 = 0.25;

@@ -38,7 +38,7 @@ use super::{MockError, Shared};
 
 /// Maximum connections.
 const MAX_CONNECTIONS: usize = 64;
-/// Time limits for the head of a request, from the end of the previous one, and for the rest of it with its answer.
+/// Time limits for a request's head, from the end of the previous one, and for the rest of it with its answer.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
 /// Time for which a client may leave data unread.

@@ -1,13 +1,13 @@
-//! The simulated world: datarefs, the aircraft, the clock, the sky, and whether all of it is frozen.
+//! The simulated world: datarefs, the aircraft, the clock, the sky, and whether everything is frozen.
 //!
-//! Each of them has its own file; this one connects them, and defines what clients can do to them.
+//! Each has its own file; this one connects them, and defines the actions of clients.
 
 mod aircraft;
 pub(super) mod airport;
 mod autopilot;
 mod clock;
 pub(super) mod flight_start;
-mod motion;
+pub(super) mod motion;
 mod possible;
 pub(super) mod scenery;
 mod sky;
@@ -62,11 +62,10 @@ pub(super) struct World {
     others_fly: bool,
     /// Names that clients looked up and that are not of this version.
     foreign_names: BTreeSet<String>,
-    /// True if X-Plane's error about one of them lies over the scene.
+    /// True if X-Plane's error about a deprecated dataref lies over the scene.
     shows_alert: bool,
 }
 
-/// State of a flight.
 #[derive(Debug, Clone)]
 struct State {
     datarefs: Datarefs,
@@ -76,7 +75,7 @@ struct State {
 }
 
 impl World {
-    /// A fresh simulator, with the aircraft parked, or with the main menu in front of it.
+    /// A fresh simulator, with the aircraft parked, or showing the main menu.
     pub(super) fn new(generation: Generation, flight_loaded: bool, quirks: Quirks) -> Self {
         let quirks = quirks.of(generation);
         let mut datarefs = Datarefs::new(generation);
@@ -153,7 +152,7 @@ impl World {
         self.quirks
     }
 
-    /// From now on a plugin's host controls the aircraft, with its current local coordinates.
+    /// Lets a plugin's host control the aircraft; returns its current local coordinates.
     pub(super) fn host(&mut self) -> LocalFrame {
         self.hosted = true;
         self.state.aircraft.frame()
@@ -220,7 +219,7 @@ impl World {
         aircraft::scale(&self.state.datarefs)
     }
 
-    /// Duration for which the simulator freezes now because of a request, seconds; can be queried once.
+    /// Duration of the freeze that a request has caused, seconds; can be queried once.
     pub(super) fn take_freeze_s(&mut self) -> Option<f64> {
         self.state.sky.take_freeze_s()
     }
@@ -232,7 +231,7 @@ impl World {
             .set(names::CAPTURE_PORT, f64::from(port));
     }
 
-    /// Sets what belongs to the simulator or to a plugin of it.
+    /// Sets a dataref that belongs to the simulator or to a plugin.
     pub(super) fn set_own(&mut self, path: &str, value: f64) {
         self.state.datarefs.set(path, value);
     }
@@ -242,17 +241,15 @@ impl World {
         self.state.datarefs.get(names::VERSION) as i32
     }
 
-    /// The same in human notation.
+    /// The version in human notation.
     pub(super) fn version_text(&self) -> String {
         Version::of_number(self.version().unsigned_abs()).to_string()
     }
 
-    /// All datarefs.
     pub(super) fn datarefs(&self) -> &Datarefs {
         &self.state.datarefs
     }
 
-    /// True if a flight is loaded.
     pub(super) fn flight_loaded(&self) -> bool {
         self.flight_loaded
     }
@@ -308,7 +305,6 @@ impl World {
         true
     }
 
-    /// All commands that [`World::command`] supports.
     pub(super) fn commands() -> impl Iterator<Item = &'static str> {
         let own = [
             names::COMMAND_PAUSE_ON,
@@ -361,7 +357,7 @@ impl World {
         }
     }
 
-    /// `ACFN`: another aircraft replaces the old one.
+    /// `ACFN`: a new aircraft replaces the old one.
     pub(super) fn load_aircraft(&mut self, file: &str) {
         let State {
             datarefs, aircraft, ..
@@ -402,7 +398,6 @@ impl World {
         self.imaging = imaging;
     }
 
-    /// The lens, air and sensor of a view.
     pub(super) fn imaging(&self, view: u32) -> Imaging {
         self.imaging.get(view as usize).copied().unwrap_or_default()
     }
@@ -441,7 +436,6 @@ impl World {
         self.frozen.as_ref()
     }
 
-    /// Shows the aircraft in a state of a flight.
     pub(super) fn show(&mut self, state: FlightState) {
         self.state.aircraft.show(state);
         self.state.aircraft.publish(&mut self.state.datarefs);

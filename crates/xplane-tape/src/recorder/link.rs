@@ -17,7 +17,7 @@ use crate::link_message::{LinkMessage, MAGIC};
 use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{Answer, LinkError, write_message};
 
-/// Bytes of a greeting: four letters, the version.
+/// Greeting length: four letters, the version.
 const GREETING: usize = 8;
 
 /// Connections at a time.

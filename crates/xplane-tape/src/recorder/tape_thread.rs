@@ -25,7 +25,7 @@ enum Job {
     Stop,
 }
 
-/// Receives what is to be written.
+/// The writer's thread and its queue.
 pub(super) struct TapeThread {
     jobs: mpsc::Sender<Job>,
 }

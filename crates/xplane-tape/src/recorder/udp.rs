@@ -22,14 +22,14 @@ use xplane_bridge::udp::simulator_address::{is_answer, local_address};
 
 /// A client without traffic for this long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);
-/// Maximum clients, each of which takes a socket: a few programs of one user. If few descriptors are allowed, at most a quarter of them:
-/// the capture link needs two for each of its clients, and would find none while clients that sent one datagram are remembered.
+/// Maximum clients, each with a socket: a few programs of a single user. If few descriptors are allowed, at most a quarter of them: the
+/// capture link needs two for each of its clients, and would find none while clients that sent a single datagram are remembered.
 const MAX_CLIENTS: usize = 256;
-/// Maximum queued datagrams of a client; more are lost, as is usual with UDP.
+/// Maximum queued datagrams per client; more are lost, as is usual with UDP.
 const WAITING: usize = 1_000;
 /// Largest datagram.
 const DATAGRAM_BYTES: usize = 65_536;
-/// Bytes before the values of an `RREF` reply, and bytes of one value.
+/// Bytes before the values in an `RREF` reply, and bytes per value.
 const REPLY_HEAD: usize = 5;
 const VALUE: usize = 8;
 
@@ -88,14 +88,14 @@ struct Client {
     ours: Arc<UdpSocket>,
     towards_simulator: UdpSocket,
     route: Arc<Route>,
-    /// The indices with which this client has requested the port of the capture link.
+    /// Indices with which this client has requested the capture link's port.
     link_port_indices: BTreeSet<i32>,
     subscriptions: Subscriptions,
     /// The note of the port towards the simulator, from the first subscription on.
     note: Option<PortNote>,
 }
 
-/// Active subscriptions of a client.
+/// Active subscriptions.
 #[derive(Debug, Default)]
 struct Subscriptions {
     indices: BTreeSet<i32>,
@@ -121,7 +121,7 @@ impl Subscriptions {
     }
 }
 
-/// Also when the recorder ends: the note of a port to which the simulator goes on sending is left to the next client.
+/// Runs when the recorder ends as well: the next client gets the note of a port to which the simulator goes on sending.
 impl Drop for Client {
     fn drop(&mut self) {
         if let Some(note) = self.note.take()
@@ -168,7 +168,7 @@ impl Client {
         loop {
             let next = async {
                 tokio::select! {
-                    // In causal order: what the simulator has sent is older than what it has not yet received.
+                    // Causal order: data that the simulator has sent is older than data that it has not yet received.
                     biased;
                     received = self.towards_simulator.recv_from(&mut buffer) => Some(Err(received)),
                     datagram = datagrams.recv() => datagram.map(Ok),
@@ -197,7 +197,7 @@ impl Client {
             self.note_port();
         }
         if let Ok(ToSimulator::SubscribeDataref(request)) = packet {
-            // Values may still arrive after the end of a subscription, so only reuse of the index counts.
+            // Values may still arrive after a subscription ended, so only reuse of the index counts.
             if request.path.trim_end_matches("[0]") == CAPTURE_PORT {
                 self.link_port_indices.insert(request.index);
             } else if !request.is_end() {

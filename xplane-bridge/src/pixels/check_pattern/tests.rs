@@ -64,7 +64,7 @@ fn scaled(picture: &RgbPicture, factor: f64) -> RgbPicture {
 
 #[test]
 fn every_code_is_read_again_with_its_window_in_every_size() {
-    for (width_px, height_px) in [MIN_PX, (96, 64), (101, 77), (1_920, 1_280)] {
+    for (width_px, height_px) in [MIN_WINDOW_PX, (96, 64), (101, 77), (1_920, 1_280)] {
         for code in CODES {
             let found = read(&draw(code, width_px, height_px));
             let rectangle = whole(width_px, height_px);

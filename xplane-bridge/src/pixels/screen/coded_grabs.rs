@@ -14,8 +14,8 @@ use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
 
 use super::Screen;
-use super::frame_code::{FrameCode, MARGIN_PX, read, read_strip};
-use crate::link::PooledPicture;
+use super::frame_code::{FrameCode, read, read_strip};
+use crate::link::{MARGIN_PX, PooledPicture};
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
 /// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames per second.
@@ -30,7 +30,7 @@ pub(crate) struct CodedPicture {
     pub(crate) rgb: PooledPicture,
 }
 
-/// The grabs of a window, block after block. Its thread ends when this is dropped.
+/// Window grabs, block after block. The thread ends when this is dropped.
 #[derive(Debug, Default)]
 pub(crate) struct CodedGrabs {
     thread: Option<GrabThread>,
@@ -45,8 +45,8 @@ struct GrabThread {
 }
 
 impl CodedGrabs {
-    /// Begins to grab a region of a screen: the image and [`MARGIN_PX`] around it. At most so many images exist at a time. Images of
-    /// an earlier block are forgotten.
+    /// Begins to grab a screen region: the image and [`MARGIN_PX`] around it. At most `most_pictures` images exist at a time. Images of an
+    /// earlier block are forgotten.
     pub(crate) fn begin(
         &mut self,
         screen: &Arc<dyn Screen>,
@@ -65,9 +65,7 @@ impl CodedGrabs {
 
     /// The next image. Cancel safe.
     pub(crate) async fn next(&mut self) -> Result<CodedPicture, PixelError> {
-        let ended = || PixelError::Grab {
-            what: "the thread that grabs has ended".into(),
-        };
+        let ended = || PixelError::grab("the thread that grabs has ended");
         let thread = self.thread.as_mut().ok_or_else(ended)?;
         thread.pictures.recv().await.unwrap_or_else(|| Err(ended()))
     }
@@ -110,7 +108,7 @@ impl GrabThread {
         }
     }
 
-    /// Discards the images received so far. Returns true if it still grabs.
+    /// Discards the received images. Returns true if grabbing continues.
     fn forget_pictures(&mut self) -> bool {
         loop {
             match self.pictures.try_recv() {

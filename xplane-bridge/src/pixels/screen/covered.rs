@@ -1,20 +1,19 @@
-//! Location of a cover over the simulator's window while its check pattern is shown.
+//! Locates covers over the simulator's window while its check pattern is shown.
 //!
-//! Input: grabs of the window with patterns whose codes are known, drawn under the windows of the simulator's user interface and over
-//! them. Output: the rectangle where they do not look as they were drawn. If that is so only under the windows, one of them is the
-//! cover; if it is so over them as well, another program's.
+//! Input: grabs of the window with patterns whose codes are known, drawn under the windows of the simulator's user interface and over them.
+//! Output: the rectangle where they do not look as they were drawn. If only the patterns under the windows are hidden, one of these windows
+//! is the cover; otherwise it belongs to a foreign program.
 
-use crate::link::PictureSize;
 use crate::pixels::cell_grid::Grid;
 use crate::pixels::check_pattern::draw;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// A value of a pattern is either 0 or 255; half transparent windows change it by this much, noise and scaling of colours do not.
+/// Change of a pattern's value, 0 or 255, by a half transparent window. Noise and colour scaling change less.
 const HIDDEN_LEVEL: u8 = 64;
-/// A cell is hidden if this share of its values is.
+/// Share of hidden values that makes a cell hidden.
 const HIDDEN_SHARE: f64 = 0.15;
 
-/// The cells of a window that are hidden in any of some patterns.
+/// Window cells that are hidden in any of several patterns.
 #[derive(Debug)]
 pub(super) struct Hidden {
     window: Rectangle,
@@ -33,7 +32,7 @@ impl Hidden {
         }
     }
 
-    /// Adds what a grab of the window hides of a pattern.
+    /// Adds the pattern's cells that are hidden in a grab.
     #[cfg(test)]
     pub(super) fn compare(&mut self, grabbed: &RgbPicture, code: u32) {
         let pattern = draw(code, self.window.width_px, self.window.height_px);
@@ -48,7 +47,7 @@ impl Hidden {
         }
     }
 
-    /// The cells of a pattern, as drawn, that are hidden in a grab of the window.
+    /// Cells of the drawn pattern that are hidden in a grab.
     pub(super) fn in_grab(&self, grabbed: &RgbPicture, drawn: &RgbPicture) -> Vec<bool> {
         if grabbed.rgb.len() != drawn.rgb.len() {
             return vec![true; self.cells.len()];
@@ -65,15 +64,12 @@ impl Hidden {
         self.grid.largest(self.cells)
     }
 
-    /// Names what is hidden over all windows, which `self` is, or only `under` the simulator's.
+    /// Names the cover over all windows, which `self` is, or only `under` the simulator's.
     ///
     /// # Errors
     /// Something is.
     pub(super) fn verdict(self, under: Option<Self>) -> Result<(), PixelError> {
-        let window = PictureSize {
-            width_px: self.window.width_px,
-            height_px: self.window.height_px,
-        };
+        let window = self.window.size();
         if let Some(cover) = self.largest() {
             return Err(PixelError::ProgramOverWindow { cover, window });
         }
@@ -84,7 +80,7 @@ impl Hidden {
     }
 }
 
-/// Names what hides a part of a pattern somewhere on a grabbed screen, if most of it can be seen.
+/// Names the cover over a pattern on a grabbed screen, if most of the pattern is visible.
 pub(super) fn cover_on_screen(
     screen: &RgbPicture,
     window: Rectangle,
@@ -98,7 +94,7 @@ pub(super) fn cover_on_screen(
     let mut hidden = Hidden::new(window);
     let in_grab = hidden.in_grab(&part, &draw(code, window.width_px, window.height_px));
     if share_of(&in_grab) > 0.5 {
-        // Another pattern, or none.
+        // A different pattern, or none.
         return None;
     }
     hidden.add(&in_grab);
@@ -122,7 +118,7 @@ mod tests {
         height_px: 96,
     };
 
-    /// The pattern with a rectangle of one colour over it.
+    /// The pattern with a single-coloured rectangle over it.
     fn covered(code: u32, cover: Rectangle, colour: [u8; 3]) -> RgbPicture {
         let mut picture = draw(code, WINDOW.width_px, WINDOW.height_px);
         for y in cover.y_px..cover.bottom_px() {

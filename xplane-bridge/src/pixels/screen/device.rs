@@ -20,9 +20,8 @@ pub(super) struct DeviceCall {
     pub(super) device: &'static str,
     /// Name of the screen.
     pub(super) input: String,
-    /// Options of the device.
     pub(super) options: Vec<(&'static str, String)>,
-    /// The region of its images to keep, if the device itself cannot select it.
+    /// Image region to keep, if the device itself cannot select it.
     pub(super) crop: Option<Rectangle>,
 }
 
@@ -60,7 +59,7 @@ impl Platform {
         }
     }
 
-    /// The call that opens a region of the screen, or all of it. `display` is X11's; the other systems have only one.
+    /// The device call that opens a region, or the whole screen. `display` is X11's; the other systems have only one.
     pub(super) fn call(self, display: &str, part: Option<Rectangle>) -> DeviceCall {
         let option = |name, value: &dyn ToString| (name, value.to_string());
         let region = |x: &'static str, y: &'static str| {

@@ -25,7 +25,7 @@ impl FfmpegScreen {
         Self::of_display(env::var("DISPLAY").unwrap_or_default())
     }
 
-    /// With X11, a certain display, e.g. `:0`.
+    /// Grabs this X11 display, e.g. `:0`.
     pub fn of_display(display: impl Into<String>) -> Self {
         Self {
             platform: Platform::here(),
@@ -47,18 +47,25 @@ impl Screen for FfmpegScreen {
 
     fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError> {
         start_ffmpeg();
-        let platform = self.platform.ok_or(PixelError::NoScreenHere)?;
+        let platform = self.platform.ok_or_else(|| {
+            PixelError::Setup(
+                "the screen of this system cannot be grabbed: Linux (X11), Windows and macOS can; use --pixels gl or run X-Plane there"
+                    .into(),
+            )
+        })?;
         let call = platform.call(&self.display, part);
         let format = input_device(call.device)?;
         let mut options = Dictionary::new();
         for (name, value) in &call.options {
             options.set(name, value);
         }
-        let failed = |source| PixelError::Open {
-            device: call.device,
-            input: call.input.clone(),
-            source,
-            advice: platform.advice(),
+        let failed = |error: ffmpeg_next::Error| {
+            PixelError::Unusable(format!(
+                "cannot grab the screen {:?} with FFmpeg's {}: {error}; {}",
+                call.input,
+                call.device,
+                platform.advice()
+            ))
         };
         let input = format::open_with(&call.input, &format, options).map_err(failed)?;
         let input = input.input();
@@ -93,9 +100,8 @@ impl FfmpegGrab {
     /// Reads the next frame.
     fn read(&mut self) -> Result<(), PixelError> {
         let device = self.call.device;
-        let failed = |error: ffmpeg_next::Error| PixelError::Grab {
-            what: format!("{device} says: {error}"),
-        };
+        let failed =
+            |error: ffmpeg_next::Error| PixelError::grab(format!("{device} says: {error}"));
         // Before FFmpeg 6 a packet that is read into again loses its old memory for good: an image with every grab.
         let packet = loop {
             let mut packet = Packet::empty();
@@ -130,9 +136,11 @@ impl Grab for FfmpegGrab {
 /// FFmpeg's input device of this name.
 fn input_device(name: &'static str) -> Result<Format, PixelError> {
     let is_it = |format: &Format| format.name() == name;
-    device::input::video()
-        .find(is_it)
-        .ok_or(PixelError::NoDevice { device: name })
+    device::input::video().find(is_it).ok_or_else(|| {
+        PixelError::Setup(format!(
+            "the FFmpeg of this machine was built without its input device {name}; install one that has it"
+        ))
+    })
 }
 
 fn start_ffmpeg() {

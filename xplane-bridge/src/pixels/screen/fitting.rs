@@ -2,7 +2,7 @@
 
 use crate::link::PictureSize;
 
-/// Sizes of the same shape that fit the screen: the largest, and about three quarters and half of it. Videos need even sides.
+/// Sizes with the same shape that fit the screen: the largest, and about three quarters and half as large. Videos need even sides.
 pub(super) fn sizes_that_fit(wanted: PictureSize, screen: PictureSize) -> Vec<PictureSize> {
     let (mut divisor, mut rest) = (wanted.width_px, wanted.height_px);
     while rest != 0 {

@@ -1,14 +1,13 @@
-//! The number of a drawn frame, read from the margins around its image.
+//! Frame numbers, read from the margins around images.
 //!
 //! The plugin draws the same code above and below the image, and the lowest bits of the number in a column beside it, over the whole
 //! height. A grab that was taken while the screen changed has rows of two frames: then the strips differ, or a row of the column does not
 //! belong to them. `docs/capture-link.md` specifies the code for other implementations.
 
+use crate::link::MARGIN_PX;
 use crate::pixels::check_pattern::checksum;
 use crate::pixels::{Rectangle, RgbPicture};
 
-/// Height of the strips and width of the column, pixels: the smallest margin.
-pub(crate) const MARGIN_PX: u32 = 16;
 const CELLS: u32 = 48;
 const CHECKSUM_BITS: u32 = 16;
 const COLUMN_BITS: u32 = 5;
@@ -57,7 +56,7 @@ impl FrameCode {
     }
 }
 
-/// The code of a strip of cells over the whole width, read in one row. `None` if there is none.
+/// Reads the code in a strip of cells over the whole width, from one row. `None` if there is none.
 pub(crate) fn read_strip(picture: &RgbPicture, y_px: u32) -> Option<FrameCode> {
     let row = picture.pixels(0, picture.width_px, y_px);
     let mut bits = 0_u64;
@@ -70,7 +69,7 @@ pub(crate) fn read_strip(picture: &RgbPicture, y_px: u32) -> Option<FrameCode> {
     is_sound.then(|| FrameCode::of_bits(code))
 }
 
-/// The code of a grab with [`MARGIN_PX`] around the image. `None` if there is none, or if any row belongs to another frame.
+/// Reads the code of a grab with [`MARGIN_PX`] around the image. `None` if there is none, or if rows belong to different frames.
 pub(crate) fn read(grab: &RgbPicture) -> Option<FrameCode> {
     let (width, height) = (grab.width_px, grab.height_px);
     if width < 2 * CELLS || height <= 2 * MARGIN_PX {
@@ -102,7 +101,7 @@ fn is_white(pixel: [u8; 3]) -> Option<bool> {
     }
 }
 
-/// The rectangle of an image and its code in the window, for margins of at least [`MARGIN_PX`].
+/// The rectangle of image and code in the window, for margins of at least [`MARGIN_PX`].
 pub(crate) fn coded_region(window: Rectangle, [margin_x, margin_y]: [u32; 2]) -> Rectangle {
     Rectangle {
         x_px: window.x_px + margin_x - MARGIN_PX,
@@ -118,7 +117,7 @@ mod tests {
 
     const SIDE_PX: (u32, u32) = (128, 96);
 
-    /// A grey image with the code of a frame, as `plugin/dtd_bridge/frame_code.py` draws it.
+    /// A grey image with a frame's code, as `plugin/dtd_bridge/frame_code.py` draws it.
     fn coded(number: u32, steady: u32) -> RgbPicture {
         let code = number << 8 | steady << 5 | 3;
         let bits = u64::from(code) << CHECKSUM_BITS | u64::from(checksum(code));

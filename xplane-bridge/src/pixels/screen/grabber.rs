@@ -10,15 +10,15 @@ use super::{Grab, Screen};
 use crate::pixels::check_pattern::{self, Sighting, Unreadable};
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// Timeout of one grab: macOS delivers none while the screen is locked.
+/// Timeout per grab: macOS delivers none while the screen is locked.
 const GRAB_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A region of a screen that is being grabbed.
+/// Screen region that is being grabbed.
 #[derive(Clone)]
 pub(super) struct Grabber(Arc<Mutex<Box<dyn Grab>>>);
 
 impl Grabber {
-    /// Starts grabbing a region of a screen, or all of it.
+    /// Starts grabbing a region, or the whole screen.
     pub(super) async fn open(
         screen: &Arc<dyn Screen>,
         part: Option<Rectangle>,
@@ -70,10 +70,9 @@ impl Grabber {
 async fn before_timeout<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, PixelError> + Send + 'static,
 ) -> Result<T, PixelError> {
-    let failed = |what| Err(PixelError::Grab { what });
     match timeout(GRAB_TIMEOUT, spawn_blocking(work)).await {
         Ok(Ok(done)) => done,
-        Ok(Err(panicked)) => failed(panicked.to_string()),
-        Err(_) => failed(format!("none within {GRAB_TIMEOUT:?}")),
+        Ok(Err(panicked)) => Err(PixelError::grab(panicked)),
+        Err(_) => Err(PixelError::grab(format!("none within {GRAB_TIMEOUT:?}"))),
     }
 }

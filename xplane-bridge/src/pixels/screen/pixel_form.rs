@@ -1,12 +1,11 @@
-//! Converts the bytes of a screen's pixels to red, green, blue. Only formats with exactly these are supported: values are not converted.
+//! Converts screen pixels to red, green, blue. Only formats with exactly these are supported: values are not converted.
 
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::frame;
 
-use crate::link::rgb_bytes;
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// Bytes of a pixel, and which of them are red, green and blue.
+/// Bytes per pixel, and the offsets of red, green and blue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct PixelForm {
     bytes: usize,
@@ -23,16 +22,16 @@ impl PixelForm {
             Pixel::RGB24 => (3, [0, 1, 2]),
             Pixel::BGR24 => (3, [2, 1, 0]),
             other => {
-                return Err(PixelError::PixelForm {
-                    found: format!("{other:?}"),
-                });
+                return Err(PixelError::Setup(format!(
+                    "the screen has pixels of the form {other:?}, expected 8 bits each of red, green, blue: set it to 24-bit colour"
+                )));
             }
         };
         Ok(Self { bytes, rgb })
     }
 }
 
-/// Copies a part of a grabbed frame, or all of it, into an image.
+/// Copies a grabbed frame, or a part, into an image.
 pub(super) fn copy(
     frame: &frame::Video,
     part: Option<Rectangle>,
@@ -51,7 +50,7 @@ pub(super) fn copy(
     Ok(())
 }
 
-/// The same, but only what lies in the margin, and the rest to its own place: once over the bytes instead of twice.
+/// [`copy`] that separates margin and inside: once over the bytes instead of twice.
 pub(super) fn copy_inside(
     frame: &frame::Video,
     part: Option<Rectangle>,
@@ -66,7 +65,7 @@ pub(super) fn copy_inside(
     } = source.part;
     let rest = source.part.inside(margin_px);
     margins.resize(width_px, height_px);
-    inside.resize(rgb_bytes(rest.width_px, rest.height_px), 0);
+    inside.resize(rest.size().rgb_bytes(), 0);
     let mut rows = inside
         .as_chunks_mut::<3>()
         .0
@@ -86,7 +85,7 @@ pub(super) fn copy_inside(
     Ok(())
 }
 
-/// A part of a grabbed frame.
+/// Part of a grabbed frame.
 struct Source<'a> {
     form: PixelForm,
     data: &'a [u8],
@@ -99,9 +98,8 @@ impl<'a> Source<'a> {
         let (width_px, height_px) = (frame.width(), frame.height());
         let part = part.unwrap_or(Rectangle::between(0, 0, width_px, height_px));
         if part.right_px() > width_px || part.bottom_px() > height_px {
-            return Err(PixelError::Grab {
-                what: format!("{part} is outside the screen, {width_px}x{height_px}"),
-            });
+            let what = format!("{part} is outside the screen, {width_px}x{height_px}");
+            return Err(PixelError::grab(what));
         }
         Ok(Self {
             form: PixelForm::of(frame.format())?,
@@ -111,7 +109,7 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Copies pixels of a row of the part, from a column on.
+    /// Copies pixels of a row, from a column on.
     fn copy(&self, x_px: u32, y_px: u32, pixels: &mut [[u8; 3]]) {
         let left = (self.part.x_px + x_px) as usize * self.form.bytes;
         let row = (self.part.y_px + y_px) as usize * self.stride + left;

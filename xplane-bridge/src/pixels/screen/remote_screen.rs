@@ -1,7 +1,7 @@
-//! The screen of another computer that X-Plane runs on: grabbed by the plugin, over a separate connection.
+//! The screen of a remote X-Plane: grabbed by the plugin, over a separate connection.
 //!
-//! X-Plane's main thread never handles this connection. To the client it is one more screen, with the same proof of its images. The
-//! plugin reports if it is on another computer, because it sees both addresses, even behind a recorder.
+//! X-Plane's main thread never handles this connection. The client treats it as any screen, with the same proof. The plugin reports that it
+//! is on a different computer, because it sees both addresses, even behind a recorder.
 
 use std::fmt;
 use std::io;
@@ -16,8 +16,8 @@ use tokio::time::timeout;
 use super::{Grab, Screen};
 use crate::error::peer_text::quoted;
 use crate::link::{
-    LinkError, ScreenAnswer, ScreenPart, ScreenRequest, exchange_greetings, read_header,
-    read_payload, write_message,
+    LinkError, ScreenAnswer, ScreenRequest, exchange_greetings, read_header, read_payload,
+    write_message,
 };
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
@@ -35,8 +35,8 @@ pub struct RemoteScreen {
 }
 
 impl RemoteScreen {
-    /// The screen grabbed by the plugin whose capture link is at `link`, with the link's token. It is opened and grabbed on threads of a
-    /// runtime that may block (`spawn_blocking`).
+    /// The screen grabbed by the plugin whose capture link is at `link`, with the link's token. It is opened and grabbed on runtime threads
+    /// that may block (`spawn_blocking`).
     pub fn new(link: SocketAddr, token: Option<String>) -> Self {
         Self { link, token }
     }
@@ -58,12 +58,7 @@ impl Screen for RemoteScreen {
         let stream = before_timeout(self.link, self.opened())?;
         Ok(Box::new(RemoteGrab {
             link: self.link,
-            part: part.map(|part| ScreenPart {
-                x_px: part.x_px,
-                y_px: part.y_px,
-                width_px: part.width_px,
-                height_px: part.height_px,
-            }),
+            part,
             stream: Some(stream),
         }))
     }
@@ -72,7 +67,7 @@ impl Screen for RemoteScreen {
 impl RemoteScreen {
     async fn opened(&self) -> Result<Stream, PixelError> {
         let link = self.link;
-        let failed = |source| PixelError::RemoteScreen { link, source };
+        let failed = |error| unreachable_screen(link, &error);
         let connected = TcpStream::connect(link).await;
         let connected = connected.and_then(|stream| stream.set_nodelay(true).map(|()| stream));
         let mut stream = BufReader::new(connected.map_err(|error| failed(error.into()))?);
@@ -88,10 +83,10 @@ impl RemoteScreen {
     }
 }
 
-/// A region of it that is being grabbed.
+/// Region that is being grabbed.
 struct RemoteGrab {
     link: SocketAddr,
-    part: Option<ScreenPart>,
+    part: Option<Rectangle>,
     /// Missing after a failure, which leaves the position of the next message unknown.
     stream: Option<Stream>,
 }
@@ -112,7 +107,7 @@ impl Grab for RemoteGrab {
 async fn grabbed(
     stream: &mut Stream,
     link: SocketAddr,
-    part: Option<ScreenPart>,
+    part: Option<Rectangle>,
     picture: &mut RgbPicture,
 ) -> Result<(), PixelError> {
     let (answer, payload_bytes) = ask(stream, link, &ScreenRequest::Grab { part }).await?;
@@ -127,7 +122,7 @@ async fn grabbed(
     if let Some(asked) = part.filter(|part| (part.width_px, part.height_px) != size) {
         return Err(wrong(
             link,
-            format!("{width_px}x{height_px} pixels, asked for {asked:?}"),
+            format!("{width_px}x{height_px} pixels, asked for {asked}"),
         ));
     }
     if u64::from(width_px) * u64::from(height_px) * 3 != payload_bytes as u64 {
@@ -136,12 +131,12 @@ async fn grabbed(
     }
     read_payload(stream, payload_bytes, &mut picture.rgb)
         .await
-        .map_err(|source| PixelError::RemoteScreen { link, source })?;
+        .map_err(|error| unreachable_screen(link, &error))?;
     (picture.width_px, picture.height_px) = size;
     Ok(())
 }
 
-/// The answer to a request, and the size of its payload, which is still to be read.
+/// Sends a request; returns the answer and the size of its unread payload.
 async fn ask(
     stream: &mut Stream,
     link: SocketAddr,
@@ -156,12 +151,12 @@ async fn ask(
             })
     };
     match answer.await {
-        Ok((ScreenAnswer::Error { text }, _)) => Err(PixelError::RemoteRefused {
-            link,
-            text: quoted(&text),
-        }),
+        Ok((ScreenAnswer::Error { text }, _)) => Err(PixelError::Unusable(format!(
+            "the plugin at {link} gives no image of its screen: {}",
+            quoted(&text)
+        ))),
         Ok(answer) => Ok(answer),
-        Err(source) => Err(PixelError::RemoteScreen { link, source }),
+        Err(error) => Err(unreachable_screen(link, &error)),
     }
 }
 
@@ -172,14 +167,19 @@ fn before_timeout<T>(
 ) -> Result<T, PixelError> {
     let done = Handle::current().block_on(async { timeout(PATIENCE, work).await });
     done.unwrap_or_else(|_| {
-        let source = LinkError::Io(io::ErrorKind::TimedOut.into());
-        Err(PixelError::RemoteScreen { link, source })
+        let late = LinkError::Io(io::ErrorKind::TimedOut.into());
+        Err(unreachable_screen(link, &late))
     })
 }
 
-/// Something other than what was requested.
+/// The connection to the plugin fails.
+fn unreachable_screen(link: SocketAddr, error: &LinkError) -> PixelError {
+    PixelError::Unusable(format!(
+        "the screen of X-Plane's computer cannot be grabbed through its plugin at {link}: {error}"
+    ))
+}
+
+/// Unexpected answer.
 fn wrong(link: SocketAddr, found: String) -> PixelError {
-    PixelError::Grab {
-        what: format!("the plugin at {link} sends {found}"),
-    }
+    PixelError::grab(format!("the plugin at {link} sends {found}"))
 }

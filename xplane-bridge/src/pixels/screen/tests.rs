@@ -16,15 +16,15 @@ const WINDOW: Rectangle = Rectangle {
 #[derive(Debug, Clone)]
 struct FakeDesktop {
     window: Rectangle,
-    /// Codes shown so far, `None` for the simulator's image.
+    /// Codes shown, `None` for the simulator's image.
     shown: Vec<Option<u32>>,
     /// Grabs that still show the old content after each change.
     late_grabs: u32,
-    /// Number of them that are left.
+    /// Number of late changes left.
     late_left: u32,
-    /// The change from which on the screen no longer updates.
+    /// First change that the screen no longer shows.
     dead_from: Option<usize>,
-    /// From this change on the window is elsewhere.
+    /// First change with the window elsewhere.
     moved_from: Option<usize>,
 }
 

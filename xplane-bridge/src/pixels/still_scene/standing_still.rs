@@ -1,9 +1,9 @@
 //! Regions that stand still to the last bit while everything around them moves.
 //!
-//! Rain changes a cell in some share of the images. The longer it has not changed, the less likely is that by chance: with a share
-//! `r`, `m` images have the probability `(1 - r)^m`. A group of cells that stopped at the same image is a cover if the product over
-//! its cells is so small that no group anywhere in many thousand images would reach it. Clouds change a cell more often, but they
-//! pass: no more is expected of a cell than of the calmer ones, which rain alone changes.
+//! Rain changes a cell in some share of the images. The longer it has not changed, the less likely is that by chance: with a share `r`, `m`
+//! images have the probability `(1 - r)^m`. A group of cells that stopped at the same image is a cover if the product over its cells is so
+//! small that no group anywhere in many thousand images would reach it. Clouds change a cell more often, but they pass: expectations follow
+//! the calmer cells, which rain alone changes.
 
 use super::{Cover, CoverKind};
 use crate::pixels::cell_grid::Grid;
@@ -12,12 +12,11 @@ use crate::pixels::cell_grid::Grid;
 const MIN_STILL: u32 = 6;
 /// Number of earlier images needed to know how often a cell changes.
 const MIN_SEEN: u32 = 30;
-/// A cover that comes gradually is complete within so many images.
+/// A cover that comes gradually is complete within this many images.
 const COMES_WITHIN: u32 = 30;
-/// Minus the logarithm of the probability that is beyond chance, of any group, and more for each of its cells, since there are more
-/// large groups than small ones.
+/// Evidence (minus the logarithm of a probability) beyond chance: for any group, and more per cell, since large groups are more numerous.
 const BEYOND_CHANCE: (f64, f64) = (40.0, 2.5);
-/// With fewer changes than this share of the usual ones, the world has stopped, and the image is no evidence.
+/// Share of the usual changes below which the world has stopped, and the image is no evidence.
 const STOPPED: f64 = 0.25;
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,8 +39,8 @@ impl History {
         self.seen - self.still >= MIN_SEEN
     }
 
-    /// Minus the logarithm of the probability that it stood still by chance for so long, if the calmer cells change in a share of the
-    /// images; zero while there is too little evidence.
+    /// Evidence against standing still by chance (minus the logarithm of its probability), given the share of images in which calmer cells
+    /// change; zero while there is too little evidence.
     fn surprise(self, calm_share: f64) -> f64 {
         if self.still < MIN_STILL || !self.is_known() {
             return 0.0;
@@ -50,7 +49,7 @@ impl History {
     }
 }
 
-/// History of every cell's changes, and the cells that are part of a cover.
+/// Change history per cell, and the cells that are part of a cover.
 #[derive(Debug)]
 pub(super) struct StandingStill {
     histories: Vec<History>,
@@ -66,12 +65,12 @@ impl StandingStill {
         }
     }
 
-    /// True if a cell is part of a cover, or beside one, so that it may be partly covered.
+    /// True if a cell is part of a cover or beside one, and may be partly covered.
     pub(super) fn is_near_cover(&self, grid: &Grid, at: usize) -> bool {
         grid.around(at).any(|beside| self.covered[beside])
     }
 
-    /// Takes note of which cells differ from the image before, and names a region that is found or still stands.
+    /// Notes the cells that differ from the image before, and names a region that is found or still stands.
     pub(super) fn look(
         &mut self,
         grid: &Grid,
@@ -121,7 +120,7 @@ impl StandingStill {
 
     /// Marks the cells of covers; since how many images the oldest of the new ones stands.
     fn find(&mut self, grid: &Grid) -> Option<u32> {
-        // Cells of a cover that happened to be still before it came.
+        // Cells of the cover that happened to be still before it came.
         for at in 0..grid.cells() {
             if self.histories[at].still >= MIN_STILL && self.is_near_cover(grid, at) {
                 self.covered[at] = true;
@@ -153,7 +152,7 @@ impl StandingStill {
         oldest
     }
 
-    /// Lower quartile, over the known cells, of the share of images in which a cell changes.
+    /// Lower quartile of the cells' shares of changed images.
     fn calm_share(&self) -> f64 {
         let known = self.histories.iter().filter(|history| history.is_known());
         let mut shares: Vec<f64> = known.map(|history| history.share()).collect();
@@ -164,7 +163,7 @@ impl StandingStill {
         *shares.select_nth_unstable_by(calm, f64::total_cmp).1
     }
 
-    /// Cells in squares of 2 x 2 that stopped together. The edge of a cloud that passes leaves one row of cells after the other.
+    /// Cells in squares of 2 x 2 that stopped together. A passing cloud's edge leaves single rows of cells.
     fn squares(&self, grid: &Grid, calm_share: f64) -> Vec<bool> {
         let mut squares = vec![false; grid.cells()];
         for row in 1..grid.rows {

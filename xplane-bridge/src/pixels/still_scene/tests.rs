@@ -1,4 +1,4 @@
-//! Random scenes, weathers and covers. `DTD_STILL_SCENE_RUNS=100` makes more of them.
+//! Random scenes, weathers and covers. `DTD_STILL_SCENE_RUNS=100` runs more.
 
 mod scenery;
 
@@ -18,7 +18,7 @@ fn runs(few: u64) -> u64 {
     }
 }
 
-/// The weathers of a paused world, and of one where time runs.
+/// Weathers in a paused world, and in one where time runs.
 const SKIES: [Sky; 6] = [
     Sky::Clear,
     Sky::Grainy,
@@ -28,8 +28,8 @@ const SKIES: [Sky; 6] = [
     Sky::Storm,
 ];
 
-/// Looks at the images of a random scene, of which some are covered; those that were found, and those that may be covered although
-/// they were accepted.
+/// Looks at a random scene's images, some of them covered; returns the found ones, and those that may be covered although they were
+/// accepted.
 fn looked(
     seed: u64,
     sky: Sky,
@@ -47,7 +47,7 @@ fn looked(
         .collect()
 }
 
-/// Which images would be used: those that are accepted, and not named afterwards.
+/// Images that would be used: accepted, and not named afterwards.
 fn used(found: &[Option<Cover>]) -> Vec<bool> {
     let mut used = vec![true; found.len()];
     for (at, cover) in found.iter().enumerate() {
@@ -75,7 +75,7 @@ fn undisturbed_scenes_are_never_covered_in_any_weather() {
     }
 }
 
-/// Covers of 2 % of the image that come and go: how many runs there were, and in how many the cover was not seen to go.
+/// Covers over 2 % of the image that come and go: number of runs, and of those in which the cover was not seen to go.
 fn covers_come_and_go(sky: Sky) -> (usize, usize) {
     let (mut runs_made, mut stuck) = (0, 0);
     for form in CoverForm::ALL {

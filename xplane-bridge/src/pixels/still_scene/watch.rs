@@ -9,11 +9,11 @@ use crate::pixels::{PixelError, Rectangle};
 /// Time to wait for a cover to go.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Clouds drift noticeably between two images that are further apart.
-const MAX_STEP: Duration = Duration::from_millis(100);
+const MAX_IMAGE_GAP: Duration = Duration::from_millis(100);
 /// Images whose frames are remembered: more than any cover goes back.
 const REMEMBERED: usize = 128;
 
-/// Use of an image.
+/// Usability of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// No cover.
@@ -48,13 +48,17 @@ impl Covered {
         self.rectangle = Some(rectangle);
         let waited = now.duration_since(since);
         if waited > PATIENCE {
-            return Err(PixelError::StaysCovered { rectangle, waited });
+            return Err(PixelError::Unusable(format!(
+                "{rectangle} of the images has not looked like the beginning of the block for {waited:.0?}: a message, a window, a \
+                 notification or a pointer covers the scene, or covered it then and has gone. Close it, or move it away, and keep it \
+                 from coming again"
+            )));
         }
         Ok(())
     }
 }
 
-/// Watches the images of a block, in the order in which they were drawn.
+/// Watches the images of a block in drawing order.
 #[derive(Debug)]
 pub(crate) struct CoverWatch {
     scene: StillScene,
@@ -64,7 +68,7 @@ pub(crate) struct CoverWatch {
 }
 
 impl CoverWatch {
-    /// Of images of a size.
+    /// Watches images of this size.
     pub(crate) fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
         Self {
             scene: StillScene::new(width_px, height_px, time),
@@ -74,10 +78,9 @@ impl CoverWatch {
         }
     }
 
-    /// Begins with the image of a frame, without any memory of earlier ones.
+    /// Begins with a frame's image, without any memory of earlier ones.
     ///
-    /// # Panics
-    /// If the image has another size.
+    /// # Panics If the image size differs.
     pub(crate) fn begin_with(&mut self, frame: u64, rgb: &[u8], moving: &[Rectangle]) {
         self.scene.begin_with(rgb, moving);
         self.frames = VecDeque::from([frame]);
@@ -92,13 +95,12 @@ impl CoverWatch {
         self.covered.rectangle.filter(|_| is_longer)
     }
 
-    /// Looks at the image of a frame, in which only `moving` may differ from the one before.
+    /// Looks at a frame's image, in which only `moving` may differ from the one before.
     ///
     /// # Errors
     /// A cover has been there for 30 seconds.
     ///
-    /// # Panics
-    /// If the image has another size.
+    /// # Panics If the image size differs.
     pub(crate) fn look(
         &mut self,
         frame: u64,
@@ -107,7 +109,7 @@ impl CoverWatch {
         now: Instant,
     ) -> Result<Verdict, PixelError> {
         let last_look = self.last_look.replace(now);
-        if last_look.is_some_and(|last| now.duration_since(last) > MAX_STEP) {
+        if last_look.is_some_and(|last| now.duration_since(last) > MAX_IMAGE_GAP) {
             self.scene.after_gap();
         }
         self.frames.push_front(frame);

@@ -1,4 +1,4 @@
-//! Position of the aircraft in an image, and other positions at which it can be shown for a probe.
+//! Position of the aircraft in the image, and other positions at which it can be shown for a probe.
 
 use dataset::geometry::camera::{Camera, CameraPose};
 use dataset::geometry::geodesy::Geodetic;
@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use crate::pixels::Rectangle;
 
-/// Half the size of a box around any airliner of the Boeing 737's size: forward, right and down of its centre of gravity, metres.
+/// Half size of a box around airliners like the Boeing 737: forward, right and down from the centre of gravity, metres.
 pub(super) const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
 /// Margin for a lamp, a blur or a shadow edge around the box, pixels.
 const AROUND_PX: f64 = 3.0;
@@ -16,17 +16,16 @@ const MIN_SHIFT_PX: f64 = 8.0;
 /// Ticks before and after a probe that may be on the screen while it is watched.
 const TICKS_AROUND: usize = 7;
 
-/// The aircraft in another place.
+/// The displaced aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Displaced {
-    /// Pose at which it is shown.
+    /// Displaced pose.
     pub(super) pose: Pose,
     /// Rectangle of that pose in the image.
     pub(super) place: Rectangle,
 }
 
-/// A place for the aircraft of a tick in which neither it nor its neighbours are, in the image. `None` if it is not in the image, or
-/// fills too much of it.
+/// A place in the image away from a tick's aircraft and its neighbours. `None` if the aircraft is not in the image, or fills too much.
 pub(super) fn displaced(
     placed: &CameraPose,
     (width_px, height_px): (u32, u32),
@@ -104,7 +103,7 @@ impl Extent {
     }
 }
 
-/// The aircraft in the image; `None` if any of it is behind the camera.
+/// The aircraft in the image; `None` if a part is behind the camera.
 fn place_of(camera: &Camera, pose: &Pose) -> Option<Extent> {
     let mut extent = Extent {
         low: DVec2::INFINITY,

@@ -1,4 +1,4 @@
-//! Number of frames by which the scene is behind the code (the lag), measured with a probe: a frame with the aircraft in another place.
+//! Lag of the scene behind the code in frames, measured with a probe: a frame with the aircraft displaced.
 //!
 //! The camera rests, so a patch of background changes only while the displaced aircraft is in it: in one grab, which gives the lag.
 
@@ -14,12 +14,11 @@ const AFTER: u64 = MAX_LAG + 1;
 const CHANGED_LEVELS: u8 = 2;
 /// ... and by this many times what differs between two grabs without a probe.
 const NOISE_FACTOR: f64 = 3.0;
-/// Fewer changed pixels are noise.
-const MIN_PIXELS: usize = 3;
+/// Minimum changed pixels; fewer are noise.
+const MIN_CHANGED_PIXELS: usize = 3;
 /// A grab that shows the probe has at least this share of the changed pixels of the clearest one.
 const CLEAR_SHARE: f64 = 0.3;
 
-/// Result of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Outcome {
     /// The scene is this many frames behind.
@@ -35,9 +34,9 @@ pub(super) enum Outcome {
 pub(super) struct Probe {
     /// The patch in the image.
     pub(super) patch: Rectangle,
-    /// The lag with which images are taken now, if any.
+    /// Current lag, if any.
     expected: Option<u64>,
-    /// The frame in which it was written, once that is known.
+    /// Frame in which the probe was written, once known.
     frame: Option<u64>,
     patches: BTreeMap<u64, Vec<u8>>,
 }
@@ -52,19 +51,18 @@ impl Probe {
         }
     }
 
-    /// The frame in which it was written.
+    /// Notes the frame in which the probe was written.
     pub(super) fn written_in(&mut self, frame: u64) {
         self.frame = Some(frame);
     }
 
-    /// A grab's patch.
     pub(super) fn see(&mut self, grab: u64, patch: Vec<u8>) {
         self.patches.insert(grab, patch);
         let from = self.frame.unwrap_or(grab).saturating_sub(2 * AFTER);
         self.patches = self.patches.split_off(&from);
     }
 
-    /// The frame in which it was written, and its result, once enough grabs have come. A probe that shows where it is expected, and only
+    /// Frame in which the probe was written, and its result, once enough grabs have come. A probe that shows where it is expected, and only
     /// there, has its result at once.
     pub(super) fn outcome(&self) -> Option<(u64, Outcome)> {
         let frame = self.frame?;
@@ -102,7 +100,7 @@ impl Probe {
             .collect();
         let most = changed.iter().flatten().copied().max().unwrap_or(0);
         tracing::debug!(frame, ?changed, threshold, patch = %self.patch, "probe");
-        if most < MIN_PIXELS {
+        if most < MIN_CHANGED_PIXELS {
             let all_there = changed.iter().all(Option::is_some);
             return if all_there {
                 Outcome::Unseen
@@ -150,7 +148,7 @@ mod tests {
         vec![level; 30]
     }
 
-    /// A probe in frame 100, of which these grabs show something else than the background.
+    /// A probe in frame 100, with grabs that differ from the background.
     fn told(
         grabs: impl IntoIterator<Item = u64>,
         showing: &[u64],
@@ -208,7 +206,7 @@ mod tests {
             let shown = [100 + lag];
             assert_eq!(told(100 + lag, &shown), None);
             assert_eq!(told(101 + lag, &shown), Some((100, Outcome::Behind(lag))));
-            // Another lag, or two grabs, are told by all grabs.
+            // A different lag, or two grabs, need all grabs.
             assert_eq!(told(104, &[101 + lag]), None);
             assert_eq!(told(104, &[100 + lag, 101 + lag]), None);
         }

@@ -1,11 +1,11 @@
-//! The order of a block: which tick is shown next, which grab shows which tick, and which images are proven.
+//! The order of a block: the tick to show next, the tick in each grab, and the proven images.
 //!
-//! Input: the numbers of drawn frames, in which requests were answered, and grabs with the number that they carry. Output: the images
-//! of all ticks in their order, each once. No clock, no socket: everything can be replayed in a test.
+//! Input: the numbers of drawn frames, in which requests were answered, and grabs with their numbers. Output: the images of all ticks in
+//! order, each once. No clock, no socket: everything can be replayed in a test.
 //!
 //! A grab with number m shows the scene of frame m - lag. The lag is measured by probes (`probe.rs`) at both ends of a block and between
-//! its segments, and has to be the same each time: images count once the probe after them has measured the lag with which they were taken.
-//! A view whose last block ended with a probe begins the next one with that lag, which the first probe has to confirm.
+//! its segments, and has to be the same each time: images count once the next probe has measured their lag. A view whose last block ended
+//! with a probe begins the next block with that lag, which the first probe has to confirm.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::mem;
@@ -15,37 +15,36 @@ use crate::pixels::Rectangle;
 
 /// Requests that are shown but not seen yet, at most: enough to use every drawn frame.
 const MAX_UNSEEN: usize = 6;
-/// So many images without a loss allow one more.
+/// Images without a loss after which one more may be in flight.
 const WIDEN_AFTER: u32 = 32;
 /// Grabs in a row without a change before a scene counts as settled.
 const EQUAL_GRABS: u32 = 3;
 /// The code counts steady frames up to this number.
 const MAX_STEADY: u64 = 7;
-/// A scene that has not settled within so many frames never does: moving water.
+/// Maximum frames until a scene settles; moving water never does.
 const RESTLESS_GRABS: u32 = 90;
 /// Probes in a row that are unclear, and changes of the lag in a block, before every tick is held.
 const MAX_UNCLEAR: u32 = 12;
 const MAX_CHANGES: u32 = 3;
 
-/// An image, as far as the order of a block depends on it.
+/// The parts of an image that the order of a block depends on.
 pub(super) trait Scene {
-    /// The bytes of a part.
+    /// Bytes of a rectangle.
     fn part(&self, area: Rectangle) -> Vec<u8>;
 
     /// True if exposure, shadows and loading have come to rest since an earlier image of the same tick.
     fn is_settled_after(&self, before: &Self) -> bool;
 }
 
-/// Content of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Show {
     /// A tick of the block.
     Tick(u32),
-    /// The same with the aircraft in another place.
+    /// The tick with the aircraft displaced.
     Probe(u32),
 }
 
-/// An image of a tick.
+/// A tick's image.
 #[derive(Debug)]
 pub(super) struct Taken<P> {
     #[cfg_attr(
@@ -61,7 +60,6 @@ pub(super) struct Taken<P> {
     pub(super) picture: P,
 }
 
-/// Statistics of a recorded block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Tally {
     /// Ticks that were shown again, because their image was lost or not proven.
@@ -76,7 +74,7 @@ pub(super) struct Tally {
     pub(super) held: u32,
 }
 
-/// The place of a probe's aircraft in the image, by tick; `None` if it is not in the image.
+/// Place of a probe's aircraft in the image, by tick; `None` if it is outside.
 pub(super) type ProbePlace = Box<dyn Fn(u32) -> Option<Rectangle> + Send>;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,7 +83,7 @@ enum Phase {
     Settling { equal: u32, seen: u32 },
     /// A tick is held while a probe is watched.
     Probing,
-    /// Every drawn frame shows another tick.
+    /// Every drawn frame shows the next tick.
     Moving { lag: u64 },
     /// Every tick is held until it has settled.
     Held,
@@ -127,7 +125,7 @@ pub(super) struct Sequence<P> {
     next_tick: u32,
     again: VecDeque<u32>,
     delivered: u32,
-    /// The newest grab of a delivered image.
+    /// Newest grab with a delivered image.
     delivered_grab: u64,
     since_probe: u32,
     /// Sent and not answered yet.
@@ -192,7 +190,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// Begins with the known lag, which an earlier block of this view has measured, instead of a probe.
+    /// Begins with the view's known lag, measured in an earlier block, instead of a probe.
     pub(super) fn begin_with_known_lag(&mut self) {
         self.begins_with_known_lag = true;
     }
@@ -358,7 +356,7 @@ impl<P: Scene> Sequence<P> {
         self.sent.is_empty() || last.is_some_and(|last| *last >= number.saturating_sub(least))
     }
 
-    /// By how many frames at least and at most a grab's scene is behind its number.
+    /// Minimum and maximum frames by which a grab's scene is behind its number.
     fn frames_behind(&self) -> (u64, u64) {
         match (self.phase, self.known_lag) {
             (Phase::Moving { lag }, _) => (lag, lag),
@@ -477,7 +475,7 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// Handles the outcome of a probe for the frames around it.
+    /// Applies a probe's outcome to the frames around it.
     fn told(&mut self, frame: u64, outcome: Outcome) {
         match outcome {
             Outcome::Behind(_) => self.tally.seen += 1,
@@ -551,8 +549,7 @@ impl<P: Scene> Sequence<P> {
         self.again = again.into();
     }
 
-    /// Discards the grabs from a frame on, which were covered: their ticks are shown again. Returns true if none of them has been
-    /// delivered.
+    /// Discards covered grabs from a frame on: their ticks are shown again. Returns true if none was delivered.
     pub(super) fn take_again(&mut self, from_frame: u64) -> bool {
         let covered = self
             .pictures

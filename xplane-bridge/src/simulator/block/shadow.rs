@@ -41,8 +41,7 @@ fn to_sun(clock: &Clock, latitude_deg: f64, longitude_deg: f64) -> DVec3 {
     )
 }
 
-/// The rectangle of the shadow of an aircraft over ground of an altitude, cut off at the image's edges; `None` if it is outside, or the
-/// sun is too low.
+/// Rectangle of the aircraft's shadow on the ground, cut off at the image's edges; `None` if it is outside, or the sun is too low.
 pub(super) fn shadow_place(
     placed: &CameraPose,
     (width_px, height_px): (u32, u32),

@@ -1,4 +1,4 @@
-//! A trial before blocks are trusted: images of a block beside settled ones of the same ticks, far away and near.
+//! A trial before blocks are trusted: block images beside settled ones at the same ticks, far away and near.
 
 use dataset::geometry::pose::FlightState;
 use futures_util::future::BoxFuture;
@@ -10,33 +10,33 @@ use crate::error::BridgeError;
 use crate::link::{CaptureRequest, Deliver};
 use crate::pixels::{PixelError, Rectangle};
 
-/// Ticks of a trial's block.
+/// Ticks in a trial's block.
 const TICKS: usize = 9;
 /// Comparisons of the same ticks, at most.
 const MAX_TRIES: u32 = 4;
 /// A pixel differs if a colour does by more than this, grey levels.
 const DIFFERENT_LEVELS: u8 = 4;
-/// An image of a block may differ from a settled one in this many times the pixels in which two settled ones differ ...
+/// Maximum differing pixels of a block image from a settled one, relative to the difference of two settled ones ...
 const NOISE_FACTOR: f64 = 1.5;
-/// ... and in so many more.
+/// ... plus this many.
 const MORE_PIXELS: usize = 4;
 
 /// Number of views that the code can distinguish.
 const VIEWS: usize = 16;
 
-/// Knowledge about blocks of a simulator: kept from one connection to the next.
+/// Knowledge about a simulator's blocks: kept from one connection to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct KnownBlocks {
     /// The result of the trial; `None` before it.
     pub trial: Option<BlockTrial>,
-    /// Number of frames by which the scene was behind the code in the last block that showed it.
+    /// Frames by which the scene was behind the code in the last block that measured it.
     frames_behind: Option<u64>,
-    /// The same of each view, by its number in the code, if a probe of its last block showed it.
+    /// The same lag per view, by its number in the code, if a probe in its last block measured it.
     of_view: [Option<u64>; VIEWS],
 }
 
 impl KnownBlocks {
-    /// Number of frames by which the scene is behind, as far as it is known, and true if the last block of this view has measured it.
+    /// Lag of the scene in frames, if known, and true if this view's last block has measured it.
     pub(super) fn lag(&self, view: u32) -> (Option<u64>, bool) {
         match self.of_view[view as usize % VIEWS] {
             Some(lag) => (Some(lag), true),
@@ -44,14 +44,13 @@ impl KnownBlocks {
         }
     }
 
-    /// Takes note of a block of a view.
     pub(super) fn note(&mut self, view: u32, lag: Option<u64>, is_measured: bool) {
         self.frames_behind = lag;
         self.of_view[view as usize % VIEWS] = lag.filter(|_| is_measured);
     }
 }
 
-/// Result of comparing images of a block with settled ones.
+/// Comparison of block images with settled ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlockTrial {
     /// They are equal within the noise of two settled ones.
@@ -73,12 +72,12 @@ impl Simulator {
         self.known_blocks
     }
 
-    /// Continues with what an earlier connection found out.
+    /// Continues with the findings of an earlier connection.
     pub fn use_known_blocks(&mut self, known: KnownBlocks) {
         self.known_blocks = known;
     }
 
-    /// Takes images of a flight's first ticks and of its last ones before the aircraft leaves the view, in a block and settled, and
+    /// Takes images of a flight's first ticks and of the last ones before the aircraft leaves the view, in a block and settled, and
     /// compares them. Unless they are equal, [`Simulator::can_record_blocks`] is false from now on. The simulator is frozen.
     ///
     /// # Errors
@@ -177,7 +176,7 @@ impl Simulator {
     }
 }
 
-/// The first ticks, and the last ones at which the aircraft is in the image.
+/// First ticks, and last ones with the aircraft in the image.
 fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
     let is_seen =
         |state: &FlightState| aircraft_place(&flight.camera, flight.size_px, &state.pose).is_some();
@@ -188,8 +187,8 @@ fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
     starts
 }
 
-/// Returns the number of pixels in which an image differs from a settled one, and the number in which two settled ones differ, if there are
-/// too many in the whole image or at the aircraft's place.
+/// Counts the pixels in which a block image and a settled one differ, and those in which two settled ones differ; `Some` if there are too
+/// many in the whole image or at the aircraft's place.
 fn compare(
     [moved, settled, again]: [&[u8]; 3],
     width_px: u32,

@@ -1,8 +1,8 @@
 //! Reads the weather at the aircraft and compares it with the plan.
 //!
-//! A quantity that `dtd doctor` measured to follow what is written must be as planned: otherwise the images show another weather than the
-//! record. Any other may differ for reasons that are unknown here (another meaning, gusts, the aircraft's height); it is recorded with the
-//! scenario and marks it.
+//! A quantity that `dtd doctor` measured to follow its writes must be as planned: otherwise images and record show different weathers. Any
+//! other may differ for reasons that are unknown here (a different meaning, gusts, the aircraft's height); it is recorded with the scenario
+//! and marks it.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -26,7 +26,7 @@ impl Simulator {
         self.effective_weather.as_ref()
     }
 
-    /// Quantities at the aircraft that are known not to follow what is written: they are neither waited for nor rejected.
+    /// Sets the quantities at the aircraft that are known not to follow the writes: they are neither waited for nor rejected.
     pub fn set_not_followed(&mut self, quantities: BTreeSet<EffectiveQuantity>) {
         self.not_followed = quantities;
     }
@@ -126,7 +126,7 @@ impl Simulator {
             && !self.not_followed.contains(&quantity)
     }
 
-    /// An error for the first quantity that is not as planned, although it was measured to follow what is written.
+    /// An error for the first quantity that is not as planned, although it was measured to follow its writes.
     pub(crate) fn refuse_what_should_follow(
         &self,
         shown: &EffectiveWeather,

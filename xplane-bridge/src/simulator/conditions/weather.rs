@@ -27,17 +27,17 @@ const PRESET_PAUSE: Duration = Duration::from_secs(1);
 const REGENERATION_PAUSE: Duration = Duration::from_secs(1);
 /// Interval for checking whether the weather is there.
 const POLL: Duration = Duration::from_secs(1);
-/// The same for a tape, and the number of unchanged readings after which no new ones are expected.
+/// Poll interval for a tape, and the number of unchanged readings after which no new ones are expected.
 const REPLAYED_POLL: Duration = Duration::from_millis(50);
 pub(crate) const REPLAYED_POLLS: u32 = 10;
 /// Timeout of the weather, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
 const PATIENCE: Duration = Duration::from_secs(70);
 /// A regeneration stops X-Plane for seconds; after a longer silence it is considered gone.
 const MAX_HITCH: Duration = Duration::from_secs(30);
-/// The same while only the temperature is missing: after the start, and after real weather, it drifts for minutes.
+/// Timeout while only the temperature is missing: after the start, and after real weather, it drifts for minutes.
 const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
-/// The same if each value that is written is there for a moment: an attempt that gave up would only start its flight again, and wait for
-/// the same temperature. One that something else holds does not even take the value.
+/// Timeout while each written value is there for a moment: an attempt that gave up would only start its flight again, and wait for the same
+/// temperature. A temperature that something else holds does not even take the value.
 const PATIENCE_WHILE_IT_SLIDES: Duration = Duration::from_secs(900);
 /// Time for which a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
 const TEMPERATURE_HOLDS: Duration = Duration::from_secs(5);
@@ -56,7 +56,7 @@ pub(crate) fn ours() -> DatarefWrite {
 }
 
 impl Simulator {
-    /// Sets the weather and waits until X-Plane has it; returns what it reports at the aircraft then. `writes` belong to `planned`.
+    /// Sets the weather and waits until X-Plane has it; returns the weather reported at the aircraft then. `writes` belong to `planned`.
     ///
     /// # Errors
     /// Also [`BridgeError::OtherWeatherShows`].
@@ -163,7 +163,7 @@ impl Simulator {
         self.write_surely(UPDATE_IMMEDIATELY, 1.0).await
     }
 
-    /// Reads until everything is as required; returns what is not when the time is up.
+    /// Reads until everything is as required; returns the differences when the time is up.
     async fn poll_weather(
         &mut self,
         writes: &[DatarefWrite],

@@ -1,7 +1,7 @@
 //! Checks that a Web API belongs to the simulator at the other end of the UDP connection.
 //!
-//! It does if it reports the same capture link. Another X-Plane on the same computer must be left alone: a flight that is started
-//! there would be waited for here.
+//! It does if it reports the same capture link. A second X-Plane on the same computer must be left alone: a flight started there would
+//! never begin here.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -23,20 +23,18 @@ pub(crate) enum NotUsed {
         "no flight is loaded: the Web API at {address} (X-Plane {version}) has no datarefs while the main menu shows"
     )]
     NoFlight {
-        /// Its address.
         address: SocketAddr,
-        /// Of which X-Plane.
+        /// X-Plane's version.
         version: String,
     },
-    /// It belongs to another simulator.
+    /// It belongs to a different simulator.
     #[error(
         "the Web API at {address} belongs to another simulator: its capture link is {}, expected port {expected}",
         .found.map_or("not there".to_owned(), |port| format!("at port {port}"))
     )]
     OtherSimulator {
-        /// Its address.
         address: SocketAddr,
-        /// Port of its capture link, if it has one.
+        /// Port of the reported capture link, if any.
         found: Option<f64>,
         /// Port of ours.
         expected: u16,

@@ -1,7 +1,7 @@
 //! Does X-Plane's own log complain about us?
 //!
-//! X-Plane 12 logs deprecated datarefs and calls from where they must not come, and shows some of it over the scene, where it would be in
-//! the images. The plugin reads the log, on whatever computer.
+//! X-Plane 12 logs deprecated datarefs and misplaced calls, and shows some complaints over the scene, where they would be in the images.
+//! The plugin reads the log, on any computer.
 
 use std::time::Duration;
 

@@ -12,7 +12,8 @@ use crate::Simulator;
 use crate::error::BridgeError;
 use crate::link::{CapturedFrame, Deliver, PixelKind};
 
-/// Maximum mean difference between images of the same shot, of 255, in addition to the scene's own motion.
+/// Maximum mean difference between images of the same shot, of 255, in addition to the scene's own motion: film grain and temporal
+/// smoothing.
 pub(super) const SAME: f64 = 1.0;
 /// Frames after which everything has settled.
 pub(super) const SETTLED: u32 = 60;
@@ -20,7 +21,7 @@ pub(super) const SETTLED: u32 = 60;
 /// The sun is up at noon on every day, but near the poles.
 const ANY_DAY: u32 = 172;
 
-/// Times at which a static scene is checked again.
+/// Delays before a static scene is checked again.
 const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
 
 /// Time of the sun's highest position, seconds since midnight UTC.
@@ -28,14 +29,13 @@ pub(super) fn noon_zulu_s(longitude_deg: f64) -> f64 {
     (12.0 - longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0
 }
 
-/// Content of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shot {
-    /// Distance by which the aircraft is moved to the east.
+    /// Distance that the aircraft is moved to the east, metres.
     pub(super) moved_m: f64,
-    /// Angle by which the camera is turned to the right.
+    /// Angle that the camera is turned to the right, degrees.
     pub(super) turned_deg: f64,
-    /// And upwards.
+    /// Angle that the camera is turned upwards, degrees.
     pub(super) up_deg: f64,
 }
 
@@ -46,12 +46,12 @@ impl Shot {
         turned_deg: 0.0,
         up_deg: 0.0,
     };
-    /// The same with the aircraft moved.
+    /// The shot with the aircraft moved.
     pub(super) const MOVED: Self = Self {
         moved_m: lockstep::MOVED_M,
         ..Self::BEHIND
     };
-    /// The opposite direction, into the sky: another light.
+    /// A shot in the opposite direction, into the sky, with different light.
     pub(super) const AWAY: Self = Self {
         turned_deg: 180.0,
         up_deg: 40.0,
@@ -93,7 +93,7 @@ impl<'a> Eyes<'a> {
         self.hold(settle_frames, true).await
     }
 
-    /// The same in a pause, or while time runs at noon.
+    /// Holds a shot in a pause, or while time runs at noon.
     pub(super) async fn hold(
         &mut self,
         settle_frames: u32,
@@ -142,7 +142,7 @@ impl<'a> Eyes<'a> {
             })
     }
 
-    /// One completely settled image; time and weather continue afterwards.
+    /// Takes a completely settled image; time and weather continue afterwards.
     pub(super) async fn glance(&mut self, shot: Shot) -> Result<CapturedFrame, BridgeError> {
         self.freeze(SETTLED).await?;
         let [frame] = self.take([shot]).await?;
@@ -151,7 +151,7 @@ impl<'a> Eyes<'a> {
         Ok(frame)
     }
 
-    /// Difference between settled images of a shot within a second: of the first from two more, since waves may repeat.
+    /// Difference of a shot's first settled image from two more within a second, since waves may repeat.
     pub(super) async fn noise(&mut self, shot: Shot) -> Result<f64, BridgeError> {
         self.freeze(SETTLED).await?;
         let [first] = self.take([shot]).await?;

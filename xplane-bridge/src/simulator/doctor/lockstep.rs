@@ -6,9 +6,11 @@ use dataset::conditions::Clock;
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::refraction::EARTH_RADIUS_M;
 use dataset::geometry::runway::Runway;
 
 use super::Check;
+use super::eyes::SAME;
 use super::talk::PlaceOnGround;
 use super::window::picture_size;
 use crate::Simulator;
@@ -16,19 +18,15 @@ use crate::error::BridgeError;
 use crate::link::{CaptureRequest, CapturedFrame, Deliver, PictureSize, PixelKind};
 use crate::profile::Profile;
 
-/// Approximate metres per degree of latitude.
-const METERS_PER_DEGREE: f64 = 111_320.0;
 /// Maximum difference between a probe and the datarefs: they have 32 bits, and wheels are not the centre of gravity.
 const GROUND_TOLERANCE_M: f64 = 10.0;
 /// Height of the displayed aircraft above its place, so that it is not hidden.
 const SHOWN_ABOVE_M: f64 = 300.0;
 /// The camera's position relative to it.
 const CAMERA_BEHIND_M: f64 = 150.0;
-/// Distance by which it is moved between images that must differ.
+/// Distance that the aircraft is moved between images that must differ, metres.
 pub(super) const MOVED_M: f64 = 15.0;
-/// Maximum mean difference between images of the same pose, of 255: film grain and temporal smoothing.
-const SAME: f64 = 1.0;
-/// Size of the images of a simulator that draws any size.
+/// Image size for simulators that draw any size.
 pub(super) const ANY_SIZE: PictureSize = PictureSize {
     width_px: 320,
     height_px: 214,
@@ -133,6 +131,11 @@ async fn pictures(
     Ok(frames)
 }
 
+/// Angle of an arc on the earth.
+fn degrees(arc_m: f64) -> f64 {
+    (arc_m / EARTH_RADIUS_M).to_degrees()
+}
+
 pub(super) fn request(
     place: &PlaceOnGround,
     tick: u32,
@@ -142,7 +145,7 @@ pub(super) fn request(
 ) -> CaptureRequest {
     let pose = Pose {
         latitude_deg: place.latitude_deg,
-        longitude_deg: place.longitude_deg + moved_m / METERS_PER_DEGREE,
+        longitude_deg: place.longitude_deg + degrees(moved_m),
         altitude_msl_m: place.altitude_msl_m + SHOWN_ABOVE_M,
         heading_true_deg: 0.0,
         pitch_deg: 0.0,
@@ -157,7 +160,7 @@ pub(super) fn request(
         controls: Controls::default(),
         camera: CameraPose {
             pose: Pose {
-                latitude_deg: place.latitude_deg - CAMERA_BEHIND_M / METERS_PER_DEGREE,
+                latitude_deg: place.latitude_deg - degrees(CAMERA_BEHIND_M),
                 longitude_deg: place.longitude_deg,
                 ..pose
             },
@@ -169,7 +172,7 @@ pub(super) fn request(
     }
 }
 
-/// The error names what is out of step. In a restless scene (water), images are not compared.
+/// Checks the frames; the error names the one out of step. In a restless scene (water), images are not compared.
 fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(), String> {
     for (asked, frame) in frames {
         let aircraft = aircraft_mismatch(&frame.pose, &asked.pose);
@@ -269,7 +272,7 @@ mod tests {
         ground_msl_m: 7.0,
     };
 
-    /// Images A A B A of a correct simulator.
+    /// Images A A B A from a correct simulator.
     fn sound() -> Vec<(CaptureRequest, CapturedFrame)> {
         let frame = |tick: u32, moved_m: f64| {
             let request = request(&PLACE, tick, moved_m, ANY_SIZE, Deliver::Picture);

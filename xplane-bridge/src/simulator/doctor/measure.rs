@@ -19,7 +19,7 @@ use crate::datarefs::{DatarefWrite, Generation, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
 use crate::profile::{Finding, Grabbing, KnownProfile, PROFILE_FORMAT, Profile};
-use crate::simulator::{SWITCH_TIMEOUT, wrong};
+use crate::simulator::SWITCH_TIMEOUT;
 
 const NAME: &str = "profile";
 
@@ -89,8 +89,8 @@ pub(super) async fn measure(
 }
 
 impl Simulator {
-    /// Checks the images of an unmeasured X-Plane: some seconds, for this run alone. One that freezes its image in a pause, or
-    /// whose exposure settles slowly, would give wrong ones. Before freezing, with the aircraft at this height.
+    /// Checks the images of an unmeasured X-Plane: some seconds, for this run alone. An X-Plane that freezes its image in a pause, or whose
+    /// exposure settles slowly, would give wrong ones. Before freezing, with the aircraft at this height.
     ///
     /// # Errors
     /// The simulator does not continue afterwards. Properties that cannot be seen are marked in the profile.
@@ -183,14 +183,10 @@ impl Simulator {
     async fn forget_profile(&mut self) -> Result<(), BridgeError> {
         self.description.profile = KnownProfile::None;
         let request = Request::KeepProfile { profile: json!({}) };
-        let answer = self
-            .link
-            .ask("forgetting the profile", &request, SWITCH_TIMEOUT);
-        match answer.await {
-            Ok(Answer::ProfileKept) => Ok(()),
-            Ok(other) => Err(wrong("profile_kept", &other)),
-            Err(error) => Err(error),
-        }
+        let doing = "forgetting the profile";
+        self.link
+            .tell(doing, &request, SWITCH_TIMEOUT, &Answer::ProfileKept)
+            .await
     }
 
     /// Stops the clock from following the computer's, and sets it to noon, since the scene is not visible at night. Returns the writes that

@@ -17,15 +17,15 @@ use super::window::picture_size;
 use super::{Check, Intent};
 use crate::error::BridgeError;
 use crate::link::{CaptureRequest, Deliver, PictureSize, PixelKind};
-use crate::pixels::{PixelChoice, Screen, margins_around};
+use crate::pixels::{PixelChoice, Screen};
 use crate::profile::{Finding, Pace, PacedBy, Profile};
 use crate::{BlockOfTicks, BlockTrial, Simulator};
 
-/// Images that are not counted: the first ones load what the others find loaded.
+/// First images, not counted: they load data for the others.
 const NOT_COUNTED: usize = 6;
 /// Images that are counted.
 const COUNTED: usize = 24;
-/// Ticks of the block that is measured, from each view: three seconds of a recording.
+/// Ticks per view in the measured block: three seconds of a recording.
 const BLOCK_TICKS: u32 = 90;
 const BLOCK_RATE: FrameRate = FrameRate {
     numerator: 30,
@@ -67,7 +67,7 @@ fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize>
     let description = simulator.description();
     let has_margins = simulator.may_have_margins(simulator.pixels())
         && picture_size(description)
-            .is_some_and(|window| margins_around(intent.pictures, window).is_some());
+            .is_some_and(|window| intent.pictures.margins_in(window).is_some());
     let time_has_to_run = description
         .profile
         .current()

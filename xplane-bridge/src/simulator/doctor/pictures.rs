@@ -1,4 +1,4 @@
-//! Measurements on images of a static simulator: whether a pause shows new poses, how soon, and the motion that remains.
+//! Measurements on a static simulator's images: whether and how soon a pause shows new poses, and the motion that remains.
 
 use super::Check;
 use super::eyes::{Eyes, SAME, SETTLED, Shot};
@@ -9,10 +9,9 @@ use crate::profile::{CallbackOrders, Finding};
 
 /// Settle frames that are tried.
 const TRIED: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
-/// Frames in which callbacks are watched.
+/// Number of frames in which callbacks are watched.
 const WATCHED: u32 = 60;
 
-/// All findings.
 pub(super) struct PictureFindings {
     pub(super) pause_shows_poses: Finding<bool>,
     pub(super) still_pictures_move: Finding<bool>,
@@ -125,7 +124,7 @@ impl PictureFindings {
     }
 }
 
-/// Measures whether another shot gives another image in a pause. If not, it must give one while time runs: in fog all images look alike.
+/// Measures whether a different shot changes the image in a pause. If not, it must do so while time runs: in fog all images look alike.
 async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, BridgeError> {
     eyes.freeze(SETTLED).await?;
     if differ(eyes, noise).await? {
@@ -167,7 +166,7 @@ async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     finding(measured.await)
 }
 
-/// The minimum number of settle frames for a final image after the camera has looked at another light.
+/// Measures the settle frames until the image is final after the camera has looked at different light.
 async fn until_settled(
     eyes: &mut Eyes<'_>,
     noise: f64,

@@ -48,9 +48,9 @@ fn expected(generation: Generation) -> [Expected; 13] {
 struct Findings {
     /// No value came.
     silent: Vec<&'static str>,
-    /// Name and value, as text, of what cannot be the intended dataref.
+    /// Name and value, as text, of datarefs that cannot be the intended ones.
     wrong: Vec<String>,
-    /// 0, which is possible, and is also the value of an unknown name.
+    /// Datarefs that read 0, which is possible, and is also the value of an unknown name.
     untold: Vec<&'static str>,
 }
 
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use crate::simulator::doctor::Verdict;
 
-    /// Values of a correct X-Plane 12, in the order of [`expected`].
+    /// Values from a correct X-Plane 12, in the order of [`expected`].
     const SOUND: [f32; 13] = [
         120_400.0, 512.25, 1.35, 103.98, 18_000.0, 200.0, 0.0, 0.0, 0.0, 0.0, 11_030.0, 23.0, 20.0,
     ];

@@ -35,15 +35,14 @@ const SHOWING: Duration = Duration::from_secs(12);
 const CLOUDS_WITHIN: Duration = Duration::from_secs(180);
 /// Time for a regeneration to begin before clouds are written again.
 const REGENERATION: Duration = Duration::from_secs(1);
-/// Another visibility or cover changes an image by more than this on average, of 255; drifting clouds do not.
+/// Mean image change, of 255, that a different visibility or cover exceeds; drifting clouds do not.
 const CHANGED: f64 = 3.0;
-/// After this much simulated time a regeneration has no effect on what is written.
+/// Simulated time after which a regeneration has no effect on written weather.
 const AFTER_REGENERATION_S: f64 = 75.0;
 const POLL: Duration = Duration::from_millis(500);
 /// The visibilities to try: the one that is farther from the current one.
 const VISIBILITIES_M: [f64; 2] = [4_000.0, 30_000.0];
 
-/// All findings.
 pub(super) struct SkyFindings {
     pub(super) wind_unit: Finding<WindUnit>,
     pub(super) visibility_needs_regeneration: Finding<bool>,
@@ -217,7 +216,7 @@ impl Simulator {
     }
 }
 
-/// Writes another visibility, and checks whether it shows: in images, or by X-Plane's own value if they cannot be seen.
+/// Writes a different visibility, and checks whether it shows: in images, or by X-Plane's own value if they cannot be seen.
 async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
     let sees = eyes.blind().is_none();
     let before_m = eyes.simulator.value(VISIBILITY_EFFECTIVE_M).await?;
@@ -282,7 +281,7 @@ async fn clouds(
             .command_once(COMMAND_REGENERATE_WEATHER)
             .await?;
     }
-    // Clouds that are written soon after a regeneration show because of it, whether it is ours or an earlier doctor's.
+    // Clouds written soon after a regeneration show because of it, whether it is ours or an earlier doctor's.
     eyes.simulator.let_time_pass(AFTER_REGENERATION_S).await?;
     let cover = eyes.simulator.value(&format!("{CLOUD_COVER}[0]")).await?;
     let writes = layers(cover < 0.5, eyes.simulator.generation)?;
@@ -324,7 +323,7 @@ async fn clouds(
     Ok((took, Finding::NotMeasured(reason)))
 }
 
-/// A covered sky, or an empty one, all three slots of it.
+/// A covered or an empty sky, all three slots.
 fn layers(covered: bool, generation: Generation) -> Result<Vec<DatarefWrite>, BridgeError> {
     let layer = CloudLayer {
         kind: CloudKind::Stratus,
@@ -418,7 +417,7 @@ async fn wind(
     })
 }
 
-/// The unit in which a written wind was taken, from the knots that it shows.
+/// The unit in which a written wind was taken, given the shown knots.
 fn unit_of(written: f64, knots: f64) -> Option<WindUnit> {
     let ratio = knots / written;
     match ratio {

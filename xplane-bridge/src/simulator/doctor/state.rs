@@ -12,7 +12,6 @@ const POP_UPS_COUNT: usize = 20;
 /// Names of the checks, for reporting them as skipped.
 pub(super) const NAMES: [&str; 5] = ["menus", "replay", "view", "pop-ups", "aircraft"];
 
-/// Runs all of them.
 pub(super) async fn checks(talk: &mut Talk) -> Vec<Check> {
     vec![
         menus(talk).await,

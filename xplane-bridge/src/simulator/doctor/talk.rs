@@ -21,7 +21,7 @@ use crate::simulator::udp::UdpClient;
 pub(super) const LATITUDE: &str = "sim/flightmodel/position/latitude";
 /// Longitude of the aircraft, degrees.
 pub(super) const LONGITUDE: &str = "sim/flightmodel/position/longitude";
-/// Duration of a frame, seconds.
+/// Frame duration, seconds.
 pub(super) const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
 /// Oldest version on which XPPython3 runs: 11.52.
 const OLDEST: f32 = 115_200.0;
@@ -37,10 +37,9 @@ pub(super) struct PlaceOnGround {
     pub(super) ground_msl_m: f64,
 }
 
-/// Kind of a missing answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Silence {
-    /// Its computer reports that the port is closed.
+    /// The computer reports that the port is closed.
     Refused,
     /// No datagram came.
     Nothing,
@@ -77,7 +76,7 @@ impl Talk {
         read.unwrap_or_else(|_| vec![None; names.len()])
     }
 
-    /// One value, once it is as expected, or the last one.
+    /// Reads a value until it is as expected; returns the last one.
     pub(super) async fn read_expecting(
         &mut self,
         name: &str,
@@ -169,7 +168,7 @@ impl Talk {
         Check::ok(NAME, "pause and resume were taken")
     }
 
-    /// Pauses or resumes; returns what was found if it does not.
+    /// Pauses or resumes; the error says what was found.
     async fn set_pause(&mut self, paused: bool) -> Result<(), String> {
         let command = if paused {
             COMMAND_PAUSE_ON
@@ -257,7 +256,6 @@ impl Talk {
     }
 }
 
-/// Checks the version.
 pub(super) fn version_check(version: f32) -> Check {
     const NAME: &str = "version";
     let found = format!(

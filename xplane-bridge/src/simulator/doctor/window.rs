@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{Check, Intent, Verdict};
-use crate::link::{PictureSize, PixelKind};
+use crate::link::{PictureSize, PixelKind, SimulatorWindow};
 use crate::pixels::{PixelChoice, Screen};
 use crate::profile::{Finding, Grabbing};
 use crate::{Simulator, SimulatorDescription};
@@ -12,14 +12,11 @@ pub(super) const NAME: &str = "window";
 
 /// The required image size; `None` if the simulator draws any.
 pub(super) fn picture_size(description: &SimulatorDescription) -> Option<PictureSize> {
-    let of_window = description.window.as_ref().map(|window| PictureSize {
-        width_px: window.width_px,
-        height_px: window.height_px,
-    });
+    let of_window = description.window.as_ref().map(SimulatorWindow::size);
     description.drawn_size.or(of_window)
 }
 
-/// Remedy for a window in which the images of the sweep cannot be taken.
+/// Remedy for a window in which the sweep's images cannot be taken.
 fn misfit(size: PictureSize, may_have_margins: bool, intent: Option<&Intent>) -> Option<String> {
     let Intent { sweep, pictures } =
         intent.filter(|intent| !intent.pictures.fits(size, may_have_margins))?;

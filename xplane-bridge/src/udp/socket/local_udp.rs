@@ -1,4 +1,4 @@
-//! The local side of a client's UDP socket: its port, and a note of it in a file.
+//! Local side of a client's UDP socket: its port, and a note about it in a file.
 //!
 //! X-Plane keeps sending to a client that was killed, and ends a subscription only for the port that made it. So a client notes its
 //! port in a file, which it removes when it has ended its subscriptions. The next client finds the file, takes over the port if no other
@@ -41,7 +41,7 @@ impl LocalUdp {
         let folder = self.folder(simulator)?;
         let path = folder.join(port.to_string());
         let noted = make_folders(&folder).and_then(|made| match create(&path) {
-            // A fixed port, of an earlier client that was killed.
+            // A fixed port that an earlier, killed client used.
             Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),
             _ => Ok(made),
         });

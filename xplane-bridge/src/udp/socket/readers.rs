@@ -1,4 +1,4 @@
-//! Assignment of a socket's values to its readers. Pure, but for the channels to the readers.
+//! Assigns a socket's values to its readers. Pure, except for the channels to the readers.
 
 use std::collections::BTreeMap;
 use std::collections::hash_map::RandomState;
@@ -10,12 +10,11 @@ use crate::packet::{DatarefValue, Position};
 
 /// Datagrams that wait for a reader; more are lost, as is usual with UDP.
 const WAITING: usize = 256;
-/// The numbers of a socket begin at one of this many places, this far apart: a client that takes over the port of another one must not
-/// mistake a value that is still on the way for one of its subscriptions.
+/// A socket's numbers begin at one of this many places, this far apart: a client that takes over a port must not mistake values that are
+/// still on the way for its own.
 const STARTS: u64 = 65_536;
 const APART: i32 = 256;
 
-/// The readers of a socket.
 #[derive(Debug)]
 pub(super) struct Readers {
     next: i32,
@@ -31,7 +30,7 @@ struct Reader {
 }
 
 impl Readers {
-    /// None yet. The first number is chosen at random, and never 0, which clients use for "all".
+    /// No readers. The first number is random, and never 0, which clients use for "all".
     pub(super) fn new() -> Self {
         let random = RandomState::new().build_hasher().finish();
         Self {
@@ -61,7 +60,7 @@ impl Readers {
         (first, values)
     }
 
-    /// Takes back what was claimed.
+    /// Releases claimed numbers.
     pub(super) fn release(&mut self, first: i32) {
         self.by_first.remove(&first);
     }
@@ -100,7 +99,7 @@ impl Readers {
         (index < reader.end).then_some(first)
     }
 
-    /// Gives a position to its reader, unless one of its numbers is not finite; returns true if there is a reader.
+    /// Gives a position to its reader, unless it has a number that is not finite; returns true if there is a reader.
     pub(super) fn hand_out_position(&self, position: Position) -> bool {
         match &self.positions {
             Some(reader) if !reader.is_closed() => {

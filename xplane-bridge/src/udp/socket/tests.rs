@@ -7,7 +7,7 @@ use crate::packet::DatarefValues;
 
 const SOON: Duration = Duration::from_secs(10);
 
-/// A simulator that listens on one port and answers from another.
+/// A simulator that listens on one port and answers from a second.
 struct Simulator {
     listening: UdpSocket,
     answering: UdpSocket,
@@ -25,7 +25,7 @@ impl Simulator {
         self.listening.local_addr().unwrap()
     }
 
-    /// The next request of a dataref, and who made it.
+    /// The next dataref request, and its sender.
     async fn request(&self) -> (SubscribeDataref, SocketAddr) {
         let mut buffer = [0; 2048];
         loop {
@@ -82,7 +82,7 @@ async fn answers_from_another_port_are_taken_and_those_of_other_computers_are_no
     let values = timeout(SOON, claim.values()).await.expect("no value");
     assert_eq!(values[0].value, 7.0);
 
-    // To a client of another simulator, this one is a stranger.
+    // For the client of a different simulator, this one is a stranger.
     let elsewhere = SocketAddr::from(([10, 0, 0, 5], 49_000));
     let own = bound(Ipv4Addr::LOCALHOST).await;
     let client = own.local_addr().unwrap();

@@ -10,7 +10,6 @@ use crate::packet::{DatarefValue, SubscribeDataref};
 /// Delay before a request that brought no value is sent again.
 const REPEAT_AFTER: Duration = Duration::from_millis(500);
 
-/// The datarefs of a subscription.
 #[derive(Debug)]
 pub(super) struct RequestedDatarefs {
     names: Vec<String>,
@@ -64,7 +63,7 @@ impl RequestedDatarefs {
             .collect()
     }
 
-    /// Time at which to check again for due requests.
+    /// Time of the next check for due requests.
     pub(super) fn wake_at(&self, now: Instant) -> Instant {
         let soonest = (0..self.names.len())
             .map(|at| self.asks_from(at).unwrap_or(now))
@@ -103,7 +102,7 @@ impl RequestedDatarefs {
             .collect()
     }
 
-    /// Time at which to request a dataref: after its value stopped, but not too soon after the last request; `None` for at once.
+    /// Time of the next request for a dataref: after its value stopped, but not too soon after the last request; `None` for at once.
     fn asks_from(&self, at: usize) -> Option<Instant> {
         let silent = self.readings[at].map(|reading| reading.at + SILENCE);
         let again = self.asked_at[at].map(|asked| asked + REPEAT_AFTER);

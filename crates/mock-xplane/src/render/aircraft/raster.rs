@@ -1,7 +1,7 @@
 //! Rasterises triangles: a z-buffer with many samples per pixel, box-filtered.
 //!
-//! Corners come in 64-bit pixel coordinates and samples are on a dense sub-pixel lattice, so that the centre of a small aircraft is
-//! accurate to a few hundredths of a pixel. Samples store the triangle that they show; light is looked up when they are averaged.
+//! Corners come in 64-bit pixel coordinates and samples are on a dense sub-pixel lattice, so that a small aircraft's centre is accurate to
+//! a few hundredths of a pixel. Samples store the triangle that they show; light is looked up when they are averaged.
 
 use glam::{DVec2, Vec4};
 
@@ -36,7 +36,7 @@ pub(crate) struct Scratch {
     triangle: Vec<u32>,
 }
 
-/// Maximum samples of one patch; determines the density of the lattice.
+/// Maximum samples per patch; determines the density of the lattice.
 const MAX_SAMPLES: f64 = 200_000.0;
 /// Rows of samples are shifted against each other by this share of their spacing (the golden ratio spreads them evenly), so that
 /// upright edges, of which an aircraft has many, fall between samples at different positions.
@@ -45,7 +45,7 @@ const ROW_SHIFT: f64 = 0.618_033_988_749_895;
 const DENSEST: usize = 48;
 const COARSEST: usize = 2;
 
-/// Draws triangles into an image of this size; `None` if none of them touches it.
+/// Draws triangles into an image of this size; `None` if the image stays empty.
 pub(crate) fn draw(
     triangles: &[ScreenTriangle],
     picture: (usize, usize),

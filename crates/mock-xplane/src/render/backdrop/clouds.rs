@@ -1,4 +1,4 @@
-//! Cloud layers: their position, how they hide what is behind them, and their brightness.
+//! Cloud layers: position, brightness, and how they hide the sky behind them.
 //!
 //! A layer is a slab between base and top. A tile of noise that drifts with the wind gives the horizontal position and the height
 //! of the clouds; rays march through the slab. The same march with a shorter range gives the cloud in front of the aircraft, so a
@@ -10,22 +10,22 @@
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::render::CELL_PX;
 use crate::render::air::Air;
 use crate::render::backdrop::noise::NoiseTile;
 use crate::render::curves::smoothstep;
 use crate::render::light::Light;
+use crate::render::view::CELL_PX;
 use crate::render::view::View;
 
 /// Haze leaves less than half a percent of contrast beyond this optical depth: marching farther is pointless.
 const FARTHEST_DEPTH: f64 = 5.3;
 /// A ray that is this opaque stops.
 const OPAQUE: f32 = 0.01;
-/// Length of a step of the march: this share of the distance, within these bounds, metres.
+/// Step of the march: a share of the distance, within these bounds, metres.
 const STEP: (f64, f64, f64) = (0.02, 40.0, 1_500.0);
 /// End of the precomputed steps; farther ones are as long as the longest. Beyond any cloud that haze lets through.
 const FARTHEST_STEP_M: f64 = 400_000.0;
-/// Influence of fine structure on the height of a cloud: this share of the layer, half of it to either side.
+/// Influence of fine structure on cloud height, as a share of the layer, half to either side.
 const RAGGED: f32 = 0.35;
 /// Wind grows with height by this power law.
 const WIND_EXPONENT: f64 = 0.14;
@@ -51,9 +51,9 @@ impl CloudLight {
     }
 }
 
-/// One layer along a ray.
+/// A layer along a ray.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Seen {
+pub(crate) struct LayerAlongRay {
     /// Light that the layer sends to the camera through the haze, cd/m2, already weighted with its opacity.
     pub(crate) luminance: Vec3,
     /// Share of the light from behind that is blocked, 0 to 1.
@@ -62,7 +62,7 @@ pub(crate) struct Seen {
     pub(crate) nearness_per_m: f32,
 }
 
-impl Seen {
+impl LayerAlongRay {
     const NOTHING: Self = Self {
         luminance: Vec3::ZERO,
         opacity: 0.0,
@@ -70,13 +70,12 @@ impl Seen {
     };
 }
 
-/// All layers of a scene.
 pub(crate) struct Clouds {
     /// The lowest base first: for cameras, which stand on the ground, the nearest.
     layers: Vec<Layer>,
     light: Light,
     tile: &'static NoiseTile,
-    /// Distances from the camera at which steps of the march end, metres, nearest first.
+    /// Distances from the camera at which march steps end, metres, nearest first.
     steps_m: Vec<f64>,
 }
 
@@ -121,14 +120,12 @@ impl Clouds {
         &self.layers
     }
 
-    /// Maximum distance for clouds that form the sky: haze hides the rest. An aircraft's lamps outshine haze, so clouds in front of
-    /// them are searched over their whole distance.
     pub(crate) fn farthest_seen_m(air: &Air) -> f64 {
         FARTHEST_DEPTH / air.beta_per_m
     }
 
-    /// Share of a layer that is drawn in a direction: clouds far away overlap the silhouette of the horizon, which is drawn once
-    /// and does not move.
+    /// Share of the layers that is drawn in a direction: clouds far away overlap the silhouette of the horizon, which is drawn once and
+    /// does not move.
     pub(crate) fn share(ray: DVec3) -> f32 {
         smoothstep(0.003, 0.012, ray.z as f32)
     }
@@ -155,7 +152,7 @@ impl Clouds {
         found
     }
 
-    /// One layer along a ray from the camera up to `range_m`.
+    /// A layer along a ray from the camera up to `range_m`.
     pub(crate) fn seen(
         &self,
         layer: &Layer,
@@ -164,9 +161,9 @@ impl Clouds {
         ray: DVec3,
         range_m: f64,
         time_s: f64,
-    ) -> Seen {
+    ) -> LayerAlongRay {
         let Some((from_m, to_m)) = layer.span(view, ray) else {
-            return Seen::NOTHING;
+            return LayerAlongRay::NOTHING;
         };
         let to_m = to_m.min(range_m);
         let airlight = air.airlight(ray);
@@ -206,14 +203,14 @@ impl Clouds {
         }
         let opacity = 1.0 - transmittance;
         if opacity <= 0.0 {
-            return Seen {
+            return LayerAlongRay {
                 nearness_per_m: 1.0 / from_m.max(STEP.1) as f32,
-                ..Seen::NOTHING
+                ..LayerAlongRay::NOTHING
             };
         }
         // The residual where the march gave up counts as zero: a landing light would shine through one percent.
         let stretch = (opacity / (1.0 - OPAQUE)).min(1.0) / opacity;
-        Seen {
+        LayerAlongRay {
             luminance: luminance * stretch,
             opacity: opacity * stretch,
             nearness_per_m: nearness / opacity,
@@ -293,7 +290,7 @@ impl Layer {
                 brightness: 1.0,
             };
         }
-        // Fine structure slides sideways with height, which breaks the columns of a two-dimensional tile.
+        // Fine structure slides sideways with height, which breaks the columns of two-dimensional tiles.
         let height_m = f64::from(level) * (self.top_m - self.base_m);
         let fine_m = 0.19 * self.tile_m;
         let fine = (plan_m + DVec2::new(0.6, -0.4) * height_m) / fine_m;

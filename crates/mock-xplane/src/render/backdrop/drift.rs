@@ -1,36 +1,36 @@
 //! A cloud layer on the grid of the sky, tracked while it drifts.
 //!
-//! Marching through a layer is the most expensive part of an image. So it is done only at key instants, between which it drifts by
-//! a few pixels, and at any other instant the nearest key is looked up at the cloud's position at that time: every node has the distance of
-//! its cloud, so near clouds move faster than far ones. The sky at an instant does not depend on what was drawn before.
+//! Marching through layers dominates the cost. So it is done only at key instants, between which it drifts by a few pixels, and at any
+//! other instant the nearest key is looked up at the cloud's position at that time: every node has the distance of its cloud, so near
+//! clouds move faster than far ones. The sky at an instant does not depend on earlier images.
 
 use std::sync::Arc;
 
 use glam::{DVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::render::CELL_PX;
 use crate::render::backdrop::clouds::{Clouds, Layer};
 use crate::render::backdrop::{Nodes, Surroundings};
-use crate::render::kept::Kept;
+use crate::render::instant_cache::InstantCache;
+use crate::render::view::CELL_PX;
 
-/// Drift from key to key where it is fastest, pixels. Half of it is the farthest look-up, where interpolation preserves 90 % of
-/// waves of four cells and 99 % of waves of eight.
+/// Drift from key to key where it is fastest, pixels. Half is the farthest look-up, where interpolation preserves 90 % of waves of four
+/// cells and 99 % of waves of eight.
 const DRIFT_PER_KEY_PX: f64 = 6.0;
 /// Distance for measuring the drift of pixels, metres: small angles, yet far from rounding.
 const YARDSTICK_M: f64 = 10_000.0;
 
 /// A layer as seen by the camera.
 pub(crate) struct DriftingLayer {
-    /// Its index among the layers of the scene.
+    /// Index among the scene's layers.
     index: usize,
-    /// Drift of an object one metre away at every node, cells per second.
+    /// Drift at every node for an object one metre away, cells per second.
     flow: Vec<Vec2>,
     /// Drift where it is fastest, pixels per second.
     speed_px_per_s: f64,
     /// Seconds from key to key; `None` if it does not move.
     key_s: Option<f64>,
-    keys: Kept<Key>,
+    keys: InstantCache<Key>,
 }
 
 /// A layer at the nodes at a key instant.
@@ -64,7 +64,7 @@ impl DriftingLayer {
             flow,
             speed_px_per_s,
             key_s: (speed_px_per_s > 0.0).then(|| DRIFT_PER_KEY_PX / speed_px_per_s),
-            keys: Kept::default(),
+            keys: InstantCache::default(),
         }
     }
 
@@ -141,7 +141,7 @@ impl Moved<'_> {
     }
 }
 
-/// Drift, in cells per second, of an object one metre away in the direction of a pixel.
+/// Drift for an object one metre away in a pixel's direction, cells per second.
 fn flow(world: &Surroundings, layer: &Layer, pixel: DVec2) -> Vec2 {
     let place_m = world.view.position_m + world.view.ray(pixel) * YARDSTICK_M;
     let moved = world.view.project(place_m + layer.drift_mps.extend(0.0));

@@ -28,16 +28,14 @@ pub(crate) const ISLANDS_M: f64 = 24_000.0;
 /// No silhouette rises above this elevation, radians.
 pub(crate) const MAX_SILHOUETTE_RAD: f64 = 0.006;
 
-/// The pavement of a runway past its landing threshold.
+/// Runway pavement past the landing threshold.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pavement {
-    /// Metres.
     pub(crate) length_m: f64,
-    /// Half its width, metres.
     pub(crate) half_width_m: f64,
 }
 
-/// The earth's surface of a scene.
+/// The earth's surface.
 pub(crate) struct Ground {
     view: View,
     air: Air,
@@ -89,7 +87,7 @@ impl Ground {
         }
     }
 
-    /// Luminance of what a ray from the camera meets, seen through the air; `None` for the sky.
+    /// Luminance along a ray from the camera, seen through the air; `None` for the sky.
     pub(crate) fn seen(&self, ray: DVec3) -> Option<Vec3> {
         if let Some([near_m, _]) = self.view.distances_to_height(ray, self.view.ground_msl_m)
             && near_m > 0.0
@@ -126,7 +124,7 @@ impl Ground {
         }
     }
 
-    /// Elevation of the ridge of islands or hills in the direction of a ray, radians; below the horizon where there is none.
+    /// Elevation of the ridge of islands or hills along a ray, radians; below the horizon where there is none.
     pub(crate) fn island_elevation_rad(&self, ray: DVec3) -> f64 {
         let azimuth = ray.x.atan2(ray.y);
         let height_m = if let Some(inland) = &self.inland {

@@ -60,7 +60,7 @@ impl NoiseTile {
         Self { levels }
     }
 
-    /// The mean over about `footprint` (in units of the tile's side) around a position: for coarse samples of a fine pattern.
+    /// Mean over about `footprint` (in units of the tile's side) around a position, for coarse sampling.
     pub(crate) fn blurred(&self, x: f64, y: f64, footprint: f64) -> f32 {
         let wanted = ((footprint * SIDE as f64) as f32)
             .max(1.0)
@@ -91,7 +91,6 @@ impl NoiseTile {
     }
 }
 
-/// Rounds down like `f64::floor`, which is a function call without newer CPU instructions: clouds make millions of them.
 fn floor(x: f64) -> i64 {
     let towards_zero = x as i64;
     towards_zero - i64::from(towards_zero as f64 > x)

@@ -22,7 +22,7 @@ pub(crate) struct Ship {
 }
 
 impl Ship {
-    /// The same ships for every camera of a site.
+    /// Ships at anchor, the same for every camera of a site.
     pub(crate) fn at_anchor(view: &View) -> Vec<Self> {
         (0..SHIPS)
             .map(|i| {

@@ -18,8 +18,8 @@ pub(crate) struct Blur {
 }
 
 impl Blur {
-    /// A blur of this standard deviation; `None` if it is too narrow to matter. Pixels average light over their own area already, so
-    /// the weights are the Gaussian at their centres, and where that is too coarse, three weights of its variance.
+    /// A blur with this standard deviation; `None` if it is too narrow to matter. Pixels average light over their own area already, so the
+    /// weights are the Gaussian at their centres, and where that is too coarse, three weights with its variance.
     pub(crate) fn new(sigma_px: f64) -> Option<Self> {
         if sigma_px < NARROWEST_PX {
             return None;
@@ -63,7 +63,7 @@ impl Blur {
             });
     }
 
-    /// The weighted mean around a position of a line; always in the same order, so that the number of threads has no effect.
+    /// Weighted mean around a position in a line, always in the same order, so that the number of threads has no effect.
     fn at(&self, place: usize, length: usize, light: impl Fn(usize) -> Vec3) -> Vec3 {
         let mut sum = light(place) * self.weights[0];
         for (step, &weight) in self.weights.iter().enumerate().skip(1) {

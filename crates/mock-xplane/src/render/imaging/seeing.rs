@@ -1,4 +1,4 @@
-//! Seeing: turbulent air moves the image of a distant aircraft and blurs it.
+//! Seeing: turbulent air moves and blurs the image of distant aircraft.
 //!
 //! In a field of several degrees the light of the aircraft passes through different air than the light of the ground next to it, so the
 //! aircraft moves separately ([`TiltMotion`]); the backdrop, whose motion differs from place to place, is blurred by the same amount
@@ -11,7 +11,7 @@ use dataset::geometry::imaging::image_motion::{
 };
 use glam::DVec2;
 
-/// Seeing of one camera.
+/// A camera's seeing.
 pub(crate) struct Turbulence {
     tilt: TiltMotion,
     blur_sigma_px: f64,
@@ -25,12 +25,12 @@ impl Turbulence {
         }
     }
 
-    /// Displacement of the image of an object at a distance at a time, pixels right and down.
+    /// Displacement of an object's image by its distance and time, pixels right and down.
     pub(crate) fn shift_px(&self, distance_m: f64, time_s: f64) -> DVec2 {
         self.tilt.shift_px(distance_m, time_s)
     }
 
-    /// Standard deviation of the blur of an object at a distance, pixels.
+    /// Standard deviation of an object's blur by its distance, pixels.
     pub(crate) fn blur_px(&self, distance_m: f64) -> f64 {
         self.blur_sigma_px * (distance_m / SEEING_REFERENCE_M).powf(0.6)
     }

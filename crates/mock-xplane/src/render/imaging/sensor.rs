@@ -12,12 +12,12 @@ use rayon::prelude::*;
 
 use crate::render::imaging::tone::{linear_from_srgb, srgb_from_linear};
 
-/// Steps of the normal distribution: one hash of 64 bits serves the three colours of a pixel.
+/// Steps of the normal distribution: a single 64-bit hash serves the three colours of each pixel.
 const BELL_BITS: u32 = 14;
-/// Steps of linear light in the table of display values: less than a quarter of a grey level each.
+/// Steps of linear light in the table of display values: less than a quarter grey level each.
 const LIGHT_STEPS: usize = 1 << 14;
 
-/// Quantiles of a standard normal variable at the centres of equally likely steps.
+/// Standard normal quantiles at the centres of equally likely steps.
 static BELL: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let steps = 1_u32 << BELL_BITS;
     (0..steps)
@@ -30,9 +30,9 @@ static DISPLAY: LazyLock<Vec<u8>> = LazyLock::new(|| {
         .collect()
 });
 
-/// The noise of one camera.
+/// A camera's noise.
 pub(crate) struct SensorNoise {
-    /// Linear light of each display value, and the standard deviation of its noise, in steps of [`DISPLAY`].
+    /// Linear light per display value, and the standard deviation of its noise, in steps of [`DISPLAY`].
     levels: [(f32, f32); 256],
     seed: u64,
 }
@@ -51,7 +51,7 @@ impl SensorNoise {
         Self { levels, seed }
     }
 
-    /// Adds the noise of an instant to rows of this width.
+    /// Adds the noise at an instant to rows of this width.
     pub(crate) fn add(&self, rgb: &mut [u8], width: usize, time_s: f64) {
         let instant = mixed(self.seed ^ mixed(time_s.to_bits()));
         let (bell, display) = (BELL.as_slice(), DISPLAY.as_slice());

@@ -9,12 +9,12 @@ use dataset::geometry::imaging::image_motion::SwayMotion;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Pixels that each interpolated one is computed from, and how many of them are before it.
+/// Source pixels per interpolated pixel, and how many precede it.
 const TAPS: usize = 6;
 const BEFORE: i64 = 2;
 const COLOURS: usize = 3;
 
-/// The sway of one camera.
+/// A camera's sway.
 pub(crate) struct SwayingMast(SwayMotion);
 
 impl SwayingMast {
@@ -22,7 +22,7 @@ impl SwayingMast {
         Self(SwayMotion::new(sway, seed))
     }
 
-    /// Moves an image by the sway of an instant.
+    /// Moves an image by the sway at an instant.
     pub(crate) fn move_picture(&self, rgb: &mut [u8], size: (usize, usize), time_s: f64) {
         displace(rgb, size, self.0.shift_px(time_s));
     }
@@ -31,7 +31,7 @@ impl SwayingMast {
 /// Moves an image of this size by a displacement, pixels right and down.
 pub(crate) fn displace(rgb: &mut [u8], (width, height): (usize, usize), shift_px: DVec2) {
     let still = rgb.to_vec();
-    // What is seen at x was at x - shift.
+    // The pixel at x was at x - shift.
     let from = -shift_px;
     let whole = from.floor();
     let [across, down] = (from - whole).to_array().map(weights);

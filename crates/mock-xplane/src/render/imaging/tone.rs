@@ -14,7 +14,7 @@ const DAY_KEY: f32 = 0.62;
 /// Degree to which exposure follows the light: 0 fully (night looks like day), 1 not at all.
 const DARKENING: f32 = 0.18;
 
-/// Exposure of a scene.
+/// A scene's exposure.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tone {
     exposure: f32,
@@ -29,7 +29,7 @@ impl Tone {
         }
     }
 
-    /// Exposed linear light of a luminance: the input of [`encode`].
+    /// Exposed linear light for a luminance: the input of [`encode`].
     pub(crate) fn expose(&self, luminance_cd_m2: Vec3) -> Vec3 {
         luminance_cd_m2 * self.exposure
     }
@@ -38,7 +38,7 @@ impl Tone {
 /// Intervals of the table of [`encode`].
 const TABLE: usize = 1 << 16;
 
-/// Exposed light to display values, 0 to 255, not yet rounded. Looked up in a table, which is within a thousandth of a grey level.
+/// Converts exposed light to display values, 0 to 255, not yet rounded. Looked up in a table, which is within a thousandth of a grey level.
 pub(crate) fn encode(exposed: Vec3) -> Vec3 {
     static VALUES: OnceLock<Vec<f32>> = OnceLock::new();
     let values = VALUES.get_or_init(|| {

@@ -75,7 +75,7 @@ pub(crate) fn spots(view: &View, air: &Air, tone: &Tone, ground: &Ground) -> Vec
         .collect()
 }
 
-/// Candela of an approach light towards the camera; `None` outside its beam.
+/// Approach light intensity towards the camera, candela; `None` outside its beam.
 fn beam_candela(view: &View, lamp_m: DVec3) -> Option<f32> {
     const BRIGHTEST_CD: f64 = 20_000.0;
     let axis = (DVec3::Z * BEAM_UP - view.course).normalize();
@@ -85,7 +85,7 @@ fn beam_candela(view: &View, lamp_m: DVec3) -> Option<f32> {
     (off_rad < 2.0 * BEAM_RAD).then_some((BRIGHTEST_CD * part) as f32)
 }
 
-/// A lamp between foot and ridge of an island, if there is one in its direction.
+/// A lamp between an island's foot and ridge, if there is an island in its direction.
 fn city_lamp(view: &View, ground: &Ground, i: u32) -> Option<(DVec3, Vec3)> {
     let before = (-view.course).truncate();
     let aside = (f64::from(unit_hash(i, 1, 9)) - 0.5) * 1.2;
@@ -106,7 +106,7 @@ fn city_lamp(view: &View, ground: &Ground, i: u32) -> Option<(DVec3, Vec3)> {
     visible.then(|| (place, WARM * (100.0 + 900.0 * unit_hash(i, 3, 9).powi(3))))
 }
 
-/// Image of a lamp of some candela.
+/// Image of a lamp with this intensity.
 pub(crate) fn spot(
     view: &View,
     air: &Air,

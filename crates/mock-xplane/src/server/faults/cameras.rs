@@ -1,7 +1,7 @@
-//! Cameras that do not show what they report: images that are late, repeated, shaken, or taken in another direction.
+//! Cameras that do not show what they report: images that are late, repeated, shaken, or taken in a different direction.
 //!
-//! Input: the requests for images in their order. Output: for each, the content that takes its place ([`Drawn`]). Answers still echo what
-//! was asked: a camera with such a fault does not notice it.
+//! Input: requests for images, in order. Output: for each, the content that takes its place ([`Drawn`]). Answers still echo the request: a
+//! camera with such a fault does not notice it.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::TAU;
@@ -17,10 +17,10 @@ use xplane_bridge::link::CaptureRequest;
 
 use super::Faults;
 
-/// Frequencies of the sinusoids of a shake relative to the stated one. No image rate is a multiple of all of them.
+/// Frequencies of a shake's sinusoids relative to the stated one. No image rate is a multiple of all.
 const SINUSOIDS: [f64; 5] = [0.71, 0.87, 1.0, 1.13, 1.29];
 
-/// A fault of the camera of one view.
+/// A fault of a view's camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFault {
     /// Index of the view in the rig, from 0.
@@ -29,13 +29,13 @@ pub struct CameraFault {
     pub kind: CameraFaultKind,
 }
 
-/// The effect of a camera's fault on its images.
+/// Effect of a camera fault on images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CameraFaultKind {
     /// Everything is shown where it was this long before. Images of the time before a flight do not show its aircraft.
     Late(Duration),
-    /// The camera shakes about its two transverse axes. The finished image is displaced as a whole, because each direction of a camera
-    /// needs a backdrop of its own, which takes seconds. With ten degrees of view that differs from a rotation by less than one percent.
+    /// The camera shakes about its two transverse axes. The finished image is displaced as a whole, because each direction needs a separate
+    /// backdrop, which takes seconds. With ten degrees of view that differs from a rotation by less than one percent.
     Shakes {
         /// Root mean square along each axis of the image, pixels.
         rms_px: f64,
@@ -44,7 +44,7 @@ pub enum CameraFaultKind {
     },
     /// This share of the images repeats the previous one, 0 to 1.
     Sticks(f64),
-    /// From a time on the camera points further to the right.
+    /// The camera points further to the right from some time on.
     Turns {
         /// The angle, degrees.
         right_deg: f64,
@@ -53,7 +53,7 @@ pub enum CameraFaultKind {
     },
 }
 
-/// The content that takes the place of a requested image.
+/// Content that replaces a requested image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drawn {
     pub(crate) request: CaptureRequest,
@@ -61,7 +61,7 @@ pub(crate) struct Drawn {
     pub(crate) shift_px: DVec2,
 }
 
-/// All cameras in the course of a flight.
+/// All cameras during a flight.
 #[derive(Debug)]
 pub(crate) struct FaultyCameras {
     faults: Vec<CameraFault>,
@@ -83,14 +83,14 @@ impl FaultyCameras {
         }
     }
 
-    /// The next requests are of another scenario.
+    /// The next requests belong to a new scenario.
     pub(crate) fn begin_flight(&mut self) {
         self.first_tick = None;
         self.rig.clear();
         self.views.values_mut().for_each(View::begin_flight);
     }
 
-    /// Refusal of a fault of a view that the rig does not have: it would do nothing. `None` in the first tick, which shows the views.
+    /// Refuses a fault in a view that the rig does not have, which would have no effect. `None` in the first tick, which shows the views.
     pub(crate) fn fault_of_no_view(&mut self, request: &CaptureRequest) -> Option<String> {
         if request.tick == *self.first_tick.get_or_insert(request.tick) {
             self.rig.insert(request.view);
@@ -136,7 +136,6 @@ impl FaultyCameras {
     }
 }
 
-/// Time, pose and displacement of an image.
 #[derive(Debug, Clone, Copy)]
 struct Content {
     time_ns: i64,
@@ -146,7 +145,7 @@ struct Content {
     shift_px: DVec2,
 }
 
-/// The images of one view since the flight began.
+/// A view's images since the flight began.
 #[derive(Debug)]
 struct View {
     /// It goes on from flight to flight, so that flights differ.
@@ -322,7 +321,7 @@ mod tests {
 
     use super::*;
 
-    /// The tick of a flight at one image every two seconds.
+    /// A request at one image every two seconds.
     fn request(view: u32, tick: u32) -> CaptureRequest {
         let at = f64::from(tick);
         let pose = Pose {

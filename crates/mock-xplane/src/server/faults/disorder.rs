@@ -15,7 +15,7 @@ pub(crate) enum Way {
     Out = 2,
 }
 
-/// One way of a disorderly network.
+/// One direction of a disorderly network.
 #[derive(Debug)]
 pub(crate) struct Disorder<T> {
     loss: f64,
@@ -28,7 +28,6 @@ pub(crate) struct Disorder<T> {
 }
 
 impl<T: Clone> Disorder<T> {
-    /// One way of a network with these faults.
     pub(crate) fn new(faults: &Faults, way: Way) -> Self {
         let mut random = ChaCha12Rng::seed_from_u64(faults.seed);
         random.set_stream(way as u64);
@@ -98,7 +97,7 @@ mod tests {
         assert!((share(doubled) - 0.1).abs() < 0.02, "{doubled}");
         let shuffled = sent_through("reorder=0.1", 10_000);
         let late = shuffled.windows(2).filter(|pair| pair[1] < pair[0]).count();
-        // One in ten, less those that come while another one is held back.
+        // One in ten, less those that arrive while one is held back.
         assert!((share(late) - 0.09).abs() < 0.02, "{late}");
         let mut sorted = shuffled;
         sorted.sort_unstable();

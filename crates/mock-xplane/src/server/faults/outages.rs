@@ -11,7 +11,7 @@ use tokio::time::{Instant, sleep};
 
 use super::{Moment, Outage, OutageKind};
 
-/// The outages of a process, past, present and future.
+/// All outages of a process: past, present and future.
 #[derive(Debug)]
 pub(crate) struct Outages {
     counts: Mutex<Counts>,
@@ -98,7 +98,7 @@ impl Outages {
     fn count(&self, count: impl FnOnce(&mut Counts)) {
         let mut counts = self.counts.lock().unwrap_or_else(PoisonError::into_inner);
         count(&mut counts);
-        // One at a time: an outage that is due during another one begins after it.
+        // One at a time: an outage that falls due during an earlier one begins after it.
         if self.now.borrow().is_some() {
             return;
         }

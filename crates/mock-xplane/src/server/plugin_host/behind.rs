@@ -9,12 +9,12 @@ use dataset::geometry::camera::CameraPose;
 
 use super::shot::Shot;
 
-/// Number of frames by which the scene (camera and aircraft) is behind the written state; each number is at most [`Self::MOST`].
+/// Lag of the scene (camera and aircraft) behind the written state in frames, each at most [`Self::MAX_FRAMES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneBehind {
     /// Always the same number.
     Constant(usize),
-    /// One number first, and another after so many frames in which camera or aircraft moved.
+    /// The first number, and the second after this many frames in which camera or aircraft moved.
     Changed {
         /// The first number.
         before: usize,
@@ -23,28 +23,27 @@ pub enum SceneBehind {
         /// Frames with a movement that the first number lasts.
         moves: u64,
     },
-    /// The two numbers alternately for the cameras, in the order in which they first appear.
+    /// The two numbers alternately for the cameras, in order of appearance.
     ByCamera([usize; 2]),
-    /// 2, 4 and 3 in turn, another one after every fifth movement.
+    /// 2, 4 and 3 in turn, changing after every fifth movement.
     Unsteady,
 }
 
 impl SceneBehind {
     /// The most frames that any client must expect.
-    pub const MAX_COUNT: usize = 4;
+    pub const MAX_FRAMES: usize = 4;
     const UNSTEADY: [usize; 3] = [2, 4, 3];
     const UNSTEADY_MOVES: u64 = 5;
 }
 
-/// The last shots, of which the scene shows one.
+/// Recent shots; the scene shows one.
 #[derive(Debug)]
 pub(super) struct Shots {
     behind: SceneBehind,
     /// The newest first.
     past: VecDeque<Shot>,
-    /// Frames in which camera or aircraft moved.
     moves: u64,
-    /// The cameras so far, if their number matters.
+    /// Cameras in order of appearance, if their number matters.
     cameras: Vec<CameraPose>,
 }
 
@@ -68,7 +67,7 @@ impl Shots {
             self.cameras.push(shot.camera);
         }
         self.past.push_front(shot);
-        self.past.truncate(SceneBehind::MAX_COUNT);
+        self.past.truncate(SceneBehind::MAX_FRAMES);
     }
 
     /// The shot that is drawn in a frame for which `shot` was written.
@@ -104,7 +103,7 @@ impl Shots {
         }
     }
 
-    /// The place of a camera in the order of their appearance.
+    /// A camera's place in the order of appearance.
     fn number(&self, camera: &CameraPose) -> Option<usize> {
         self.cameras.iter().position(|known| is_same(known, camera))
     }
@@ -141,7 +140,6 @@ mod tests {
         }
     }
 
-    /// Lag of the scene in each frame of a flight, frames.
     fn behind_in_flight(behind: SceneBehind, frames: u32) -> Vec<u32> {
         let mut shots = Shots::new(behind);
         let mut found = Vec::new();
@@ -151,12 +149,12 @@ mod tests {
             found.push(age);
             shots.record(shot(step));
         }
-        found.split_off(SceneBehind::MAX_COUNT)
+        found.split_off(SceneBehind::MAX_FRAMES)
     }
 
     #[test]
     fn the_scene_is_a_constant_number_of_frames_behind_however_it_moves() {
-        for frames in 0..=SceneBehind::MAX_COUNT {
+        for frames in 0..=SceneBehind::MAX_FRAMES {
             let found = behind_in_flight(SceneBehind::Constant(frames), 40);
             assert_eq!(found, [frames as u32; 36]);
             // After a rest as well.

@@ -18,7 +18,6 @@ pub(super) struct Playback {
 }
 
 impl Playback {
-    /// Of the states of a flight.
     pub(super) fn new(states: Vec<FlightState>) -> Self {
         Self {
             states,

@@ -1,4 +1,4 @@
-//! Datarefs of a plugin's host: those in local coordinates, and those that only the plugin uses.
+//! Datarefs of a plugin's host: local coordinates, and those that only the plugin uses.
 
 use crate::datarefs::Kind;
 

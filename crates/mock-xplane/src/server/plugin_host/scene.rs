@@ -36,6 +36,7 @@ use crate::server::engine::Engine;
 use crate::server::scenes::{SceneKey, Scenes};
 use crate::server::world::World;
 use crate::server::world::airport::{GROUND_MSL_M, ON_THRESHOLD};
+use crate::server::world::motion::FLYING_MPS;
 use crate::server::world::scenery::local_frame::LocalFrame;
 use crate::window::DisplayWindow;
 
@@ -55,13 +56,10 @@ const PAUSED: &str = "sim/time/paused";
 const MINUTE_S: f64 = 60.0;
 /// Prefix of the autopilot's commands.
 const AUTOPILOT: &str = "sim/autopilot/";
-/// Above this speed the aircraft flies, metres per second.
-const FLYING_MPS: f64 = 20.0;
-/// Positions to which the local origin moves on demand: the corners of X-Plane's square of one degree are its farthest positions from the
+/// Positions to which the local origin moves on demand: the corners of X-Plane's one-degree square are its farthest positions from the
 /// airport.
 const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
 
-/// An image to draw.
 #[derive(Debug, Clone, PartialEq)]
 struct PictureToDraw {
     key: SceneKey,
@@ -97,7 +95,7 @@ pub(super) struct PluginScene {
     window_px: (u32, u32),
     /// The content of the window: the scene, the simulator's windows over it, and the rectangles that the plugin drew.
     shown: Option<(PictureToDraw, Windows, Value)>,
-    /// Memory of an image, which is drawn over.
+    /// Image memory, which is drawn over.
     memory: Vec<u8>,
 }
 
@@ -412,7 +410,7 @@ impl PluginScene {
         }
     }
 
-    /// Adopts a placement by another client, and the origin of local coordinates.
+    /// Adopts a placement by a different client, and the origin of local coordinates.
     fn look_at_world(&mut self) {
         let (placements, (state, speed_mps), frame, flight_time_s) = {
             let world = self.world.lock();
@@ -524,7 +522,7 @@ impl PluginScene {
         }
     }
 
-    /// X-Plane's own start in the air: another flight, with the engines running.
+    /// X-Plane's own start in the air: a new flight, with the engines running.
     fn begin_flight(&mut self, position: Geodetic, heading_true_deg: f64, speed_mps: f64) {
         let (sin, cos) = heading_true_deg.to_radians().sin_cos();
         self.flight = None;
@@ -554,8 +552,8 @@ impl PluginScene {
         self.tell_world();
     }
 
-    /// One more frame of the flight, unless the flight model is stopped or there is a pause: down the approach while the autopilot
-    /// follows the landing system, and otherwise straight ahead.
+    /// Flies for one more frame, unless the flight model is stopped or there is a pause: down the approach while the autopilot follows the
+    /// landing system, and otherwise straight ahead.
     fn fly_on(&mut self) {
         let (period_s, paused, stopped, engaged) = {
             let world = self.world.lock();
@@ -614,7 +612,6 @@ impl PluginScene {
         DVec3::from_array(names.map(|name| self.own(name)[0]))
     }
 
-    /// Sets all elements of a dataref that is kept here.
     fn put(&mut self, name: &str, value: f64) {
         if let Some((kind, _, values)) = self.own.get_mut(name) {
             values.fill(kind.rounded(value));
@@ -669,7 +666,7 @@ impl PluginScene {
         }))
     }
 
-    /// Type of a dataref, and X-Plane's complaint when it is looked up, if there is one.
+    /// A dataref's type, and X-Plane's complaint when it is looked up, if there is one.
     fn kind(&self, name: &str) -> Value {
         let described = |kind: Kind, length, writable, complaint: Option<String>| {
             let kind = match kind {
@@ -804,7 +801,7 @@ impl PluginScene {
     }
 }
 
-/// An image of a size, to be drawn on.
+/// Wraps an image to be drawn on.
 fn canvas(rgb: &mut [u8], (width_px, height_px): (u32, u32)) -> Canvas<'_> {
     Canvas {
         rgb,
@@ -830,7 +827,7 @@ fn fill_rectangles(canvas: &mut Canvas<'_>, rectangles: &Value, after_windows: b
 /// Taken from the options, or else from the quirk.
 fn scene_behind(options: &PluginOptions, quirks: Quirks) -> SceneBehind {
     let by_quirk = if quirks.has(Quirk::StaleFrames) {
-        SceneBehind::Constant(SceneBehind::MAX_COUNT)
+        SceneBehind::Constant(SceneBehind::MAX_FRAMES)
     } else {
         SceneBehind::Constant(0)
     };

@@ -1,4 +1,4 @@
-//! The content of a frame: subject and camera, and what else is in the image.
+//! Frame content: subject, camera, and everything else in the image.
 
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::geodesy::Geodetic;
@@ -7,12 +7,11 @@ use glam::DVec3;
 
 use super::window_covers::{ShownWindow, WindowForm};
 use crate::render::overlay::Canvas;
-use crate::server::engine::SceneRenderer;
+use crate::server::engine::{Instants, SceneRenderer};
 
 /// Position of the other aircraft, metres forward, right and down of the user's.
 const BESIDE_M: DVec3 = DVec3::new(-20.0, 55.0, 5.0);
 
-/// Camera and aircraft of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shot {
     pub(super) camera: CameraPose,
@@ -43,7 +42,6 @@ pub(super) struct Windows {
 }
 
 impl Windows {
-    /// Draws them.
     pub(super) fn draw(&self, canvas: &mut Canvas<'_>) {
         if self.pop_up {
             canvas.draw_pop_up();
@@ -60,23 +58,22 @@ impl Windows {
     }
 }
 
-/// Contents of an image besides the scene and the aircraft.
+/// Image content besides the scene and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Painter {
     /// Size of the aircraft relative to the airliner.
     pub(super) scale: f64,
-    /// True if another aircraft flies beside it.
+    /// True if a second aircraft flies beside it.
     pub(super) others: bool,
     /// True if a cockpit's panel is in front.
     pub(super) panel: bool,
-    /// Factor by which it is still too bright: 1 when the exposure has settled.
+    /// Brightness factor: 1 when the exposure has settled.
     pub(super) gain: f64,
     /// Position of the waves, if water moves.
     pub(super) wave: Option<u64>,
 }
 
 impl Painter {
-    /// Draws it.
     pub(super) fn draw(
         &self,
         picture: &dyn SceneRenderer,
@@ -84,10 +81,12 @@ impl Painter {
         (width_px, height_px): (u32, u32),
         rgb: &mut [u8],
     ) {
-        // Lamps never flash here, so that images of a tick can be compared.
-        let draw = |pose: &Pose, rgb: &mut [u8]| {
-            picture.draw_in_moving_weather(pose, &shot.controls, 0.0, shot.weather_time_s, rgb);
+        // Lamps never flash here, so that images of the same tick can be compared.
+        let instants = Instants {
+            lamps_s: 0.0,
+            weather_s: shot.weather_time_s,
         };
+        let draw = |pose: &Pose, rgb: &mut [u8]| picture.draw(pose, &shot.controls, instants, rgb);
         draw(&self.scaled(shot.pose, shot), rgb);
         if self.others {
             let beside = moved(shot.pose, BESIDE_M);
@@ -131,7 +130,7 @@ impl Painter {
     }
 }
 
-/// Moves the lowest quarter of an image, as water in the foreground does.
+/// Moves the lowest quarter of the image, as water in the foreground does.
 fn ripple(rgb: &mut [u8], width_px: usize, wave: u64) {
     let from = rgb.len() / (3 * width_px) * 3 / 4;
     for (row, pixels) in rgb.chunks_exact_mut(3 * width_px).enumerate().skip(from) {
@@ -153,7 +152,7 @@ pub(super) struct Exposure {
 impl Exposure {
     /// Frames until the old light has faded completely.
     const SETTLED: u32 = 30;
-    /// Angle by which a camera turns before it meets another light, degrees.
+    /// Minimum turn of a camera that changes the exposure, degrees.
     const TURNED_DEG: f64 = 1.0;
 
     /// Settled.
@@ -174,7 +173,7 @@ impl Exposure {
         }
     }
 
-    /// Factor by which the next frame is too bright.
+    /// Brightness factor of the next frame.
     pub(super) fn gain(self) -> f64 {
         match self.frames {
             Self::SETTLED.. => 1.0,

@@ -31,12 +31,12 @@ impl WindowCovers {
         self.lock().push((window, Instant::now() + time));
     }
 
-    /// Closes all of them.
+    /// Closes all windows.
     pub fn close_all(&self) {
         self.lock().clear();
     }
 
-    /// Those that have not ended.
+    /// Windows that have not ended.
     pub(super) fn shown(&self) -> Vec<ShownWindow> {
         let now = Instant::now();
         let mut windows = self.lock();

@@ -1,8 +1,8 @@
 //! The recorded requests of the capture link, looked up by their content.
 //!
-//! A tape may contain the same capture under several skies: a flight recorded once and replayed in two weathers. So requests for
-//! images and flights are looked up together with what clients had written since the link was opened, and match only under the
-//! same. Among equal requests the next one in the order of the tape is taken.
+//! A tape may contain the same capture under several skies: a flight recorded once and replayed in two weathers. So requests for images and
+//! flights are looked up together with what clients had written since the link was opened, and match only under the same. Among equal
+//! requests the next one on the tape is taken.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
@@ -10,7 +10,7 @@ use std::fmt::Write;
 use serde_json::Value;
 use xplane_tape::MessagePosition;
 
-/// Relative difference between two numbers of a request that the same computation produced on two machines.
+/// Maximum relative difference between results of the same computation on two machines.
 const SAME_NUMBER: f64 = 1e-9;
 
 /// Writes of clients, by dataref. Bits, since a sky is identical or not.
@@ -42,7 +42,7 @@ impl Context {
     }
 }
 
-/// The subject of a request, for finding similar ones.
+/// A request's subject, for finding similar requests.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 struct Subject {
     message: String,
@@ -61,7 +61,7 @@ impl Subject {
         }
     }
 
-    /// True if the answer depends on what was written before.
+    /// True if the answer depends on earlier writes.
     fn shows_the_world(&self) -> bool {
         matches!(self.message.as_str(), "capture" | "fly")
     }
@@ -81,7 +81,7 @@ struct Exchange {
     answer: MessagePosition,
 }
 
-/// All requests of a tape with their answers.
+/// All requests on a tape with their answers.
 #[derive(Debug, Default)]
 pub(super) struct Conversation {
     exchanges: Vec<Exchange>,
@@ -93,7 +93,7 @@ pub(super) struct Conversation {
 }
 
 impl Conversation {
-    /// From the tape, in its order.
+    /// Adds a request from the tape, in order.
     pub(super) fn add(
         &mut self,
         request: &Value,
@@ -125,8 +125,7 @@ impl Conversation {
         self.exchanges.len()
     }
 
-    /// The answer to a request; the error says what was requested and what the tape has. `reread` gets a recorded request from the
-    /// tape.
+    /// Finds the answer to a request; the error names the request and what the tape has. `reread` gets a recorded request from the tape.
     pub(super) fn find(
         &mut self,
         request: &Value,
@@ -199,7 +198,7 @@ impl Conversation {
     }
 }
 
-/// A hash of a request's content, independent of its sender.
+/// Hash of a request's content, independent of its sender.
 fn content(request: &Value) -> [u8; 32] {
     let mut text = String::new();
     match request.get("message") {

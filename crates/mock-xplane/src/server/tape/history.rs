@@ -1,6 +1,6 @@
 //! The recorded values of datarefs, and how a replay walks through them.
 //!
-//! A dataref's history is what was read of it, with the writes and commands in between:
+//! A dataref's history consists of its readings, with the writes and commands in between:
 //!
 //! ```text
 //! 0.3 | write 0.5 | 0.5 | command a | 0.7 0.8
@@ -11,12 +11,12 @@
 //! the tape does not have is not acknowledged: from then on the dataref reads as after the recorded write in its place, so that the client
 //! can name the difference.
 //!
-//! The history is cut where another client of the recording began to read: a later client's readings are not for an earlier one,
-//! which may read on for longer than it did then. Only another reader gets past the cut.
+//! The history is cut where a second client began to read during the recording: its readings are not for the first one, which may read on
+//! for longer than it did then. Only a new reader gets past the cut.
 
 use std::collections::BTreeMap;
 
-/// All datarefs of a tape. `C` distinguishes the clients of a replay.
+/// All datarefs on a tape. `C` distinguishes the replay's clients.
 #[derive(Debug)]
 pub(super) struct Histories<C> {
     by_path: BTreeMap<String, History<C>>,
@@ -60,12 +60,12 @@ enum Step {
     Value(f32),
     Write(f32),
     Command(String),
-    /// Another client reads from here on.
+    /// The next client reads from here on.
     OtherReader,
 }
 
 impl<C: PartialEq + Clone> Histories<C> {
-    /// From the tape: a client read a value. A repetition of the previous one is the same reading.
+    /// A client read a value on the tape. A repetition of the previous value is the same reading.
     pub(super) fn add_value(&mut self, client: u32, path: &str, value: f32) {
         let history = self.history(path);
         if history
@@ -78,12 +78,12 @@ impl<C: PartialEq + Clone> Histories<C> {
         history.add(Step::Value(value));
     }
 
-    /// From the tape: a client wrote. A write repeated at once is one write.
+    /// A client wrote on the tape. A write repeated at once counts once.
     pub(super) fn add_write(&mut self, path: &str, value: f32) {
         self.history(path).add(Step::Write(value));
     }
 
-    /// From the tape: a client sent a command, which may have changed any dataref.
+    /// A client sent a command on the tape, which may have changed any dataref.
     pub(super) fn add_command(&mut self, command: &str) {
         for history in self.by_path.values_mut() {
             history.add(Step::Command(command.to_owned()));
@@ -152,7 +152,7 @@ impl<C: PartialEq + Clone> History<C> {
         })
     }
 
-    /// Advances past the values left for the previous reader, if another one reads now and no write came in between.
+    /// Advances past the values left for the previous reader, if a different one reads now and no write came in between.
     fn turn_to(&mut self, reader: &C) {
         if self.reader.as_ref() == Some(reader) {
             return;
@@ -255,7 +255,7 @@ impl<C: PartialEq + Clone> History<C> {
         None
     }
 
-    /// Values after another command are not reached without that one.
+    /// Values after a different command are not reached without that one.
     fn command(&mut self, command: &str) -> bool {
         let mut passed_another = false;
         for (ahead, step) in self.steps[self.at..].iter().enumerate() {

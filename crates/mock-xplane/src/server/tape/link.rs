@@ -1,4 +1,4 @@
-//! The capture link of a replay: each request gets its recorded answer, or an `error` with the reason.
+//! The replay's capture link: each request gets its recorded answer, or an `error` with the reason.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -73,7 +73,7 @@ async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkErr
 /// Exchanges greetings and reads the hello; `None` if the client is rejected.
 async fn admit(stream: &mut TcpStream, player: &Player) -> Result<Option<LinkMessage>, LinkError> {
     stream.write_all(&MAGIC).await?;
-    // The recorded one: a client of another version must learn it, as it would from that simulator.
+    // The recorded version: a client that expects a different one must learn it, as it would from that simulator.
     stream.write_all(&player.link_version.to_le_bytes()).await?;
     let mut greeting = [0; 8];
     stream.read_exact(&mut greeting).await?;
@@ -134,7 +134,7 @@ impl Player {
     }
 }
 
-/// A recorded hello that announces the replay: a client does not wait for what a tape does not have.
+/// Marks a recorded hello as a replay: clients do not wait for answers that a tape does not have.
 fn marked_as_replayed(hello: &LinkMessage) -> LinkMessage {
     match serde_json::from_slice(hello.header()) {
         Ok(Value::Object(mut header)) => {

@@ -1,4 +1,4 @@
-//! Reads a tape into the structures of a replay. Messages of the link stay in the file; only their locations are kept.
+//! Reads a tape for replay. Messages of the link stay in the file; only their locations are kept.
 
 use std::collections::{HashMap, VecDeque};
 use std::net::SocketAddr;
@@ -80,11 +80,11 @@ struct Loading {
     context: Context,
     /// Per client, the dataref of each index.
     subscribed: HashMap<u32, HashMap<i32, String>>,
-    /// Per connection, requests without an answer so far.
+    /// Unanswered requests by connection.
     open: HashMap<u32, VecDeque<(Value, Context, MessagePosition)>>,
 }
 
-/// Number of a message and what is wrong with it.
+/// Number and fault of a message.
 type Bad = (u32, String);
 
 impl Loading {
@@ -126,7 +126,7 @@ impl Loading {
         }
     }
 
-    /// Values that arrive after the end of a subscription are outdated: they are left out.
+    /// Values that arrive after a subscription has ended are outdated, and left out.
     fn subscribe(&mut self, client: u32, request: SubscribeDataref) {
         let numbers = self.subscribed.entry(client).or_default();
         if request.is_end() {

@@ -12,17 +12,17 @@ pub(super) struct Positions {
 #[derive(Debug, PartialEq)]
 enum Step {
     Sent(Vec<u8>),
-    /// By `PREL`, as it was sent.
+    /// Placed by `PREL`, as it was sent.
     Placed(Vec<u8>),
 }
 
 impl Positions {
-    /// From the tape: the simulator sent a position.
+    /// The simulator sent a position on the tape.
     pub(super) fn add(&mut self, datagram: Vec<u8>) {
         self.steps.push(Step::Sent(datagram));
     }
 
-    /// From the tape: a client placed the aircraft.
+    /// A client placed the aircraft on the tape.
     pub(super) fn add_placing(&mut self, datagram: &[u8]) {
         let placed = Step::Placed(datagram.to_owned());
         if self.steps.last() != Some(&placed) {

@@ -1,7 +1,7 @@
-//! The recorded weather at the aircraft, looked up by what had been written.
+//! The recorded weather at the aircraft, looked up by the written datarefs.
 //!
 //! Clients never write these datarefs, and X-Plane changes them after a command without any write, so a history of values between writes
-//! cannot place them: a replay that sends its commands a little earlier, or leaves a scenario out, would read the weather of another
+//! cannot place them: a replay that sends its commands a little earlier, or leaves a scenario out, would read the weather of the wrong
 //! scenario. Under the same written datarefs the last reading counts: the one that the recorded client ended with.
 
 use std::collections::{BTreeMap, HashMap};
@@ -28,7 +28,7 @@ pub(super) struct ShownWeather {
 }
 
 impl ShownWeather {
-    /// From the tape: a client read a value, after these writes. Other datarefs are ignored.
+    /// A client read a value on the tape, after these writes. Other datarefs are ignored.
     pub(super) fn add_value(&mut self, written: &Context, path: &str, value: f32) {
         if !is_shown(path) {
             return;

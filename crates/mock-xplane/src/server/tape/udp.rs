@@ -1,4 +1,4 @@
-//! The UDP side of a replay.
+//! UDP side of the replay.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -14,9 +14,9 @@ use super::{Playback, Player};
 use crate::server::subscriptions::Subscriptions;
 use crate::server::{MockError, UdpSockets};
 
-/// Length of a frame, as in the stand-in: values are sent in frames.
+/// Frame duration, as in the stand-in: values are sent in frames.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
-/// Maximum warnings about what the tape lacks: clients choose their text.
+/// Maximum warnings about missing entries: clients choose their text.
 const MAX_WARNINGS: usize = 100;
 
 /// Serves forever.

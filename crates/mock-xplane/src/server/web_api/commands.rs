@@ -12,7 +12,7 @@ use super::datarefs::{Filters, filtered};
 use super::refusal::Refusal;
 
 /// Maximum time to hold down a command, seconds.
-const MAX_S: f64 = 10.0;
+const MAX_DURATION_S: f64 = 10.0;
 
 impl WebApiService {
     pub(super) fn command(&self, id: u64) -> Result<&'static str, Refusal> {
@@ -27,10 +27,10 @@ impl WebApiService {
     /// Runs a command once, however long it is held down.
     pub(super) fn activate(&self, id: u64, duration_s: f64) -> Result<(), Refusal> {
         let path = self.command(id)?;
-        if !(0.0..=MAX_S).contains(&duration_s) {
+        if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
             return Err(Refusal::bad_request(
                 "invalid_duration",
-                format!("duration is {duration_s}, expected 0 to {MAX_S} seconds"),
+                format!("duration is {duration_s}, expected 0 to {MAX_DURATION_S} seconds"),
             ));
         }
         self.world.lock().command(path);
@@ -49,7 +49,6 @@ pub(super) async fn list(
     Json(json!({ "data": filtered(records, &filters) }))
 }
 
-/// Body of an activation.
 #[derive(Debug, Deserialize)]
 pub(super) struct Activation {
     duration: f64,

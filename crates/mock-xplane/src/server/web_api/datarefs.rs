@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::refusal::Refusal;
 use super::{WebApiService, value};
 
-/// Filters of a list: `filter[name]` may occur several times.
+/// List filters: `filter[name]` may occur several times.
 pub(super) type Filters = Query<Vec<(String, String)>>;
 
 /// The records that pass the filters.
@@ -78,7 +78,6 @@ pub(super) async fn count(State(service): State<Arc<WebApiService>>) -> Json<Val
     Json(json!({ "data": service.dataref_records().len() }))
 }
 
-/// One element of a list.
 #[derive(Debug, Deserialize)]
 pub(super) struct Element {
     index: Option<usize>,
@@ -102,7 +101,6 @@ pub(super) async fn read(
     Ok(Json(json!({ "data": data })))
 }
 
-/// Body of a write.
 #[derive(Debug, Deserialize)]
 pub(super) struct Write {
     data: Value,

@@ -78,7 +78,7 @@ fn invalid(message: impl Into<String>) -> Refusal {
     Refusal::bad_request("invalid_flight", message)
 }
 
-/// The first key with an integer in place of a float.
+/// Finds the first key with an integer in place of a float.
 fn whole_number_for_float(value: &Value) -> Option<&str> {
     fn found<'a>(key: &'a str, value: &'a Value) -> Option<&'a str> {
         match value {
@@ -93,7 +93,6 @@ fn whole_number_for_float(value: &Value) -> Option<&str> {
     found("data", value)
 }
 
-/// Content of a request.
 fn flight_start(body: &Value) -> Result<FlightStart, Refusal> {
     let Envelope { data } =
         serde_json::from_value(body.clone()).map_err(|error| invalid(error.to_string()))?;

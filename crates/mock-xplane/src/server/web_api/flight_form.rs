@@ -1,4 +1,4 @@
-//! The structure of a request to the "Flight Initialization API": the keys that a client of the stand-in needs.
+//! Request structure of the "Flight Initialization API": the keys that the stand-in's clients need.
 //!
 //! Keys with an underscore are parsed, because unknown keys are rejected, and have no effect on the stand-in's aircraft.
 
@@ -99,7 +99,7 @@ pub(super) enum CloudWord {
     Cirrus,
     Stratus,
     Cumulus,
-    /// As X-Plane's documentation misspells it; the correct spelling is accepted as well.
+    /// Misspelt as in X-Plane's documentation; the correct spelling is accepted as well.
     #[serde(rename = "cumulunimbus", alias = "cumulonimbus")]
     Cumulonimbus,
 }

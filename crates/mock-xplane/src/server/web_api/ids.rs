@@ -13,7 +13,6 @@ const NUMBERS_PER_SESSION: u64 = 100_000;
 /// Commands are numbered from here on.
 const FIRST_COMMAND: u64 = 50_000;
 
-/// The ids of a session.
 #[derive(Debug)]
 pub(super) struct Ids {
     names: BTreeMap<u64, &'static str>,
@@ -32,21 +31,18 @@ impl Ids {
         }
     }
 
-    /// All datarefs with their ids.
     pub(super) fn datarefs(&self) -> impl Iterator<Item = (u64, &'static str)> {
         self.names
             .range(..self.first_command)
             .map(|(&id, &name)| (id, name))
     }
 
-    /// All commands with their ids.
     pub(super) fn commands(&self) -> impl Iterator<Item = (u64, &'static str)> {
         self.names
             .range(self.first_command..)
             .map(|(&id, &name)| (id, name))
     }
 
-    /// The dataref with an id.
     pub(super) fn dataref(&self, id: u64) -> Option<&'static str> {
         self.names
             .get(&id)
@@ -54,7 +50,6 @@ impl Ids {
             .filter(|_| id < self.first_command)
     }
 
-    /// The command with an id.
     pub(super) fn command(&self, id: u64) -> Option<&'static str> {
         self.names
             .get(&id)

@@ -8,7 +8,7 @@ use super::super::world::World;
 use super::refusal::Refusal;
 use crate::datarefs::{Dataref, Ignored, Kind};
 
-/// X-Plane's name for the type of a dataref.
+/// X-Plane's name for a dataref's type.
 pub(super) fn type_word(dataref: &Dataref) -> &'static str {
     match (dataref.kind, dataref.length) {
         (Kind::Int, None) => "int",
@@ -20,7 +20,6 @@ pub(super) fn type_word(dataref: &Dataref) -> &'static str {
     }
 }
 
-/// One element.
 fn number(kind: Kind, value: f64) -> Value {
     match kind {
         Kind::Int | Kind::Byte => json!(value as i64),
@@ -28,7 +27,6 @@ fn number(kind: Kind, value: f64) -> Value {
     }
 }
 
-/// The whole value of a dataref.
 pub(super) fn whole(dataref: &Dataref, values: &[f64]) -> Value {
     match dataref.kind {
         Kind::Byte => {
@@ -48,12 +46,12 @@ pub(super) fn whole(dataref: &Dataref, values: &[f64]) -> Value {
     }
 }
 
-/// One element of a dataref, if it exists.
+/// An element of a dataref, if it exists.
 pub(super) fn element(dataref: &Dataref, values: &[f64], index: usize) -> Option<Value> {
     values.get(index).map(|&value| number(dataref.kind, value))
 }
 
-/// A client sets a dataref: a number, an element of a list, or a whole list.
+/// Sets a dataref for a client: a number, a list element, or a whole list.
 pub(super) fn write(
     world: &mut World,
     name: &'static str,

@@ -12,7 +12,7 @@ use super::motion::{self, Rates};
 use super::scenery::local_frame::LocalFrame;
 use crate::datarefs::Datarefs;
 
-/// Prefix of the datarefs with which a client may turn or move the aircraft.
+/// Prefix of datarefs with which clients may turn or move the aircraft.
 pub(super) const POSITION: &str = "sim/flightmodel/position/";
 /// Text dataref with the aircraft's file.
 pub(super) const FILE: &str = "sim/aircraft/view/acf_relative_path";
@@ -34,7 +34,7 @@ const GEAR_HANDLES: [&str; 2] = [
 ];
 /// A flight that has just started stands still for this long, seconds, whatever speed was requested.
 const STANDSTILL_S: f64 = 0.5;
-/// Accepted deviation of the squared length of a quaternion from 1.
+/// Accepted deviation of a quaternion's squared length from 1.
 const NEARLY_UNIT: f64 = 1e-3;
 
 /// The user's aircraft.
@@ -72,7 +72,7 @@ impl Aircraft {
         self.frame = frame;
     }
 
-    /// Its speed when it starts to fly, or its current one, metres per second.
+    /// Current speed, or speed at which the aircraft will start to fly, metres per second.
     pub(super) fn speed_to_come_mps(&self) -> f64 {
         let FlightState {
             velocity_north_mps: north,
@@ -97,7 +97,7 @@ impl Aircraft {
         &self.state
     }
 
-    /// Shows a state of a flight, or of a scenario that is drawn.
+    /// Shows a flight's state, or a drawn scenario's.
     pub(super) fn show(&mut self, state: FlightState) {
         self.state = state;
         self.rates = Rates::default();
@@ -273,7 +273,7 @@ impl Aircraft {
     }
 }
 
-/// Loads the aircraft of a file, as far as datarefs reflect it.
+/// Loads the aircraft in a file, as far as datarefs reflect it.
 pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
     datarefs.set_text(FILE, file);
     let icao = designator(file);
@@ -292,7 +292,7 @@ pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
     datarefs.set(names::AIRCRAFT_LENGTH_M, length_m);
 }
 
-/// The type of a file. Unknown ones have no designator, which is ICAO's ZZZZ.
+/// The aircraft type in a file. Unknown ones have no designator, which is ICAO's ZZZZ.
 fn designator(file: &str) -> &'static str {
     match file.rsplit('/').next().unwrap_or(file) {
         "Cessna_172SP.acf" => "C172",

@@ -6,7 +6,7 @@ use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 /// The stand-in's ground has the elevation of WSSS 02L everywhere.
 pub(in crate::server) const GROUND_MSL_M: f64 = 6.71;
-/// On the threshold, with the wheels on the ground.
+/// Pose on the threshold, with the wheels on the ground.
 pub(crate) const ON_THRESHOLD: Pose = Pose {
     latitude_deg: 1.348_971_96,
     longitude_deg: 103.977_501_24,
@@ -19,7 +19,7 @@ const FAR_AWAY_NM: f64 = 500.0;
 #[cfg(test)]
 const GLIDE_PATH_DEG: f64 = 3.0;
 
-/// Position of an aircraft that was left somewhere else: 500 NM to the north, on the ground.
+/// Pose of a forgotten aircraft: 500 NM to the north, on the ground.
 pub(crate) fn far_away() -> Pose {
     let threshold = ON_THRESHOLD.position().lat_lon();
     let LatLon {
@@ -33,7 +33,7 @@ pub(crate) fn far_away() -> Pose {
     }
 }
 
-/// On the extended centreline, on the glide path, this far before the threshold.
+/// Pose on the extended centreline and the glide path, this far before the threshold.
 #[cfg(test)]
 pub(crate) fn on_final(distance_nm: f64) -> Pose {
     let distance_m = distance_nm * METERS_PER_NAUTICAL_MILE;

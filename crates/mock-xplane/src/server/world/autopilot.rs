@@ -1,8 +1,7 @@
-//! The autopilot: the effect of its commands, and whether it could fly an approach.
+//! Autopilot: effects of its commands, and readiness for an approach.
 //!
-//! Its modes are toggle buttons, as in X-Plane. Two things are the stand-in's choice, for lack of a source: the button for the
-//! approach presses the buttons for localizer and glide slope at once, and both of them on, however they came to be, are the
-//! approach.
+//! Its modes are toggle buttons, as in X-Plane. Two rules lack a source and are the stand-in's choice: the approach button presses the
+//! buttons for localizer and glide slope at once, and the approach is on whenever both are.
 
 use xplane_bridge::datarefs as names;
 use xplane_bridge::fly::FlyRequest;
@@ -17,14 +16,13 @@ const ALTITUDE_HOLD_STATUS: &str = "sim/cockpit2/autopilot/altitude_hold_status"
 /// The vertical speed that is dialled: 0 off, 1 armed, 2 captured.
 const VERTICAL_SPEED_STATUS: &str = "sim/cockpit2/autopilot/vvi_status";
 
-/// Effect of a command.
 #[derive(Debug, Clone, Copy)]
 enum Effect {
     /// Sets a dataref, always to the same value.
     Set(&'static str, f64),
     /// Switches a mode.
     Toggle(&'static str),
-    /// Toggles a mode that excludes another one.
+    /// Toggles a mode that excludes the second one.
     ToggleInsteadOf(&'static str, &'static str),
     /// Switches localizer and glide slope together.
     ToggleApproach,

@@ -8,9 +8,8 @@ use xplane_bridge::datarefs as names;
 use super::PAUSED;
 use crate::datarefs::Datarefs;
 
-const SECONDS_PER_DAY: f64 = 86_400.0;
-const DAYS_PER_YEAR: f64 = 365.0;
-const SECONDS_PER_DEGREE: f64 = SECONDS_PER_DAY / 360.0;
+pub(super) const SECONDS_PER_DAY: f64 = 86_400.0;
+pub(super) const DAYS_PER_YEAR: u32 = 365;
 
 /// Lets time pass.
 pub(super) fn run(datarefs: &mut Datarefs, elapsed_s: f64) {
@@ -21,18 +20,18 @@ pub(super) fn run(datarefs: &mut Datarefs, elapsed_s: f64) {
         datarefs.set(names::ZULU_TIME_S, zulu_s.rem_euclid(SECONDS_PER_DAY));
     }
     let longitude_deg = datarefs.get("sim/flightmodel/position/longitude");
-    let local_s = datarefs.get(names::ZULU_TIME_S) + longitude_deg * SECONDS_PER_DEGREE;
+    let local_s = datarefs.get(names::ZULU_TIME_S) + longitude_deg * (SECONDS_PER_DAY / 360.0);
     datarefs.set(
         "sim/time/local_time_sec",
         local_s.rem_euclid(SECONDS_PER_DAY),
     );
 }
 
-/// Sets the clock to UTC of a day, counted from 0.
+/// Sets the clock to UTC on a day, counted from 0.
 pub(super) fn set_zulu(datarefs: &mut Datarefs, day: u32, zulu_s: f64) {
     let days = f64::from(day) + (zulu_s / SECONDS_PER_DAY).floor();
     datarefs.set(names::USE_SYSTEM_TIME, 0.0);
-    datarefs.set(names::DATE_DAYS, days.rem_euclid(DAYS_PER_YEAR));
+    datarefs.set(names::DATE_DAYS, days.rem_euclid(DAYS_PER_YEAR.into()));
     datarefs.set(names::ZULU_TIME_S, zulu_s.rem_euclid(SECONDS_PER_DAY));
 }
 

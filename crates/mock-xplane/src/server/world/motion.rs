@@ -1,4 +1,4 @@
-//! Motion of an aircraft between placements: calm, turning with the bank, levelling out, and never completely still.
+//! Aircraft motion between placements: calm, turning with the bank, levelling out, and never completely still.
 //!
 //! This is not a flight model: approaches are flown by [`flight_model`]. It makes the values that clients read over UDP move as in
 //! a simulator, with rates consistent with the attitudes.
@@ -8,15 +8,15 @@ use dataset::geometry::pose::FlightState;
 use glam::DVec3;
 
 const GRAVITY_MPS2: f64 = 9.81;
-/// Time constant with which bank and pitch return to their trim, seconds.
+/// Time constant of the return of bank and pitch to their trim, seconds.
 const RIGHTING_S: f64 = 3.0;
 const TRIM_PITCH_DEG: f64 = 2.5;
 /// Amplitude and period of the disturbance in roll.
 const ROLL_UNREST: (f64, f64) = (0.6, 9.0);
 /// Amplitude and period of the disturbance in pitch.
 const PITCH_UNREST: (f64, f64) = (0.2, 5.0);
-/// Below this the aircraft is not flying, metres per second.
-const FLYING_MPS: f64 = 20.0;
+/// Minimum flying speed, metres per second.
+pub(in crate::server) const FLYING_MPS: f64 = 20.0;
 
 /// Rates of rotation about the body's axes, degrees per second.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -26,7 +26,6 @@ pub(super) struct Rates {
     pub(super) yaw_deg_s: f64,
 }
 
-/// True if a state is flying.
 pub(super) fn is_flying(state: &FlightState) -> bool {
     !state.on_ground && state.velocity_north_mps.hypot(state.velocity_east_mps) > FLYING_MPS
 }

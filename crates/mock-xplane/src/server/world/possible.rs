@@ -1,17 +1,17 @@
-//! Clamps the weather and the clock that clients have written. They may write any number, as into X-Plane; what is flown and drawn
-//! stays within what exists on earth.
+//! Clamps the weather and the clock that clients have written. They may write any number, as into X-Plane; flights and images stay within
+//! what exists on earth.
 
 use dataset::conditions::{Clock, CloudLayer, Weather};
 
-/// From the densest fog to air without any haze, metres.
+use super::clock::{DAYS_PER_YEAR, SECONDS_PER_DAY};
+
+/// Densest fog to air without any haze, metres.
 const VISIBILITY_M: [f64; 2] = [1.0, 300_000.0];
 /// Bases and tops of clouds, metres.
 const CLOUDS_M: [f64; 2] = [-500.0, 30_000.0];
-/// Beyond any wind that was measured, metres per second.
+/// Up to more than any measured wind, metres per second.
 const WIND_MPS: [f64; 2] = [0.0, 150.0];
 const RATIO: [f64; 2] = [0.0, 1.0];
-const DAYS_PER_YEAR: u32 = 365;
-const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// The nearest possible weather.
 pub(super) fn weather(written: Weather) -> Weather {
@@ -31,7 +31,7 @@ pub(super) fn weather(written: Weather) -> Weather {
     }
 }
 
-/// The same as a valid day of the year and second of the day.
+/// Clamps the clock to a valid day of the year and second of the day.
 pub(super) fn clock(written: Clock) -> Clock {
     Clock {
         day_of_year: written.day_of_year.saturating_sub(1) % DAYS_PER_YEAR + 1,

@@ -1,4 +1,4 @@
-//! Scenery: what is loaded around the aircraft, and the height of the ground there while it settles.
+//! Scenery: the area loaded around the aircraft, and its ground height while it settles.
 
 pub(crate) mod local_frame;
 
@@ -21,7 +21,7 @@ const STEP_M: f64 = 4.0;
 pub(super) struct Scenery {
     quirks: Quirks,
     middle: LatLon,
-    /// Time at which the flag falls, by the simulator's running time.
+    /// Time at which the loading flag falls, by the simulator's running time.
     loaded_at_s: f64,
     now_s: f64,
 }

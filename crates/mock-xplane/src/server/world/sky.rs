@@ -1,8 +1,8 @@
 //! The weather that is flown and drawn, which may differ from the weather in the datarefs.
 //!
-//! X-Plane 11 shows written weather at once. X-Plane 12 does so only while `update_immediately` is set, and never for the clouds:
-//! they need the command `regen_weather`, and must then be written again while the weather settles. A client that omits one of
-//! these steps flies through other clouds than it reads. Further complications are quirks.
+//! X-Plane 11 shows written weather at once. X-Plane 12 does so only while `update_immediately` is set, and never for the clouds: they need
+//! the command `regen_weather`, and must then be written again while the weather settles. A client that omits one of these steps flies
+//! through clouds that differ from its readings. Further complications are quirks.
 
 mod late_clouds;
 mod real;
@@ -28,7 +28,7 @@ const SLIDING_S: f64 = 150.0;
 const SLIDING_C_PER_S: f64 = 0.7;
 /// Maximum temperature.
 const WARMEST_C: f64 = 45.0;
-/// Height above the requested base at which a cloud settles, metres.
+/// Height of settled clouds above the requested base, metres.
 const BASE_OFF_M: f64 = 3.5;
 
 /// [`names::WEATHER_PRESET`] without clouds.
@@ -49,11 +49,11 @@ pub(super) struct Sky {
     late_clouds: LateClouds,
     real: bool,
     slides_until_s: f64,
-    /// Duration for which the simulator freezes because of a request, seconds.
+    /// Duration of a requested freeze, seconds.
     freeze_s: f64,
 }
 
-/// Actions of a client on the weather.
+/// Actions of clients on the weather.
 #[derive(Debug, Clone)]
 enum Deed {
     Write(String),
@@ -231,7 +231,7 @@ impl Sky {
         }
     }
 
-    /// Immediate effects of a written dataref.
+    /// Applies the immediate effects of a written dataref.
     fn take_in(&mut self, name: &str, datarefs: &mut Datarefs) {
         match self.generation {
             Generation::XPlane11 => self.take_over(datarefs, |other| other == name),

@@ -265,7 +265,7 @@ fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    use crate::server::{BuiltIn, Engine};
+    use crate::server::{BuiltIn, Engine, Instants, SceneSetting};
 
     const CASES: u64 = 60;
     const EXTREMES: [f64; 12] = [
@@ -333,8 +333,19 @@ fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
         write_some(&mut world);
         world.advance(0.02);
         let camera = Camera::from_pose(&camera, 24, 16);
-        let picture = BuiltIn.picture(&camera, &runway(), &world.weather(), &world.clock(), None);
+        let picture = BuiltIn.prepare(&SceneSetting {
+            camera: &camera,
+            runway: &runway(),
+            weather: &world.weather(),
+            clock: &world.clock(),
+            degradation: None,
+        });
         let mut rgb = vec![0; 24 * 16 * 3];
-        picture.draw(&aircraft, &Controls::default(), 1.0, &mut rgb);
+        picture.draw(
+            &aircraft,
+            &Controls::default(),
+            Instants::all(1.0),
+            &mut rgb,
+        );
     }
 }

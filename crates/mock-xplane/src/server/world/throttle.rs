@@ -9,7 +9,7 @@ use crate::datarefs::Datarefs;
 const EACH: &str = "sim/cockpit2/engine/actuators/throttle_ratio";
 /// All levers at once, 0 to 1.
 const ALL: &str = "sim/cockpit2/engine/actuators/throttle_ratio_all";
-/// The same, down to -1 with full reverse thrust.
+/// All throttles, down to -1 with full reverse thrust.
 const ALL_WITH_REVERSE: &str = "sim/cockpit2/engine/actuators/throttle_jet_rev_ratio_all";
 
 /// Lets the other names follow one that was written.

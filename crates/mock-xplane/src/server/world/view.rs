@@ -1,6 +1,6 @@
 //! Everything between the scene and the eye: the selected view, pop-up windows, other aircraft.
 //!
-//! All of it belongs to the user until a plugin or a tool changes it, and a new flight resets it.
+//! The view belongs to the user until a plugin or a tool changes it, and a new flight resets it.
 
 use crate::datarefs::Datarefs;
 use crate::quirks::{Quirk, Quirks};
@@ -65,7 +65,7 @@ pub(super) fn command(datarefs: &mut Datarefs, path: &str) -> bool {
     true
 }
 
-/// A client wrote the number of a view.
+/// Handles a client's write of a view's number.
 pub(super) fn written(path: &str, datarefs: &mut Datarefs) {
     if path == TYPE {
         let number = datarefs.get(TYPE);

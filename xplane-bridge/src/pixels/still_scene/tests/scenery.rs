@@ -1,4 +1,4 @@
-//! Made-up images of a resting camera: ground, sky, clouds, rain, ripples, an aircraft, and four forms of covers.
+//! Synthetic images from a resting camera: ground, sky, clouds, rain, ripples, an aircraft, and four forms of covers.
 
 use super::super::WorldTime;
 use crate::pixels::Rectangle;
@@ -8,7 +8,7 @@ use crate::pixels::Rectangle;
 pub(super) enum Sky {
     /// No changes.
     Clear,
-    /// One level everywhere.
+    /// A constant level.
     Grainy,
     /// Water in the lowest quarter.
     Rippling,
@@ -52,7 +52,7 @@ impl Random {
         mixed ^ mixed >> 31
     }
 
-    /// From 0 to just below 1.
+    /// A number from 0 to just below 1.
     fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -197,7 +197,7 @@ impl Scenery {
         rectangle
     }
 
-    /// As dense, long and strong as the stand-in's, other streaks in every image.
+    /// Draws rain as dense, long and strong as the stand-in's, with different streaks in every image.
     fn draw_rain(&mut self, rgb: &mut [u8]) {
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         let count = 260.0 * self.sky.rain_ratio() * width * height / 1e6;
@@ -315,7 +315,7 @@ fn text(rgb: &mut [u8], width_px: u32, place: Rectangle, colour: [u8; 3]) {
     }
 }
 
-/// Fills a rectangle of an image of this width, more or less opaque.
+/// Fills a rectangle in an image with this width, more or less opaque.
 pub(super) fn fill(rgb: &mut [u8], width_px: u32, place: Rectangle, colour: [u8; 3], opacity: f64) {
     for y in place.y_px..place.bottom_px() {
         for x in place.x_px..place.right_px() {

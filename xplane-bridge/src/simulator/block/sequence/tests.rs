@@ -3,7 +3,6 @@ use rand_chacha::ChaCha12Rng;
 
 use super::*;
 
-/// An image with a record of its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Fake {
     show: Show,
@@ -35,7 +34,7 @@ struct World {
     /// Answers come this many frames late.
     late_answers: usize,
     aircraft_is_visible: bool,
-    /// Ticks at which the aircraft is in the image.
+    /// First and last tick with the aircraft in the image.
     in_picture: (u32, u32),
     /// Number of frames until the brightness has come to rest.
     settles_after: u64,
@@ -68,7 +67,7 @@ fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Record
     record_from(ticks, (known_lag, false), world, seed)
 }
 
-/// The same, which may begin with the known lag instead of a probe.
+/// Records a block that may begin with the known lag instead of a probe.
 fn record_from(
     ticks: u32,
     (known_lag, begins_with_it): (Option<u64>, bool),

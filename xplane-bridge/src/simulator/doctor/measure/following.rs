@@ -1,5 +1,5 @@
-//! Measures which quantities of the weather at the aircraft follow the written values: two weathers that differ in all of them are set as a
-//! scenario's would be, and each quantity must be as set under both.
+//! Measures which quantities of the weather at the aircraft follow the written values: two weathers that differ in every quantity are set
+//! as a scenario's would be, and each quantity must be as set under both.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use crate::simulator::doctor::Check;
 
 const NAME: &str = "weather at the aircraft";
 
-/// Sets both weathers; `unit` is the one in which winds are written, if it is known.
+/// Sets both weathers; `unit` is the unit of written winds, if known.
 pub(crate) async fn measure(
     simulator: &mut Simulator,
     unit: Option<WindUnit>,
@@ -57,7 +57,7 @@ pub(crate) fn check(findings: &BTreeMap<EffectiveQuantity, Finding<bool>>) -> Ch
     }
 }
 
-/// Rain from a closed sky in a strong wind, and a clear day with another wind.
+/// Rain from a closed sky in a strong wind, and a clear day with a different wind.
 fn weathers() -> [Weather; 2] {
     let overcast = CloudLayer {
         kind: CloudKind::Stratus,
@@ -124,7 +124,7 @@ fn findings(shown: &[(Weather, EffectiveWeather)]) -> BTreeMap<EffectiveQuantity
 mod tests {
     use super::*;
 
-    /// As a simulator reports a weather that it shows.
+    /// Report of a simulator that shows this weather.
     fn right(weather: &Weather) -> EffectiveWeather {
         EffectiveWeather {
             visibility_m: Some(weather.visibility_m),

@@ -25,7 +25,7 @@ pub(crate) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr
             Err(_) => (unheard(format!("none within {:.1?}", options.listen)), None),
         };
     };
-    // The same simulator may be known under another of its addresses.
+    // The same simulator may be known under a second address.
     match heard.iter().find(|one| one.address.port() == wanted.port()) {
         Some(one) => well(one),
         None if heard.is_empty() => (unheard(format!("none within {:.1?}", options.listen)), None),

@@ -26,7 +26,6 @@ const PALETTE: [Vec3; 6] = [
 ];
 const WOOD: Vec3 = Vec3::new(0.030, 0.048, 0.024);
 
-/// The look of a place.
 pub(crate) struct Inland {
     seed: u32,
     /// Direction of the rows of plots.

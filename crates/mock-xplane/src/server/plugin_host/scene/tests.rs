@@ -1,19 +1,15 @@
 use std::sync::Mutex;
 
-use dataset::conditions::{Clock, Weather};
-use dataset::geometry::camera::Camera;
-use dataset::geometry::imaging::Degradation;
 use xplane_bridge::datarefs::Generation;
-use xplane_bridge::fly::FlyRequest;
 
 use super::*;
-use crate::server::engine::{NotFlown, SceneRenderer};
+use crate::server::engine::{Instants, SceneRenderer, SceneSetting};
 use crate::server::world::airport::on_final;
 use crate::server::world::flight_start;
 
 const SIZE: (u64, u64) = (32, 24);
 
-/// Draws one colour: the rain, at what tenth of a second it falls, and whether the aircraft is within a kilometre of the camera.
+/// Draws a single colour: the rain, the tenth of a second at which it falls, and whether the aircraft is within a kilometre of the camera.
 struct Plain;
 
 struct PlainPicture {
@@ -22,39 +18,17 @@ struct PlainPicture {
 }
 
 impl Engine for Plain {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
-        Err(NotFlown::Because("nothing flies here"))
-    }
-
-    fn picture(
-        &self,
-        camera: &Camera,
-        _: &Runway,
-        weather: &Weather,
-        _: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn SceneRenderer> {
+    fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
         Box::new(PlainPicture {
-            rain: (weather.rain_ratio * 200.0) as u8,
-            camera_m: camera.center_ecef_m,
+            rain: (scene.weather.rain_ratio * 200.0) as u8,
+            camera_m: scene.camera.center_ecef_m,
         })
     }
 }
 
 impl SceneRenderer for PlainPicture {
-    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
-        self.draw_in_moving_weather(pose, controls, time_s, time_s, rgb);
-    }
-
-    fn draw_in_moving_weather(
-        &self,
-        pose: &Pose,
-        _: &Controls,
-        _: f64,
-        weather_s: f64,
-        rgb: &mut [u8],
-    ) {
-        let rain = self.rain + (10.0 * weather_s) as u8;
+    fn draw(&self, pose: &Pose, _: &Controls, instants: Instants, rgb: &mut [u8]) {
+        let rain = self.rain + (10.0 * instants.weather_s) as u8;
         let away_m = pose.position().to_ecef().distance(self.camera_m);
         let near = u8::from(away_m < 1_000.0);
         for pixel in rgb.chunks_exact_mut(3) {
@@ -154,7 +128,7 @@ async fn a_pop_up_lies_over_the_windows_but_not_the_scene_until_it_is_closed() {
 #[tokio::test]
 async fn other_aircraft_are_in_the_picture_until_they_are_removed() {
     let mut hosted = Hosted::new("ai_aircraft");
-    // So far to the right that only the neighbouring aircraft is within a kilometre.
+    // Far enough to the right that only the neighbouring aircraft is within a kilometre.
     let [x, y, z] = hosted.scene.vector(LOCAL_XYZ).to_array();
     let (sin, cos) = ON_THRESHOLD.heading_true_deg.to_radians().sin_cos();
     let camera = json!([x + 1_030.0 * cos, y, z + 1_030.0 * sin, 0.0, 0.0, 0.0]);
@@ -278,7 +252,6 @@ fn scenery_of_a_new_place_has_no_ground_for_20_s_and_settles_then() {
     assert!(origins.len() >= 2 && origins[0] != before, "{origins:?}");
 }
 
-/// All bytes of a frame.
 async fn bytes(hosted: &Hosted) -> Vec<u8> {
     let arguments = [json!(SIZE.0), json!(SIZE.1), json!(false)];
     hosted.scene.render(&arguments).await.unwrap()

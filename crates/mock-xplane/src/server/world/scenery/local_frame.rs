@@ -1,5 +1,3 @@
-//! X-Plane's local coordinates: metres east, up and south of an origin that follows the scenery.
-
 use dataset::geometry::geodesy::Geodetic;
 use glam::DVec3;
 
@@ -11,7 +9,7 @@ pub(in crate::server) struct LocalFrame {
 }
 
 impl LocalFrame {
-    /// X-Plane's local coordinates around a position: the origin is the centre of the square of one degree.
+    /// Coordinates around a position: the origin is the centre of its one-degree square.
     pub(in crate::server) fn around(position: Geodetic) -> Self {
         Self {
             origin: Geodetic {
@@ -29,7 +27,6 @@ impl LocalFrame {
         DVec3::new(ned.y, -ned.z, -ned.x)
     }
 
-    /// The inverse of [`LocalFrame::local`].
     pub(in crate::server) fn world(&self, local: DVec3) -> Geodetic {
         let ned = DVec3::new(-local.z, local.x, -local.y);
         Geodetic::from_ecef(self.origin.to_ecef() + self.origin.ecef_from_ned() * ned)

@@ -26,7 +26,7 @@ pub(super) struct Snapped {
 }
 
 impl LateClouds {
-    /// Holds back what a client has just written. `before` is the element's value until then; `show`: the image will follow.
+    /// Holds back a client's write. `before` is the element's value until then; `show`: the image will follow.
     pub(super) fn hold_back(
         &mut self,
         path: &str,

@@ -59,7 +59,6 @@ pub(super) fn is_on(generation: Generation, datarefs: &Datarefs) -> bool {
     }
 }
 
-/// Switches it on.
 pub(super) fn switch_on(generation: Generation, datarefs: &mut Datarefs) {
     let position = match generation {
         Generation::XPlane11 => 1.0,
@@ -76,7 +75,7 @@ pub(super) fn publish(generation: Generation, datarefs: &mut Datarefs, rules: bo
     }
 }
 
-/// Overwrites what was written.
+/// Overwrites the written weather.
 pub(super) fn overwrite(generation: Generation, datarefs: &mut Datarefs) {
     let values = match generation {
         Generation::XPlane11 => REAL_11,

@@ -1,4 +1,4 @@
-//! The weather as seen by instruments and the image: read-only datarefs that follow what is shown, not what is written.
+//! The weather as seen by instruments and the image: read-only datarefs that follow the shown weather, not the written one.
 
 use std::collections::BTreeMap;
 

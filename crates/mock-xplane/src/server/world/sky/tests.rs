@@ -123,7 +123,7 @@ fn late_clouds_read_and_show_the_old_ones_in_all_slots_and_then_come_at_once() {
     outdoors.write(COVER_0, 0.75);
     outdoors.write(BASE_0, 600.0);
     outdoors.wait(10.0);
-    // Another write makes all of them wait again.
+    // A further write makes all wait again.
     outdoors.write("sim/weather/region/cloud_type[2]", 3.0);
     outdoors.wait(54.5);
     assert_eq!(

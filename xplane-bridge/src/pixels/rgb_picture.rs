@@ -2,12 +2,16 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
+
+use crate::link::PictureSize;
+
 /// A rectangle in an image or on a screen, pixels from its top left.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rectangle {
-    /// Its leftmost column.
+    /// Leftmost column.
     pub x_px: u32,
-    /// Its topmost row.
+    /// Topmost row.
     pub y_px: u32,
     /// Number of columns.
     pub width_px: u32,
@@ -16,13 +20,20 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The rectangle from its top left pixel to just before another.
+    /// The rectangle from this pixel to just before (`right_px`, `bottom_px`).
     pub(super) fn between(x_px: u32, y_px: u32, right_px: u32, bottom_px: u32) -> Self {
         Self {
             x_px,
             y_px,
             width_px: right_px.saturating_sub(x_px),
             height_px: bottom_px.saturating_sub(y_px),
+        }
+    }
+
+    pub(crate) fn size(self) -> PictureSize {
+        PictureSize {
+            width_px: self.width_px,
+            height_px: self.height_px,
         }
     }
 
@@ -76,24 +87,30 @@ impl RgbPicture {
         Self {
             width_px,
             height_px,
-            rgb: vec![0; crate::link::rgb_bytes(width_px, height_px)],
+            rgb: vec![0; width_px as usize * height_px as usize * 3],
+        }
+    }
+
+    pub(super) fn size(&self) -> PictureSize {
+        PictureSize {
+            width_px: self.width_px,
+            height_px: self.height_px,
         }
     }
 
     /// Resizes it; its content is undefined until it is filled.
     pub(super) fn resize(&mut self, width_px: u32, height_px: u32) {
         (self.width_px, self.height_px) = (width_px, height_px);
-        self.rgb
-            .resize(crate::link::rgb_bytes(width_px, height_px), 0);
+        self.rgb.resize(self.size().rgb_bytes(), 0);
     }
 
-    /// Pixels of a row from one column to just before another.
+    /// Pixels of row `y_px` from column `from_px` to just before `to_px`.
     pub(super) fn pixels(&self, from_px: u32, to_px: u32, y_px: u32) -> &[[u8; 3]] {
         let row = (y_px * self.width_px) as usize;
         &self.rgb.as_chunks().0[row + from_px as usize..row + to_px as usize]
     }
 
-    /// The same, to be written.
+    /// Mutable [`Self::pixels`].
     pub(super) fn pixels_mut(&mut self, from_px: u32, to_px: u32, y_px: u32) -> &mut [[u8; 3]] {
         let row = (y_px * self.width_px) as usize;
         &mut self.rgb.as_chunks_mut().0[row + from_px as usize..row + to_px as usize]

@@ -2,6 +2,7 @@
 //!
 //! They bypass the window manager (override-redirect), as desktops draw them.
 
+use std::error::Error;
 use std::fmt;
 
 use x11rb::COPY_DEPTH_FROM_PARENT;
@@ -13,7 +14,10 @@ use x11rb::protocol::xproto::{
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-use super::{DEPTH, WindowError, connect};
+type Result<T> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
+
+/// 24-bit colour.
+const DEPTH: u8 = 24;
 
 /// A box that is filled with one colour: left, top, width, height in pixels, and red, green, blue.
 type Fill = ([i32; 4], u32);
@@ -23,7 +27,7 @@ const HINT: u32 = 0xff_ffe1;
 const INK: u32 = 0x30_3030;
 const BLACK: u32 = 0;
 const WHITE: u32 = 0xff_ffff;
-/// Height of a pointer, pixels.
+/// Pointer height, pixels.
 const POINTER_PX: i32 = 18;
 
 /// A cover on a display, until it is dropped.
@@ -37,7 +41,7 @@ impl CoverWindow {
     ///
     /// # Errors
     /// There is no such display.
-    pub fn notification(display: Option<&str>, area_px: [i32; 4]) -> Result<Self, WindowError> {
+    pub fn notification(display: Option<&str>, area_px: [i32; 4]) -> Result<Self> {
         let [left, top, width, height] = area_px;
         let cut = 3.min(height / 4);
         let middle = [left, top + cut, width, height - 2 * cut];
@@ -52,10 +56,7 @@ impl CoverWindow {
     ///
     /// # Errors
     /// There is no such display.
-    pub fn pointer_with_hint(
-        display: Option<&str>,
-        area_px: [i32; 4],
-    ) -> Result<Self, WindowError> {
+    pub fn pointer_with_hint(display: Option<&str>, area_px: [i32; 4]) -> Result<Self> {
         let [left, top, width, height] = area_px;
         let pointer_px = POINTER_PX.min(height);
         let pointer = [left, top, pointer_px * 2 / 3, pointer_px];
@@ -69,8 +70,9 @@ impl CoverWindow {
     fn open(
         display: Option<&str>,
         parts: impl IntoIterator<Item = ([i32; 4], u32, Vec<Fill>)>,
-    ) -> Result<Self, WindowError> {
-        let (connection, screen) = connect(display)?;
+    ) -> Result<Self> {
+        let (connection, screen) = RustConnection::connect(display)?;
+        let screen = connection.setup().roots[screen].clone();
         let mut opened = Self {
             connection,
             windows: Vec::new(),

@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Size of the cache. Rows of sky of a full-size image are 5 MB each.
-const KEPT: usize = 3;
+/// Size of the cache. Sky rows take 5 MB per full-size image.
+const MAX_INSTANTS: usize = 3;
 
 /// The results for some instants.
-pub(crate) struct Kept<T>(Mutex<BTreeMap<i64, Arc<T>>>);
+pub(crate) struct InstantCache<T>(Mutex<BTreeMap<i64, Arc<T>>>);
 
-impl<T> Default for Kept<T> {
+impl<T> Default for InstantCache<T> {
     fn default() -> Self {
         Self(Mutex::default())
     }
 }
 
-impl<T> Kept<T> {
+impl<T> InstantCache<T> {
     /// The result for an instant, computed if it is not cached.
     pub(crate) fn get(&self, instant: i64, compute: impl FnOnce() -> T) -> Arc<T> {
         // The lock is not held while computing: a rayon worker that waits inside could pick up a job that needs the lock as well.
@@ -25,7 +25,7 @@ impl<T> Kept<T> {
         let computed = Arc::new(compute());
         let mut kept = self.lock();
         kept.insert(instant, Arc::clone(&computed));
-        while kept.len() > KEPT {
+        while kept.len() > MAX_INSTANTS {
             // The one farthest in time from the requested instant.
             let farthest = kept
                 .keys()

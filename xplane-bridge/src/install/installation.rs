@@ -8,12 +8,12 @@ use dataset::files::outside_file::{self, FileKind};
 
 use super::InstallError;
 
-/// Numbers of a version, compared from the left.
+/// Version numbers, compared from the left.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Version(Vec<u32>);
 
 impl Version {
-    /// The version at the start of a text, e.g. `12.4.0` of `12.4.0-r2-9b69b91a`.
+    /// Parses the version at the start of a text, e.g. `12.4.0` from `12.4.0-r2-9b69b91a`.
     pub(crate) fn at_start_of(text: &str) -> Option<Self> {
         let end = text
             .find(|c: char| !c.is_ascii_digit() && c != '.')
@@ -39,9 +39,9 @@ impl fmt::Display for Version {
     }
 }
 
-/// An X-Plane in which the plugin can work.
+/// A suitable X-Plane installation.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Found {
+pub struct Installation {
     /// Version of X-Plane.
     pub xplane: Version,
     /// The result from XPPython3's log.
@@ -51,7 +51,7 @@ pub struct Found {
 /// The result from XPPython3's log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum XpPython3 {
-    /// Its version.
+    /// The version that ran.
     Version(Version),
     /// There is a log, but no version in it.
     Unsaid,
@@ -60,7 +60,7 @@ pub enum XpPython3 {
 }
 
 impl XpPython3 {
-    /// Its version, if it is known.
+    /// The version, if known.
     pub fn version(&self) -> Option<&Version> {
         match self {
             Self::Version(version) => Some(version),
@@ -69,14 +69,13 @@ impl XpPython3 {
     }
 }
 
-impl Found {
+impl Installation {
     /// X-Plane's log, rewritten at each start. Its first line contains the version.
     pub(super) const LOG: &str = "Log.txt";
     /// XPPython3's log, next to X-Plane's.
     const XPPYTHON3_LOG: &str = "XPPython3Log.txt";
     /// The text before its version in the log.
     const XPPYTHON3_WORDS: &str = "[XPPython3] Version ";
-    /// Folder of XPPython3.
     pub(super) const XPPYTHON3: &str = "Resources/plugins/XPPython3";
     /// The oldest X-Plane that any supported XPPython3 runs in.
     pub(super) const OLDEST_XPLANE: &str = "11.52";
@@ -86,29 +85,34 @@ impl Found {
     /// # Errors
     /// It is not X-Plane's, or the plugin cannot work there.
     pub fn look(folder: &Path) -> Result<Self, InstallError> {
+        let place = folder.display();
         for missing in ["Resources/plugins", "Resources/default scenery"] {
             if !folder.join(missing).is_dir() {
-                return Err(InstallError::NotXPlane {
-                    folder: folder.to_owned(),
-                    missing,
-                });
+                return Err(InstallError::Unsuitable(format!(
+                    "{place} is not X-Plane's folder: it has no {missing}. Give the folder that X-Plane was installed into"
+                )));
             }
         }
         let xplane = version_in(&folder.join(Self::LOG), "for X-Plane ").ok_or_else(|| {
-            InstallError::UnknownVersion {
-                folder: folder.to_owned(),
-            }
+            InstallError::Unsuitable(format!(
+                "cannot tell the version of X-Plane in {place}: {} does not begin with \"Log.txt for X-Plane ...\". Start X-Plane once, \
+                 then try again",
+                Self::LOG
+            ))
         })?;
         if xplane.is_below(&[11, 52]) {
-            return Err(InstallError::OldXPlane { found: xplane });
+            return Err(InstallError::Unsuitable(format!(
+                "X-Plane {xplane} is too old: the plugin needs XPPython3, which needs X-Plane {} or newer",
+                Self::OLDEST_XPLANE
+            )));
         }
         let wanted = wanted(&xplane);
         if !holds_a_plugin(&folder.join(Self::XPPYTHON3)) {
-            return Err(InstallError::NoXpPython3 {
-                folder: folder.to_owned(),
-                xplane,
-                wanted,
-            });
+            return Err(InstallError::Unsuitable(format!(
+                "X-Plane {xplane} in {place} has no XPPython3, in which the plugin runs: {} is missing, or has no .xpl file. Install XPPython3 \
+                 {wanted} (https://xppython3.readthedocs.io), start X-Plane once, then try again",
+                Self::XPPYTHON3
+            )));
         }
         let log = folder.join(Self::XPPYTHON3_LOG);
         let xppython3 = match version_in(&log, Self::XPPYTHON3_WORDS) {
@@ -121,11 +125,9 @@ impl Found {
             let too_old = found.is_below(&[3, 1]);
             let too_new = xplane.major() == 11 && !found.is_below(&[4, 7]);
             if too_old || too_new {
-                return Err(InstallError::OtherXpPython3 {
-                    found: found.clone(),
-                    xplane,
-                    wanted,
-                });
+                return Err(InstallError::Unsuitable(format!(
+                    "XPPython3 {found} is not compatible with X-Plane {xplane}: install XPPython3 {wanted}"
+                )));
             }
         }
         Ok(Self { xplane, xppython3 })
@@ -208,7 +210,7 @@ fn wanted(xplane: &Version) -> &'static str {
     }
 }
 
-/// True if X-Plane finds a plugin there: a file `*.xpl` in the folder of a platform, e.g. `lin_x64`.
+/// True if X-Plane finds a plugin there: a file `*.xpl` in a platform's folder, e.g. `lin_x64`.
 fn holds_a_plugin(folder: &Path) -> bool {
     let files_in = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
     files_in(folder)
@@ -216,12 +218,12 @@ fn holds_a_plugin(folder: &Path) -> bool {
         .any(|file| file.path().extension() == Some("xpl".as_ref()))
 }
 
-/// The version is in the first lines of a log.
+/// Number of first log lines that may contain the version.
 const LOG_LINES: usize = 10;
-/// Plugins may write a lot into the log of a long session.
+/// Limit for logs, into which plugins may write a lot during a long session.
 const MAX_LOG_BYTES: u64 = 1 << 30;
 
-/// The version after some words in the first lines of a log.
+/// Finds the version after these words in the first log lines.
 fn version_in(log: &Path, words: &str) -> Option<Version> {
     let bytes = outside_file::read(log, FileKind::new("log", MAX_LOG_BYTES)).ok()?;
     let text = String::from_utf8_lossy(&bytes);
