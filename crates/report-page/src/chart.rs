@@ -248,14 +248,10 @@ impl Panel {
     }
 
     /// Text on the right side of the point.
-    pub fn text(&mut self, point: (f64, f64), text: &str) {
+    pub fn text(&mut self, point: (f64, f64), words: &str) {
         let [x, y] = self.place(point);
-        let at = Text {
-            x: x + 4.0,
-            y: y + 12.0,
-            ..Text::default()
-        };
-        self.marks.push_str(&at.written(text));
+        self.marks
+            .push_str(&text([x + 4.0, y + 12.0], "start", words));
     }
 
     /// Names a series in the legend by its line.
@@ -271,57 +267,32 @@ impl Panel {
     }
 
     fn drawn(&self) -> String {
-        let mut text = String::new();
+        let mut drawn = String::new();
         let [left, top] = self.place((self.x.ends.start, self.y.ends.end));
         let [right, bottom] = self.place((self.x.ends.end, self.y.ends.start));
         let (grid, edge) = (Stroke::new(GRID, 1), Stroke::new(INK, 1));
         for (number, label) in self.x.numbers(MAX_NUMBERS) {
             let [x, _] = self.place((number, self.y.ends.start));
-            let _ = writeln!(text, "<path d=\"M{x:.1} {top:.1}V{bottom:.1}\" {grid}/>");
-            let at = Text {
-                x,
-                y: bottom + 18.0,
-                anchor: "middle",
-                ..Text::default()
-            };
-            text.push_str(&at.written(&label));
+            let _ = writeln!(drawn, "<path d=\"M{x:.1} {top:.1}V{bottom:.1}\" {grid}/>");
+            drawn.push_str(&text([x, bottom + 18.0], "middle", &label));
         }
         for (number, label) in self.y.numbers((self.height / NUMBER_PX) as usize) {
             let [_, y] = self.place((self.x.ends.start, number));
-            let _ = writeln!(text, "<path d=\"M{left:.1} {y:.1}H{right:.1}\" {grid}/>");
-            let at = Text {
-                x: left - 6.0,
-                y: y + 4.5,
-                anchor: "end",
-                ..Text::default()
-            };
-            text.push_str(&at.written(&label));
+            let _ = writeln!(drawn, "<path d=\"M{left:.1} {y:.1}H{right:.1}\" {grid}/>");
+            drawn.push_str(&text([left - 6.0, y + 4.5], "end", &label));
         }
-        let _ = writeln!(
-            text,
-            "<path d=\"M{left:.1} {top:.1}V{bottom:.1}H{right:.1}\" fill=\"none\" {edge}/>"
-        );
-        text.push_str(&self.marks);
-        let title = Text {
-            x: f64::midpoint(left, right),
-            y: bottom + 37.0,
-            anchor: "middle",
-            ..Text::default()
-        };
-        text.push_str(&title.written(self.x.title));
-        let middle = f64::midpoint(top, bottom);
-        let title = Text {
-            x: -middle,
-            y: 15.0,
-            anchor: "middle",
-            is_upright: true,
-        };
-        text.push_str(&title.written(self.y.title));
-        self.draw_legend(&mut text, [right, top]);
-        text
+        let axes = format!("M{left:.1} {top:.1}V{bottom:.1}H{right:.1}");
+        let _ = writeln!(drawn, "<path d=\"{axes}\" fill=\"none\" {edge}/>");
+        drawn.push_str(&self.marks);
+        let middle = f64::midpoint(left, right);
+        drawn.push_str(&text([middle, bottom + 37.0], "middle", self.x.title));
+        let title = text([-f64::midpoint(top, bottom), 15.0], "middle", self.y.title);
+        let _ = writeln!(drawn, "<g transform=\"rotate(-90)\">{title}</g>");
+        self.draw_legend(&mut drawn, [right, top]);
+        drawn
     }
 
-    fn draw_legend(&self, text: &mut String, [right, top]: [f64; 2]) {
+    fn draw_legend(&self, drawn: &mut String, [right, top]: [f64; 2]) {
         let longest = self
             .names
             .iter()
@@ -333,22 +304,15 @@ impl Panel {
         let (left, top) = (right - width - 12.0, top + 12.0);
         let edge = Stroke::new(GRID, 1);
         let _ = writeln!(
-            text,
+            drawn,
             "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height}\" fill=\"{PAPER}\" fill-opacity=\"0.85\" {edge}/>"
         );
         for (place, (name, sample)) in self.names.iter().enumerate() {
             let y = top + 4.0 + f64::from(LEGEND_PX) * (place as f64 + 0.5);
             let x = left + 18.0;
-            let _ = writeln!(
-                text,
-                "<g transform=\"translate({x:.1} {y:.1})\">{sample}</g>"
-            );
-            let at = Text {
-                x: x + 16.0,
-                y: y + 4.5,
-                ..Text::default()
-            };
-            text.push_str(&at.written(name));
+            let at = format!("translate({x:.1} {y:.1})");
+            let _ = writeln!(drawn, "<g transform=\"{at}\">{sample}</g>");
+            drawn.push_str(&text([x + 16.0, y + 4.5], "start", name));
         }
     }
 }
@@ -392,35 +356,11 @@ impl std::fmt::Display for Stroke {
     }
 }
 
-/// Text position.
-#[derive(Default)]
-struct Text {
-    x: f64,
-    y: f64,
-    anchor: &'static str,
-    /// True if it runs from the bottom to the top.
-    is_upright: bool,
-}
-
-impl Text {
-    fn written(&self, text: &str) -> String {
-        let Self {
-            x,
-            y,
-            anchor,
-            is_upright,
-        } = self;
-        let anchor = if anchor.is_empty() { "start" } else { anchor };
-        let turned = if *is_upright {
-            " transform=\"rotate(-90)\""
-        } else {
-            ""
-        };
-        let text = text.replace('&', "&amp;").replace('<', "&lt;");
-        format!(
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-family=\"sans-serif\" font-size=\"13\" fill=\"{INK}\"{turned}>{text}</text>\n"
-        )
-    }
+fn text([x, y]: [f64; 2], anchor: &str, text: &str) -> String {
+    let text = text.replace('&', "&amp;").replace('<', "&lt;");
+    format!(
+        "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-family=\"sans-serif\" font-size=\"13\" fill=\"{INK}\">{text}</text>\n"
+    )
 }
 
 fn dot([x, y]: [f64; 2], radius: u32, colour: &str, is_hollow: bool) -> String {

@@ -6,8 +6,6 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
-#[cfg(test)]
-mod colour_vision;
 pub mod crop;
 mod error;
 mod number;

@@ -37,43 +37,41 @@ pub struct Row {
     cells: Vec<Cell>,
 }
 
-/// Text of a cell and its form.
+/// Text of a cell.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Cell {
     text: String,
+    /// HTML element around the text, or empty.
+    element: &'static str,
     /// Second line, in small letters.
     note: String,
-    is_code: bool,
-    is_strong: bool,
-    is_quoted: bool,
 }
 
 impl Cell {
+    fn within(element: &'static str, text: impl Into<String>) -> Self {
+        Self {
+            text: text.into(),
+            element,
+            note: String::new(),
+        }
+    }
+
     /// An identifier.
     pub fn code(text: impl Into<String>) -> Self {
-        Self {
-            is_code: true,
-            ..text.into().into()
-        }
+        Self::within("code", text)
     }
 
     /// Emphasised text.
     pub fn strong(text: impl Into<String>) -> Self {
-        Self {
-            is_strong: true,
-            ..text.into().into()
-        }
+        Self::within("strong", text)
     }
 
-    /// A figure of others.
+    /// Figures by others.
     pub fn quoted(text: impl Into<String>) -> Self {
-        Self {
-            is_quoted: true,
-            ..text.into().into()
-        }
+        Self::within("em", text)
     }
 
-    /// The same cell with a second line.
+    /// Adds a second line.
     #[must_use]
     pub fn with_note(self, note: impl Into<String>) -> Self {
         Self {
@@ -85,16 +83,13 @@ impl Cell {
 
 impl From<String> for Cell {
     fn from(text: String) -> Self {
-        Self {
-            text,
-            ..Self::default()
-        }
+        Self::within("", text)
     }
 }
 
 impl From<&str> for Cell {
     fn from(text: &str) -> Self {
-        text.to_owned().into()
+        Self::within("", text)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Style sheet colours as people with deficient colour vision see them (Machado, Oliveira and Fernandes 2009, severity 1).
 
-use crate::page::STYLE;
+use report_page::page::STYLE;
 
 /// Linear RGB with normal vision, protanopia, deuteranopia and tritanopia.
 const VISIONS: [(&str, [[f64; 3]; 3]); 4] = [
