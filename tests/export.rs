@@ -1,5 +1,5 @@
-//! `dtd export` from outside: pycocotools reads what it writes for COCO and gets the average precision of `dtd evaluate-detector`, the
-//! label files of YOLO hold the ground-truth boxes, and nothing half-made appears under the final name.
+//! `dtd export` from outside: pycocotools reads the COCO files and computes the average precision of `dtd evaluate-detector`, YOLO's label
+//! files hold the ground-truth boxes, and the final name never appears before the export is complete.
 
 #[path = "export/crops.rs"]
 mod crops;
@@ -110,7 +110,7 @@ fn pycocotools_gets_the_average_precision_of_evaluate_detector_from_a_coco_expor
         );
     }
 
-    // The same again is there already, and whole; another selection does not replace it.
+    // A repeated export exists already and is whole; a different selection does not replace it.
     let mut again = json_of(&tiny, &[&export[..], &["--json"]].concat());
     assert_eq!(again["unchanged"].take(), Value::Bool(true));
     again["unchanged"] = counts["unchanged"].clone();
@@ -348,7 +348,7 @@ fn coco_has_the_annotations_of_each_side_beside_those_of_all() {
     }
 }
 
-/// What another program says of files or folders.
+/// Output of an independent program about files or folders.
 fn judged(judge: &str, paths: &[&Path]) -> Value {
     let output = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges").join(judge))
@@ -359,7 +359,7 @@ fn judged(judge: &str, paths: &[&Path]) -> Value {
     testkit::command::json(&output)
 }
 
-/// Rows of a table over all splits.
+/// Table rows over all splits.
 fn rows_of<'a>(tables: &'a Value, table: &str) -> Vec<&'a Value> {
     let splits = tables[table].as_object().unwrap().values();
     let rows = |split: &'a Value| split["rows"].as_array().unwrap();
@@ -656,7 +656,7 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     }
 }
 
-/// The coded images of a video, with their times in units of the frame rate.
+/// A video's coded images, with their times in units of the frame rate.
 fn coded_pictures(path: &Path, rate: FrameRate) -> Vec<CodedPicture> {
     let mut packets = PacketReader::open(path, rate).unwrap().unwrap();
     let mut all = Vec::new();
@@ -666,9 +666,8 @@ fn coded_pictures(path: &Path, rate: FrameRate) -> Vec<CodedPicture> {
     all
 }
 
-/// Judges a LeRobot dataset by the published layout, and by the library itself: every `step`th frame has the state of its tick, and
-/// images like those of its tick. Returns the dataset's rate and number of frames, and the furthest that a frame's time is from its
-/// tick's, seconds.
+/// Judges a LeRobot dataset by the published layout, and by the library itself: every `step`th frame has its tick's state and images.
+/// Returns the dataset's rate and number of frames, and the largest difference between a frame's time and its tick's, seconds.
 fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> (u64, u64, f64) {
     let readers = [
         ("layout", program_of_venv("python")),
@@ -729,8 +728,8 @@ fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> 
             let time_s = frame["timestamp_s"].as_f64().unwrap();
             furthest_s = furthest_s.max((time_s - row.time_ns as f64 / 1e9).abs());
         }
-        // Encoded again, an aircraft of two pixels may look like that of another tick, but not always of the next of the dataset, which is
-        // three ticks away.
+        // Encoded again, an aircraft of two pixels may look like the one at a neighbouring tick, but not always like the dataset's next
+        // one, three ticks away.
         let off = offs.iter().sum::<f64>() / offs.len() as f64;
         assert!(off.abs() < 1.0, "{reader}: images are {off} ticks off");
         let found = (
@@ -962,7 +961,7 @@ fn predictions_for_scenarios_of_the_same_names_in_another_corpus_are_refused() {
         &[&tables[..], &["--only", &learned]].concat(),
         "none of the selected scenarios",
     );
-    // The flight of another scenario under the name of the judged one.
+    // A different flight under the judged scenario's name.
     let folder = tiny.corpus().join("scenarios").join(&judged);
     let flown = tiny.corpus().join("scenarios").join(&learned);
     fs::remove_dir_all(&folder).unwrap();
