@@ -15,7 +15,7 @@ const ASPECT: f64 = 1.5;
 /// Minimum crop width, px, unless the box needs more.
 const MIN_WIDTH_PX: f64 = 96.0;
 /// Crop width as a multiple of the box width.
-const SURROUNDINGS: f64 = 3.0;
+const SURROUNDINGS: f64 = 2.5;
 /// Distance between a box and the line around it, over the width of the crop: a line on the box would cover a small aircraft.
 const GAP: f64 = 0.015;
 
@@ -29,13 +29,9 @@ pub struct Part {
 }
 
 impl Part {
-    /// The region around a box, `surroundings` times as wide, in an image with this width and height.
-    pub fn around(
-        shown: &PixelBox,
-        surroundings: f64,
-        [picture_width, picture_height]: [u32; 2],
-    ) -> Self {
-        let needed = (shown.width_px * surroundings).max(shown.height_px * surroundings * ASPECT);
+    /// The region around a box, in an image with this width and height.
+    pub fn around(shown: &PixelBox, [picture_width, picture_height]: [u32; 2]) -> Self {
+        let needed = SURROUNDINGS * shown.width_px.max(shown.height_px * ASPECT);
         let width = needed.max(MIN_WIDTH_PX).min(f64::from(picture_width)) as u32;
         let height = ((f64::from(width) / ASPECT) as u32).min(picture_height);
         let start = |centre: f64, length: u32, picture: u32| {
@@ -88,7 +84,7 @@ impl Crop {
     /// # Errors
     /// The PNG cannot be written.
     pub fn around(shown: &PixelBox, rgb: &[u8], picture_size: [u32; 2]) -> Result<Self> {
-        let part = Part::around(shown, SURROUNDINGS, picture_size);
+        let part = Part::around(shown, picture_size);
         let mut png = Cursor::new(Vec::new());
         part.cut(rgb, picture_size[0])
             .write_to(&mut png, ImageFormat::Png)

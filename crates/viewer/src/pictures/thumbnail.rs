@@ -31,8 +31,6 @@ const AT_ONCE: usize = 2;
 const KEPT_BYTES: usize = 16 << 20;
 /// Maximum thumbnail width: about twice its place on a page.
 const MAX_COLUMNS: u32 = 480;
-/// Width of the part that is shown over the width of the aircraft.
-const SURROUNDINGS: f64 = 2.5;
 /// Visible part from which on an aircraft counts as whole.
 const WHOLE: f64 = 0.99;
 /// JPEG quality, 1 to 100.
@@ -131,7 +129,7 @@ fn make(opened: &Opened, models: &[String]) -> Result<Bytes, Refusal> {
     } = moment(opened, models)?;
     let picture = opened.files.picture(&view, tick)?;
     let part = match &aircraft {
-        Some(aircraft) => Part::around(aircraft, SURROUNDINGS, picture.size_px),
+        Some(aircraft) => Part::around(aircraft, picture.size_px),
         None => Part::whole(picture.size_px),
     };
     let mut shown = part.cut(&picture.rgb, picture.size_px[0]);
