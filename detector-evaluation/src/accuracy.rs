@@ -19,8 +19,6 @@ use dataset::conditions::sight::Sight;
 
 /// Distance from the centre of gravity to the visible part's centre: removes most bias in the bundled simulator's images, at all distances.
 const VISIBLE_AHEAD_M: f64 = 3.3;
-/// Width of the bins of distance, nautical miles.
-const BIN_NM: f64 = 1.0;
 /// Upper ends of the bins of true width, pixels; the last bin is open.
 const WIDTH_BINS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, f64::INFINITY];
 
@@ -301,7 +299,7 @@ impl AccuracyTally {
 fn deviation_about_bias(errors: Vec<(f32, f64)>) -> Option<f64> {
     let mut miles: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
     for (distance_nm, error) in errors {
-        let mile = (f64::from(distance_nm) / BIN_NM).floor() as i64;
+        let mile = distance_nm.floor() as i64;
         miles.entry(mile).or_default().push(error);
     }
     let about_bias = miles.into_values().flat_map(|errors| {
@@ -321,11 +319,10 @@ fn is_in(distance_nm: f32, [from_nm, to_nm]: [f64; 2]) -> bool {
     (from_nm..to_nm).contains(&f64::from(distance_nm))
 }
 
-/// Bins from 0 to the farthest distance.
+/// Miles from 0 to the farthest distance.
 fn bins(distances_nm: impl Iterator<Item = f32>) -> impl Iterator<Item = [f64; 2]> {
     let farthest_nm = distances_nm.fold(0.0, f32::max);
-    (0..=(f64::from(farthest_nm) / BIN_NM) as u32)
-        .map(|bin| [f64::from(bin), f64::from(bin + 1)].map(|edge| edge * BIN_NM))
+    (0..=farthest_nm as u32).map(|mile| [mile, mile + 1].map(f64::from))
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::outcome::Searched;
 
 /// Images per camera and hour.
-const PICTURES_PER_HOUR: f64 = 30.0 * 3_600.0;
+const PICTURES_PER_HOUR: u32 = 30 * 3_600;
 
 /// Counts of false alarms.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -98,7 +98,7 @@ impl AlarmTally {
 
 impl FalseAlarms {
     fn of(counts: AlarmCounts) -> Self {
-        let hours = counts.pictures as f64 / PICTURES_PER_HOUR;
+        let hours = counts.pictures as f64 / f64::from(PICTURES_PER_HOUR);
         let rate = |number: u64| (counts.pictures > 0).then(|| number as f64 / hours);
         Self {
             hours,
