@@ -247,7 +247,7 @@ fn blank(cells: usize) -> impl Iterator<Item = Cell> {
 /// A search by weather and time.
 fn conditions(figures: &ModeFigures) -> Table {
     let mut table = Table::new("By weather and time of day")
-        .words(["Condition", ""])
+        .words(["By", "Condition"])
         .numbers("In sight, 1–10 NM", ["images", "recall %", "95 %"])
         .numbers("Range, NM", ["maximum", "effective"])
         .numbers("Hidden", ["found"])

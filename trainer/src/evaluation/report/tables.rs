@@ -254,7 +254,7 @@ fn faithfulness(metrics: &Metrics) -> String {
 pub(super) fn conditions(metrics: &Metrics) -> Table {
     let figures = ["MAPE %", "SD %", "samples", "paper", "its SD"];
     let mut table = Table::new("Errors beside the paper's")
-        .words(["Condition", ""])
+        .words(["By", "Condition"])
         .numbers("Dual", figures)
         .numbers("Combination", figures);
     let Some(ours) = metrics.estimators.get(Estimator::PaperLstm.name()) else {
