@@ -18,7 +18,7 @@ use detector_training::evaluation::{Evaluation, Spread, judge};
 use detector_training::grid::ScoredBox;
 use detector_training::network::convolution::standard_normal;
 use detector_training::samples::corpus_samples::{JudgedFrame, read_frames, videos};
-use detector_training::samples::picture::{contrast, matched_filter_ratio};
+use detector_training::samples::training_picture::{contrast, matched_filter_ratio};
 use labeller::detector::{Device, OrtDetector, OrtOptions, PictureView};
 use labeller::tiling::{TilingSettings, find_aircraft};
 use rand::{RngExt, SeedableRng};

@@ -22,10 +22,10 @@ use testkit::{
 };
 use tiny::{MODEL, SCENARIOS, Tiny};
 
-/// An image: its aircraft and detections.
+/// An image's aircraft and detections.
 type Pictured = (Option<TrueAircraft>, Vec<(PixelBox, f64)>);
 
-/// pycocotools' figures for some images.
+/// pycocotools' figures.
 fn pycocotools(pictures: &[Pictured]) -> Value {
     let bbox = |pixel_box: &PixelBox| {
         let [left, top, ..] = pixel_box.edges();
@@ -154,7 +154,7 @@ fn evaluated(tiny: &Tiny, more: &[&str]) -> Value {
     evaluation
 }
 
-/// The evaluation without values that differ between runs.
+/// The evaluation without figures that differ between runs.
 fn without_cost(mut evaluation: Value) -> Value {
     for figures in evaluation["modes"].as_object_mut().unwrap().values_mut() {
         for key in ["cpu_ms_per_picture", "cpu_ms_by_stage"] {
@@ -164,7 +164,7 @@ fn without_cost(mut evaluation: Value) -> Value {
     evaluation
 }
 
-/// A mode's findings, from the files.
+/// A mode's detections, from the files.
 fn pictured(tiny: &Tiny, mode: &str) -> Vec<Pictured> {
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let mut pictures = Vec::new();
@@ -219,7 +219,7 @@ fn openvino_finds_what_onnx_runtime_finds_on_the_processor() {
     let rounded = pictured(&tiny, "auto_segmentation");
     let mut found = 0;
     for (index, ((_, plain), (_, rounded))) in plain.iter().zip(&rounded).enumerate() {
-        // A box near the lowest score may be on either side of it.
+        // A box near the lowest score may be on either side.
         for (pixel_box, score) in plain.iter().filter(|(_, score)| *score > 0.5) {
             let same = |(other, other_score): &&(PixelBox, f64)| {
                 other.iou(pixel_box) > 0.7 && (other_score - score).abs() < 0.1

@@ -13,7 +13,7 @@ use testkit::command::{Dtd, said};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-/// Stages where the command is killed, and how long after their start.
+/// Stages that are killed, and the delay after their start.
 const KILLED_IN: [(&str, Duration); 4] = [
     ("corpus", Duration::from_millis(1_500)),
     (
@@ -50,7 +50,7 @@ fn start(out: &Path) -> (Child, BufReader<ChildStderr>) {
     (process, BufReader::new(stderr))
 }
 
-/// Runs the command until `later` after the start of a stage, and kills it there.
+/// Runs the command and kills it `later` after a stage's start.
 fn kill_in(out: &Path, stage: &str, later: Duration) {
     let (mut process, stderr) = start(out);
     let mut lines = stderr.lines().map_while(Result::ok);

@@ -14,7 +14,7 @@ use testkit::command::Server;
 use testkit::judge_in_chromium;
 use tiny::{SCENARIOS, Tiny, said};
 
-/// A folder's server and its client.
+/// A folder's server.
 struct Page {
     server: Server,
 }
@@ -210,7 +210,7 @@ fn every_picture_is_that_of_its_tick_in_any_order_and_videos_come_in_parts() {
         let beyond = format!("/frame?scenario={id}&view={view}&tick={}", record.ticks);
         assert_eq!(page.ask(&beyond, "").status, 404);
 
-        // What a screen can show of it: fewer columns, and a part with all of them.
+        // Reduced for the screen: fewer columns, and a part with all columns.
         let mut reader = open.open_video(view).unwrap();
         reader.skip_frame().unwrap();
         let planes = reader.planes().unwrap().unwrap();
@@ -252,7 +252,7 @@ fn nobody_else_is_answered_and_no_request_leaves_the_corpus() {
     for (headers, status) in [
         (format!("Host: {address}\r\n"), 200),
         (format!("Host: localhost:{}\r\n", address.port()), 200),
-        // The other end of a tunnel (`ssh -L 9000:localhost:4180`).
+        // Through a tunnel (`ssh -L 9000:localhost:4180`).
         ("Host: localhost:9000\r\n".to_owned(), 200),
         (
             "Host: localhost:9000\r\nOrigin: http://localhost:9000\r\n".to_owned(),
@@ -481,7 +481,7 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
     assert_eq!(page.row(failed)["state"], "failed");
     assert_eq!(page.row(failed)["faults"], json!(["<b>no fuel</b>", "fog"]));
 
-    // Its tables are intact, and one of its videos.
+    // The tables and one video are intact.
     let frame = |view| page.ask(&format!("/frame?scenario={damaged}&view={view}&tick=1"), "");
     assert!(page.scenario(damaged)["ticks"]["dtd_m"][0].is_number());
     assert_eq!(frame("right").status, 200);

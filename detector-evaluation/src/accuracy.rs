@@ -17,22 +17,14 @@ use crate::outcome::{Outcome, Searched};
 use crate::recall::OVERALL_NM;
 use dataset::conditions::sight::Sight;
 
-/// From the centre of gravity to what is visible: takes most of the bias out of images of the stand-in, at all distances.
+/// Distance from the centre of gravity to the visible part's centre: removes most bias in the bundled simulator's images, at all distances.
 const VISIBLE_AHEAD_M: f64 = 3.3;
-/// Width of the bins of distance, nautical miles.
-const BIN_NM: f64 = 1.0;
 /// Upper ends of the bins of true width, pixels; the last bin is open.
 const WIDTH_BINS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, f64::INFINITY];
 
-/// Errors in a bin of distances, or over all from 1 to 10 NM.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct BoxErrors {
-    /// Smallest distance to touchdown, nautical miles, included.
-    pub from_nm: f64,
-    /// Largest distance, excluded.
-    pub to_nm: f64,
-    /// Number of boxes.
-    pub boxes: u64,
+/// Errors of boxes, found minus true.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct BoxSpreads {
     /// Centre, right.
     pub cx_px: Option<Spread>,
     /// Centre, down.
@@ -43,6 +35,20 @@ pub struct BoxErrors {
     pub height_px: Option<Spread>,
 }
 
+/// Errors in a bin of distances, or over all from 1 to 10 NM.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BoxErrors {
+    /// Smallest distance to touchdown, nautical miles, included.
+    pub from_nm: f64,
+    /// Largest distance, excluded.
+    pub to_nm: f64,
+    /// Number of boxes.
+    pub boxes: u64,
+    /// Errors of the boxes.
+    #[serde(flatten)]
+    pub errors: BoxSpreads,
+}
+
 /// Errors of the disparity in a bin of distances, or over all from 1 to 10 NM.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DisparityErrors {
@@ -50,13 +56,13 @@ pub struct DisparityErrors {
     pub from_nm: f64,
     /// Largest distance, excluded.
     pub to_nm: f64,
-    /// Ticks at which both views found the aircraft.
+    /// Ticks with detections in both views.
     pub pairs: u64,
-    /// Of these, those with a registered shift.
+    /// Pairs with a registered shift.
     pub registered: u64,
     /// The others, by reason.
     pub unregistered: BTreeMap<String, u64>,
-    /// From the centres of the boxes.
+    /// Errors between box centres.
     pub boxes_px: Option<Spread>,
     /// Registered.
     pub registered_px: Option<Spread>,
@@ -71,21 +77,15 @@ pub struct DisparityErrors {
 pub struct WidthFigures {
     /// Largest width of the ground-truth box, pixels; null in the last bin.
     pub width_up_to_px: Option<f64>,
-    /// Images in which it is expected.
+    /// Images that should show the aircraft.
     pub expected: u64,
-    /// Those in which it was found.
+    /// Images with a detection.
     pub found: u64,
-    /// Centre, right.
-    pub cx_px: Option<Spread>,
-    /// Centre, down.
-    pub cy_px: Option<Spread>,
-    /// Width.
-    pub width_px: Option<Spread>,
-    /// Height.
-    pub height_px: Option<Spread>,
+    /// Errors of the boxes.
+    #[serde(flatten)]
+    pub errors: BoxSpreads,
 }
 
-/// Errors of one mode.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AccuracyTally {
     boxes: Vec<BoxError>,
@@ -111,8 +111,20 @@ struct Pair {
     registered_px: std::result::Result<[f32; 2], &'static str>,
 }
 
+impl BoxSpreads {
+    fn of<'a>(errors: impl Iterator<Item = &'a BoxError>) -> Self {
+        let errors: Vec<_> = errors.map(|error| error.error_px.map(f64::from)).collect();
+        let spread = |which: usize| Spread::of(errors.iter().map(|error| error[which]).collect());
+        Self {
+            cx_px: spread(0),
+            cy_px: spread(1),
+            width_px: spread(2),
+            height_px: spread(3),
+        }
+    }
+}
+
 impl AccuracyTally {
-    /// Counts the images of a scenario.
     pub(crate) fn count(
         &mut self,
         scenario: &OpenScenario,
@@ -207,21 +219,11 @@ impl AccuracyTally {
                     .iter()
                     .filter(move |error| error.width_bin == index)
             };
-            let spread = |which: usize| {
-                Spread::of(
-                    here()
-                        .map(|error| f64::from(error.error_px[which]))
-                        .collect(),
-                )
-            };
             WidthFigures {
                 width_up_to_px: up_to.is_finite().then_some(up_to),
                 expected: self.expected[index],
                 found: here().count() as u64,
-                cx_px: spread(0),
-                cy_px: spread(1),
-                width_px: spread(2),
-                height_px: spread(3),
+                errors: BoxSpreads::of(here()),
             }
         };
         WIDTH_BINS_PX.into_iter().enumerate().map(bin).collect()
@@ -247,21 +249,11 @@ impl AccuracyTally {
                 .iter()
                 .filter(move |error| is_in(error.distance_nm, [from_nm, to_nm]))
         };
-        let spread = |which: usize| {
-            Spread::of(
-                here()
-                    .map(|error| f64::from(error.error_px[which]))
-                    .collect(),
-            )
-        };
         BoxErrors {
             from_nm,
             to_nm,
             boxes: here().count() as u64,
-            cx_px: spread(0),
-            cy_px: spread(1),
-            width_px: spread(2),
-            height_px: spread(3),
+            errors: BoxSpreads::of(here()),
         }
     }
 
@@ -303,11 +295,11 @@ impl AccuracyTally {
     }
 }
 
-/// Robust standard deviation of errors at their distances, each about the median of its mile.
+/// Robust standard deviation about each mile's median.
 fn deviation_about_bias(errors: Vec<(f32, f64)>) -> Option<f64> {
     let mut miles: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
     for (distance_nm, error) in errors {
-        let mile = (f64::from(distance_nm) / BIN_NM).floor() as i64;
+        let mile = distance_nm.floor() as i64;
         miles.entry(mile).or_default().push(error);
     }
     let about_bias = miles.into_values().flat_map(|errors| {
@@ -327,11 +319,10 @@ fn is_in(distance_nm: f32, [from_nm, to_nm]: [f64; 2]) -> bool {
     (from_nm..to_nm).contains(&f64::from(distance_nm))
 }
 
-/// Bins from 0 to the farthest distance.
+/// Miles from 0 to the farthest distance.
 fn bins(distances_nm: impl Iterator<Item = f32>) -> impl Iterator<Item = [f64; 2]> {
     let farthest_nm = distances_nm.fold(0.0, f32::max);
-    (0..=(f64::from(farthest_nm) / BIN_NM) as u32)
-        .map(|bin| [f64::from(bin), f64::from(bin + 1)].map(|edge| edge * BIN_NM))
+    (0..=farthest_nm as u32).map(|mile| [mile, mile + 1].map(f64::from))
 }
 
 #[cfg(test)]
@@ -359,12 +350,12 @@ mod tests {
         let bins: Vec<_> = tally
             .boxes_by_nm()
             .iter()
-            .map(|bin| (bin.from_nm, bin.boxes, bin.cx_px.unwrap().median))
+            .map(|bin| (bin.from_nm, bin.boxes, bin.errors.cx_px.unwrap().median))
             .collect();
         assert_eq!(bins, [(0.0, 1, 9.0), (5.0, 3, 2.0), (12.0, 1, 7.0)]);
         let overall = tally.boxes();
         assert_eq!(
-            (overall.boxes, overall.cx_px.unwrap().deviation),
+            (overall.boxes, overall.errors.cx_px.unwrap().deviation),
             (3, 1.4826)
         );
         // 10 and 20 px wide; 60, 70 and 90.

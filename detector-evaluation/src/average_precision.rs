@@ -20,7 +20,7 @@ const AREAS_PX2: [[f64; 2]; 4] = [
     [1_024.0, 9_216.0],
     [9_216.0, 1e10],
 ];
-/// Number of recalls at which precision is read: 0, 0.01, ... 1.
+/// Recalls with a precision: 0, 0.01, ... 1.
 const RECALLS: usize = 101;
 const RECALL_STEP: f64 = 0.01;
 /// Maximum number of boxes per image, the best ones.
@@ -31,9 +31,9 @@ const MAX_BOXES: usize = 100;
 pub struct AveragePrecision {
     /// Mean over the thresholds 0.50 to 0.95.
     pub ap: Option<f64>,
-    /// At the threshold 0.50.
+    /// AP at the threshold 0.50.
     pub ap50: Option<f64>,
-    /// At the threshold 0.75.
+    /// AP at the threshold 0.75.
     pub ap75: Option<f64>,
     /// AP of boxes below 32 x 32 px.
     pub ap_small: Option<f64>,
@@ -43,7 +43,7 @@ pub struct AveragePrecision {
     pub ap_large: Option<f64>,
 }
 
-/// The ground-truth box of an image.
+/// Ground truth in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueAircraft {
     /// The box.
@@ -125,7 +125,7 @@ impl PrecisionTally {
         }
     }
 
-    /// AP of a size at a threshold; the boxes are sorted.
+    /// AP for a size at a threshold; the boxes are sorted.
     fn at(&self, size: usize, threshold: usize) -> Option<f64> {
         let aircraft = self.aircraft[size];
         if aircraft == 0 {

@@ -1,4 +1,4 @@
-//! Errors of an evaluation.
+//! Evaluation errors.
 
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -18,7 +18,7 @@ pub enum Error {
     /// There is no truth to compare with.
     #[error("scenario {0} has no labels; run `dtd label` on the corpus first")]
     Unlabelled(String),
-    /// Boxes in a view in which the aircraft is not visible according to the calibration.
+    /// Boxes in a view that cannot show the aircraft according to the calibration.
     #[error(
         "scenario {scenario}: both views found the aircraft at tick {tick}, but calibration.json has it behind the camera of view {view}, \
          or lacks that camera; label the corpus again"

@@ -19,7 +19,7 @@ use crate::report;
 use crate::report::example::Candidates;
 use crate::search_store::{EVALUATION, REPORT, SearchStore};
 
-/// Options of an evaluation.
+/// Evaluation options.
 #[derive(Debug, Clone)]
 pub struct EvaluationOptions {
     /// The detector, an ONNX file.
@@ -32,7 +32,7 @@ pub struct EvaluationOptions {
     pub out: PathBuf,
 }
 
-/// Outcome of an evaluation.
+/// Evaluation outcome.
 #[derive(Debug)]
 pub enum Ended {
     /// `evaluation.json` and `report.html` are written.
@@ -41,7 +41,7 @@ pub enum Ended {
     Stopped {
         /// Scenarios that are searched, in all modes.
         searched: usize,
-        /// Those that are not.
+        /// Scenarios not yet searched.
         left: usize,
     },
 }
@@ -174,7 +174,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Findings of a mode in a scenario, from the search or from an earlier one.
+    /// Findings in a scenario, from the search or from an earlier one.
     fn findings(
         &self,
         mode: EvaluatedMode,

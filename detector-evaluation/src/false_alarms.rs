@@ -11,8 +11,8 @@ use serde::Serialize;
 
 use crate::outcome::Searched;
 
-/// Images of a camera in an hour.
-const PICTURES_PER_HOUR: f64 = 30.0 * 3_600.0;
+/// Images per camera and hour.
+const PICTURES_PER_HOUR: u32 = 30 * 3_600;
 
 /// Counts of false alarms.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -35,7 +35,7 @@ pub struct FalseAlarms {
     /// Counts behind the rates.
     #[serde(flatten)]
     pub counts: AlarmCounts,
-    /// Hours of one camera's video at 30 images per second that have as many images.
+    /// Video duration at 30 images per second, hours.
     pub hours: f64,
     /// False boxes an hour and view, before confirmation.
     pub boxes_per_hour: Option<f64>,
@@ -43,18 +43,17 @@ pub struct FalseAlarms {
     pub confirmed_boxes_per_hour: Option<f64>,
     /// False confirmed tracks an hour and view.
     pub confirmed_tracks_per_hour: Option<f64>,
-    /// The same an hour of the corpus' own video.
+    /// Confirmed tracks per hour of the corpus's own video.
     pub confirmed_tracks_per_video_hour: Option<f64>,
 }
 
-/// Counts of one mode, by weather.
+/// Counts by weather.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AlarmTally {
     by_weather: BTreeMap<String, AlarmCounts>,
 }
 
 impl AlarmTally {
-    /// Counts the images of a scenario.
     pub(crate) fn count(&mut self, weather: &str, period_s: f64, searched: &[Searched<'_>]) {
         let mut counts = AlarmCounts {
             pictures: searched.len() as u64,
@@ -99,7 +98,7 @@ impl AlarmTally {
 
 impl FalseAlarms {
     fn of(counts: AlarmCounts) -> Self {
-        let hours = counts.pictures as f64 / PICTURES_PER_HOUR;
+        let hours = counts.pictures as f64 / f64::from(PICTURES_PER_HOUR);
         let rate = |number: u64| (counts.pictures > 0).then(|| number as f64 / hours);
         Self {
             hours,
@@ -168,7 +167,7 @@ mod tests {
             confirmed_tracks: 1,
         };
         assert_eq!(found.counts, expected);
-        // 54 images are 1/2000 of an hour.
+        // 54 images take 1/2000 h.
         assert_eq!(found.hours, 0.0005);
         assert_eq!(found.boxes_per_hour, Some(24_000.0));
         assert_eq!(found.confirmed_tracks_per_hour, Some(2_000.0));

@@ -34,7 +34,7 @@ pub struct Evaluation {
     pub range_weather: Option<String>,
     /// The weathers that `recall` and `recall_by_nm` are of: those that hide the aircraft nowhere; all, if each does.
     pub recall_weathers: Vec<String>,
-    /// By name of the mode.
+    /// Figures by mode.
     pub modes: BTreeMap<String, ModeFigures>,
     /// Accuracy of the registration of two views, of the first mode; null with one view.
     pub registration: Option<RegistrationFigures>,
@@ -50,27 +50,27 @@ pub struct EvaluatedModel {
     pub device: String,
 }
 
-/// Figures of a mode of searching.
+/// A search mode's figures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModeFigures {
     /// Ranges in [`Evaluation::range_weather`].
     #[serde(flatten)]
     pub range: Range,
-    /// In [`Evaluation::recall_weathers`], the aircraft in sight.
+    /// Recall for aircraft in sight, in [`Evaluation::recall_weathers`].
     pub recall_by_nm: Vec<RecallBin>,
-    /// The same from 1 to 10 NM.
+    /// Recall from 1 to 10 NM.
     pub recall: Recall,
     /// False confirmed tracks an hour and view.
     pub false_alarms_per_hour: Option<f64>,
     /// Processor time an image, decoding included.
     pub cpu_ms_per_picture: Option<f64>,
-    /// Its parts.
+    /// Processor time by stage.
     pub cpu_ms_by_stage: Option<StageCost>,
     /// All images, each counted once.
     pub pictures: PictureFigures,
-    /// By name of the weather.
+    /// Figures by weather.
     pub by_weather: BTreeMap<String, ConditionFigures>,
-    /// By local time.
+    /// Figures by local time.
     pub by_time: BTreeMap<String, ConditionFigures>,
     /// All weathers.
     pub false_alarms: FalseAlarms,
@@ -78,7 +78,7 @@ pub struct ModeFigures {
     pub boxes: BoxErrors,
     /// Mile by mile.
     pub boxes_by_nm: Vec<BoxErrors>,
-    /// By width of the ground-truth box.
+    /// Figures by width of the ground-truth box.
     pub by_width: Vec<WidthFigures>,
     /// Errors of the disparity from 1 to 10 NM.
     pub disparity: DisparityErrors,
@@ -101,19 +101,19 @@ pub struct StageCost {
     pub rest: f64,
 }
 
-/// All images of a mode: `total` is the sum of all other numbers but `found`, `confirmed` and `missed` of each part.
+/// All searched images: `total` is the sum of all other numbers but `found`, `confirmed` and `missed` in each part.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct PictureFigures {
     /// Images of all scenarios and views.
     pub total: u64,
     /// Images without an expected aircraft.
     pub not_expected: NotExpected,
-    /// The aircraft is there, by what is in the way.
+    /// Images with the aircraft, by obstruction.
     #[serde(flatten)]
     pub expected: SightCounts,
 }
 
-/// The aircraft is in the frame, by what is in the way.
+/// Images with the aircraft in the frame, by obstruction.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct SightCounts {
     /// Unobstructed.
@@ -129,9 +129,9 @@ pub struct SightCounts {
 pub struct ConditionFigures {
     /// The aircraft in sight, from 1 to 10 NM.
     pub recall: Recall,
-    /// By distance.
+    /// Recall by distance.
     pub recall_by_nm: Vec<RecallBin>,
-    /// At all distances, by what is in the way.
+    /// Counts at all distances, by obstruction.
     #[serde(flatten)]
     pub expected: SightCounts,
     /// Ranges; only by weather.
@@ -147,7 +147,7 @@ pub struct ConditionFigures {
 pub struct RegistrationFigures {
     /// Robust standard deviation of the error of the registered disparity from 1 to 10 NM.
     pub disparity_sd_px: Option<f64>,
-    /// The same from the centres of boxes.
+    /// Disparity error between box centres, px.
     pub boxes_disparity_sd_px: Option<f64>,
     /// Mile by mile.
     pub by_nm: Vec<RegistrationBin>,
@@ -160,17 +160,17 @@ pub struct RegistrationBin {
     pub from_nm: f64,
     /// Largest distance, excluded.
     pub to_nm: f64,
-    /// Ticks at which both views found the aircraft.
+    /// Ticks with detections in both views.
     pub pairs: u64,
-    /// Of these, those with a registered shift.
+    /// Pairs with a registered shift.
     pub registered: u64,
     /// Robust standard deviation of the error of the registered disparity.
     pub disparity_sd_px: Option<f64>,
-    /// The same from the centres of boxes.
+    /// Disparity error between box centres, px.
     pub boxes_disparity_sd_px: Option<f64>,
 }
 
-/// All that is counted of one mode.
+/// Counters for one mode.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tally {
     recall: RecallTally,
@@ -181,7 +181,6 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts the images of a scenario.
     pub(crate) fn count(
         &mut self,
         scenario: &OpenScenario,
@@ -213,7 +212,7 @@ impl Tally {
         Ok(())
     }
 
-    /// The weathers in which the air hides the aircraft nowhere.
+    /// Weathers that never hide the aircraft.
     pub(crate) fn open_weathers(&self) -> Vec<String> {
         self.recall.open_weathers()
     }
@@ -307,7 +306,7 @@ impl StageCost {
 }
 
 impl RegistrationFigures {
-    /// Figures of a mode; `None` if there were no pairs of views.
+    /// `None` without pairs of views.
     pub(crate) fn of(mode: &ModeFigures) -> Option<Self> {
         let deviation = |spread: Option<dataset::numbers::spread::Spread>| {
             spread.map(|spread| spread.deviation)

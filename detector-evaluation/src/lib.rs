@@ -21,7 +21,7 @@ mod report;
 mod samples;
 mod search_store;
 
-pub use accuracy::{BoxErrors, DisparityErrors, WidthFigures};
+pub use accuracy::{BoxErrors, BoxSpreads, DisparityErrors, WidthFigures};
 pub use average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};
 pub use error::{Error, Result};
 pub use evaluation::{Ended, EvaluationOptions, evaluate_detector};

@@ -2,7 +2,7 @@
 
 use labeller::Mode;
 
-/// A way of searching all images of a view.
+/// A way to search all images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EvaluatedMode {
     /// Every image as a whole, pixel by pixel: the paper's Auto Segmentation.
@@ -16,7 +16,7 @@ pub enum EvaluatedMode {
 }
 
 impl EvaluatedMode {
-    /// All of them.
+    /// All modes.
     pub const ALL: [Self; 4] = [
         Self::AutoSegmentation,
         Self::Scaled,
@@ -24,7 +24,7 @@ impl EvaluatedMode {
         Self::Auto,
     ];
 
-    /// Its key in `evaluation.json`.
+    /// Key in `evaluation.json`.
     pub fn key(self) -> &'static str {
         match self {
             Self::AutoSegmentation => "auto_segmentation",
@@ -34,7 +34,7 @@ impl EvaluatedMode {
         }
     }
 
-    /// Its name for people.
+    /// Title in reports.
     pub fn title(self) -> &'static str {
         match self {
             Self::AutoSegmentation => "Auto segmentation",

@@ -9,7 +9,7 @@ use labeller::matching::Match;
 
 use picture::Picture;
 
-/// An image and what was detected in it.
+/// An image with its detections.
 #[derive(Debug)]
 pub(crate) struct Searched<'a> {
     pub(crate) picture: &'a Picture,
@@ -19,12 +19,12 @@ pub(crate) struct Searched<'a> {
     reason: Option<MissReason>,
 }
 
-/// The result of an image in which the aircraft is expected.
+/// Result for an image that should show the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Outcome<'a> {
     /// The best of the boxes that are the aircraft.
     Found(&'a Detection),
-    /// In words.
+    /// The reason, in words.
     Missed(&'static str),
 }
 

@@ -23,11 +23,11 @@ const EFFECTIVE_SHARE: f64 = 0.99;
 /// Counts of expected aircraft.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Counts {
-    /// Images in which most of the aircraft is inside the frame.
+    /// Images with most of the aircraft inside the frame.
     pub expected: u64,
-    /// Those in which it was found.
+    /// Images with a detection.
     pub found: u64,
-    /// Those in which a confirmed track found it.
+    /// Images with a detection on a confirmed track.
     pub confirmed: u64,
     /// The others, by reason.
     pub missed: BTreeMap<String, u64>,
@@ -41,9 +41,9 @@ pub struct Recall {
     pub counts: Counts,
     /// Share of the expected aircraft that was found; null if none was expected.
     pub recall: Option<f64>,
-    /// Its 95 % interval.
+    /// 95 % interval of the recall.
     pub interval: [f64; 2],
-    /// The same share for confirmed tracks.
+    /// Recall for confirmed tracks.
     pub confirmed_recall: Option<f64>,
 }
 
@@ -62,13 +62,13 @@ pub struct RecallBin {
 /// Detection range, nautical miles to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
-    /// The farthest image in which it was found.
+    /// Farthest detection, nautical miles.
     pub max_range_nm: Option<f64>,
     /// The distance up to which more than 99 % are found in every bin from a mile on; null if not even there.
     pub effective_range_nm: Option<f64>,
-    /// The same for the lower and upper end of each bin's 95 % interval. Below 381 images a bin the lower end never exceeds 99 %.
+    /// Effective ranges for the ends of each bin's 95 % interval. Below 381 images per bin the lower end never exceeds 99 %.
     pub effective_range_interval_nm: [Option<f64>; 2],
-    /// The farthest image in which it is expected: no range can be longer.
+    /// Farthest image that should show the aircraft: no range can be longer.
     pub farthest_expected_nm: Option<f64>,
 }
 
@@ -77,11 +77,11 @@ pub struct Range {
 pub struct NotExpected {
     /// The aircraft is outside the frame, or below the ground.
     pub absent: u64,
-    /// Half of it, or less, is visible.
+    /// Half of the aircraft, or less, is visible.
     pub barely_visible: u64,
 }
 
-/// Key by which images are grouped.
+/// Image group.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Group {
     weather: String,
@@ -90,17 +90,16 @@ struct Group {
     bin: i64,
 }
 
-/// All counts of one mode.
+/// A mode's counts.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RecallTally {
     groups: BTreeMap<Group, Counts>,
     not_expected: NotExpected,
-    /// By weather: the farthest image that was found, and the farthest in which the aircraft was expected in sight.
+    /// Farthest detection and farthest aircraft in sight, by weather.
     farthest_nm: BTreeMap<String, [Option<f64>; 2]>,
 }
 
 impl RecallTally {
-    /// Counts the images of a scenario.
     pub(crate) fn count(&mut self, weather: &str, time_of_day: &str, searched: &[Searched<'_>]) {
         let farthest = self.farthest_nm.entry(weather.to_owned()).or_default();
         let farther = |there: &mut Option<f64>, nm: f64| {
@@ -164,7 +163,7 @@ impl RecallTally {
         times.into_iter().cloned().collect()
     }
 
-    /// The weathers in which the air hides the aircraft nowhere; all, if it does so in each.
+    /// Weathers that never hide the aircraft; all, if each does.
     pub(crate) fn open_weathers(&self) -> Vec<String> {
         let hides = |weather: &String| {
             self.groups
@@ -179,7 +178,7 @@ impl RecallTally {
         }
     }
 
-    /// Counts of what is `wanted`, by what is in the way, over all distances.
+    /// Counts over all distances, by obstruction.
     pub(crate) fn by_sight(
         &self,
         wanted: impl Fn(&Condition<'_>) -> bool,
@@ -254,7 +253,6 @@ impl RecallTally {
     }
 }
 
-/// Weather and time of day of a scenario.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Condition<'a> {
     pub(crate) weather: &'a str,
@@ -270,7 +268,7 @@ impl<'a> Condition<'a> {
     }
 }
 
-/// The bin of a distance; all distances past touchdown share one.
+/// Distance bin; all distances past touchdown share one.
 fn bin_of(distance_nm: f64) -> i64 {
     ((distance_nm / BIN_NM).floor() as i64).max(-1)
 }

@@ -36,7 +36,7 @@ pub(crate) const EVALUATION: &str = "evaluation.json";
 /// The page.
 pub const REPORT: &str = "report.html";
 
-/// The folder of an evaluation, held until this is dropped.
+/// An evaluation's folder, held until this is dropped.
 pub(crate) struct SearchStore {
     root: PathBuf,
     _claim: Claim,
@@ -62,7 +62,7 @@ impl SearchStore {
             let fault = FolderFault::InCorpus { own: judged };
             return Err(dataset::Error::folder(root, fault).into());
         }
-        // The report is written last but one: alone, it is another's.
+        // The report is written last but one: alone, it belongs to a different evaluation.
         let has_own = [SEARCHED, EVALUATION].map(|own| root.join(own).exists());
         let is_own = |name: &str| match name {
             SEARCHED | EVALUATION => true,
@@ -115,7 +115,7 @@ impl SearchStore {
         }))
     }
 
-    /// Keeps what was found.
+    /// Stores the findings.
     pub(crate) fn keep(
         &self,
         mode: EvaluatedMode,
@@ -140,7 +140,6 @@ impl SearchStore {
         Ok(write_json(&record, &made)?)
     }
 
-    /// Path of a file of the results.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.root.join(name)
     }

@@ -14,24 +14,24 @@ use serde::{Deserialize, Serialize};
 
 use super::grid::targets::CropTruth;
 use super::network::convolution::standard_normal;
-use super::samples::picture::TrainingPicture;
+use super::samples::training_picture::TrainingPicture;
 use augmentation::Augmentation;
 use cover::Cover;
 use dataset::tables::pixel_box::PixelBox;
 
-/// Share of crops that are resampled to another size.
+/// Share of resampled crops.
 const RESAMPLED_SHARE: f64 = 0.5;
-/// Pixels of the image per pixel of a resampled crop: less than one enlarges.
+/// Image pixels per pixel in a resampled crop: less than one enlarges.
 const SCALE_RANGE: std::ops::Range<f64> = 0.7..1.2;
-/// Largest distance of an aircraft's centre outside its crop, pixels of the image.
+/// Maximum distance between an aircraft's centre and its crop, px.
 const BEYOND_PX: f64 = 4.0;
 /// Share of background crops at an edge of the image, where the network sees less context.
 const EDGE_SHARE: f64 = 0.15;
-/// Share of crops that get noise, and its largest deviation (of a range of 1).
+/// Share of crops with noise, and its maximum deviation (pixels are 0 to 1).
 const NOISY_SHARE: f64 = 0.3;
 const MAX_NOISE: f32 = 1.5 / 255.0;
 
-/// Position of a crop in its image.
+/// Crop position.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
     /// Image coordinates of the centre of the crop's top-left pixel.
@@ -194,11 +194,11 @@ fn vary_light(pixels: &mut [f32], rng: &mut impl Rng) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::picture::tests::sky_with_bar;
+    use crate::samples::training_picture::sky_with_bar;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    /// Centre and width of what is darker than the sky, by its column sums.
+    /// Centre and width of pixels darker than the sky, by column sums.
     fn measured(pixels: &[f32], side: usize) -> (f64, f64) {
         let mut sums = [0.0; 3];
         for y in 0..side {

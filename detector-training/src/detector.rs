@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::{CorpusFault, Error, OutputFault, Result, in_range};
+use crate::error::{Error, Result, in_range};
 use crate::evaluation::{Evaluation, evaluate};
 use crate::export;
 use crate::samples::corpus_samples;
@@ -32,7 +32,7 @@ pub struct DetectorConfig {
     pub training: TrainingConfig,
     /// Approximate number of frames of the test trajectories that the evaluation uses.
     pub judged_frames: usize,
-    /// Minimum score of a detection in the evaluation, 0 to 1.
+    /// Minimum detection score in the evaluation, 0 to 1.
     pub threshold: f64,
 }
 
@@ -67,7 +67,7 @@ pub struct DetectorReport {
     pub steps: u64,
     /// Crops that it saw.
     pub crops: u64,
-    /// Its duration, seconds.
+    /// Duration, seconds.
     pub seconds: f64,
     /// Pieces of frames with a visible aircraft for crops.
     pub pieces_with_aircraft: usize,
@@ -100,10 +100,10 @@ pub fn train_detector(
     let learned = corpus_samples::videos(corpus, &[Side::Train, Side::Validation])?;
     let samples = corpus_samples::read_samples(&learned, watch)?;
     if samples.aircraft_count() == 0 {
-        return Err(Error::Corpus {
-            path: corpus.root().to_owned(),
-            fault: CorpusFault::NothingVisible,
-        });
+        return Err(Error::Input(format!(
+            "corpus {}: shows no visible aircraft in its training scenarios; do the ground-truth boxes belong to these videos?",
+            corpus.root().display()
+        )));
     }
     let trained = train(&samples, &config.training, Some(&checkpoint), watch)?;
 
@@ -133,21 +133,23 @@ pub fn train_detector(
 
 /// Checks before the training that the model can be written, and locks its checkpoint folder against other processes.
 fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
-    let refused = |fault| Error::Output {
-        path: out.to_owned(),
-        fault,
-    };
+    let refused = |fault: &str| Error::Input(format!("run {}: {fault}", out.display()));
     if out.is_dir() || out.file_name().is_none() {
-        return Err(refused(OutputFault::Folder));
+        return Err(refused("is a folder; expected the name of a file"));
     }
     let report = beside(out, "json");
     let is_report = |found: Value| found.get("model_blake3").is_some_and(Value::is_string);
     if report.exists() && !read_json(&report, "report of a detector").is_ok_and(is_report) {
-        return Err(refused(OutputFault::ReportTaken { report }));
+        return Err(refused(&format!(
+            "would have its report in {}, where something else lies; move that away, or give another --out",
+            report.display()
+        )));
     }
     checkpoint::refuse_strangers(checkpoint)?;
     if !is_own(out, &report, checkpoint)? {
-        return Err(refused(OutputFault::Taken));
+        return Err(refused(
+            "is not a detector that `dtd train-detector` wrote there, with its report beside it; move it away, or give another --out",
+        ));
     }
     Ok(lock(checkpoint, out, Duration::ZERO)?)
 }

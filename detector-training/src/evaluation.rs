@@ -19,7 +19,7 @@ use super::network::Network;
 use super::network::convolution::GatherTables;
 use super::network::patches::PatchBatch;
 use super::samples::corpus_samples::JudgedFrame;
-use super::samples::picture::TrainingPicture;
+use super::samples::training_picture::TrainingPicture;
 
 /// Side of the squares that are searched one by one, pixels.
 const TILE_PX: usize = 640;
@@ -31,19 +31,19 @@ const SAME_SHARE: f64 = 0.5;
 /// Result of evaluating a detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Minimum score of a peak.
+    /// Minimum peak score.
     pub threshold: f64,
     /// Number of frames.
     pub frames: usize,
     /// Frames with a visible aircraft.
     pub visible: usize,
-    /// Share of those in which it was found.
+    /// Share of visible aircraft that were found.
     pub recall: f64,
     /// Share of the detections that are the aircraft (visible or barely visible).
     pub precision: f64,
     /// False detections a frame.
     pub false_per_frame: f64,
-    /// By width of the ground-truth box.
+    /// Figures by width of the ground-truth box.
     pub by_width: Vec<WidthBin>,
     /// Recall by name of the weather.
     pub recall_by_weather: BTreeMap<String, f64>,
@@ -56,7 +56,7 @@ pub struct WidthBin {
     pub width_up_to_px: Option<f64>,
     /// Number of visible aircraft.
     pub visible: usize,
-    /// Share of them that was found.
+    /// Share of these aircraft that were found.
     pub recall: Option<f64>,
     /// Centre, right.
     pub cx_px: Option<Spread>,
@@ -215,7 +215,7 @@ fn width_bins(visible: &[&Outcome]) -> Vec<WidthBin> {
         .collect()
 }
 
-/// All aircraft of a frame of any size, best first: tiles, then a centred crop for each hit.
+/// All aircraft in a frame, best first: tiles, then a centred crop for each hit.
 pub fn detect(
     network: &Network,
     tables: &mut GatherTables,

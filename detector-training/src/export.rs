@@ -165,8 +165,8 @@ impl Layers {
         self.graph.name_last("output");
     }
 
-    /// Centres of all cells of a map of one channel, pixels: `[batch, 2, rows, columns]`, right and down. Counted in the graph, so that
-    /// the input may have any size.
+    /// Cell centres of a map with one channel, pixels: `[batch, 2, rows, columns]`, right and down. Counted in the graph, so that the input
+    /// may have any size.
     fn centers(&mut self, map: &str) -> String {
         let (stride, before_first) = (
             self.graph.number(STRIDE_PX as f64),

@@ -7,20 +7,20 @@ pub mod targets;
 
 use dataset::tables::pixel_box::PixelBox;
 
-/// Side of a cell, pixels.
+/// Cell side, px.
 pub(crate) const STRIDE_PX: usize = 8;
-/// Numbers of a cell: objectness logit, offset right, offset down (in cells), logarithm of width and of height (to the anchor).
+/// Numbers per cell: objectness logit, offset right, offset down (in cells), logarithm of width and of height (to the anchor).
 pub(crate) const CELL_VALUES: usize = 5;
 /// Reference size of the logarithms of width and height, pixels: a B737 at 5 NM through a lens of 10 degrees.
 pub(crate) const ANCHOR_PX: [f64; 2] = [41.0, 14.0];
-/// Half the side of the neighbourhood whose boxes are averaged, and in which a peak is the largest, cells.
+/// Radius in cells for averaging boxes and for peaks.
 pub(crate) const NEIGHBOURHOOD: usize = 1;
 /// Logarithms of size are clamped to this, so that an untrained network or a foreign image cannot cause an overflow.
 pub(crate) const MAX_LOG_SIZE: f64 = 4.0;
 /// Logits are clamped to this, so that no score is exactly 0: averaging boxes divides by scores.
 pub(crate) const MAX_LOGIT: f64 = 16.0;
 
-/// Centre of a cell along one axis, pixels.
+/// Cell centre along one axis, pixels.
 pub(crate) fn cell_center_px(cell: usize) -> f64 {
     (cell * STRIDE_PX) as f64 + (STRIDE_PX as f64 - 1.0) / 2.0
 }
@@ -30,7 +30,7 @@ pub(crate) fn cell_of_px(pixel: f64) -> i64 {
     ((pixel + 0.5) / STRIDE_PX as f64).floor() as i64
 }
 
-/// The four box numbers with which the cell (column, row) encodes a box.
+/// The four numbers that encode a box in the cell (column, row).
 pub fn encode(pixel_box: &PixelBox, column: usize, row: usize) -> [f64; 4] {
     [
         (pixel_box.cx_px - cell_center_px(column)) / STRIDE_PX as f64,

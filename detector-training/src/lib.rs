@@ -21,5 +21,5 @@ pub mod samples;
 pub mod training;
 
 pub use detector::{DetectorConfig, DetectorReport, train_detector};
-pub use error::{CorpusFault, Error, OutputFault, Result};
+pub use error::{Error, Result};
 pub use training::training_config::{Effort, MAX_MINUTES, TrainingConfig};

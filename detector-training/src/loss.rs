@@ -9,10 +9,7 @@ use burn::tensor::{Device, Tensor, TensorData, activation};
 use super::grid::targets::Targets;
 use super::network::convolution::FeatureMap;
 
-/// Weight of the box relative to the objectness.
-const BOX_IMPORTANCE: f32 = 1.0;
-
-/// The parts of the loss as tensors of one element.
+/// Loss parts, tensors with one element each.
 #[derive(Debug, Clone)]
 pub struct Loss {
     /// Focal loss of the peaks, a visible aircraft.
@@ -24,11 +21,11 @@ pub struct Loss {
 impl Loss {
     /// Total loss, which training minimises.
     pub fn total(&self) -> Tensor<1> {
-        self.objectness.clone() + self.boxes.clone().mul_scalar(BOX_IMPORTANCE)
+        self.objectness.clone() + self.boxes.clone()
     }
 }
 
-/// The loss of an output map, divided by `positives` (the number of aircraft in the whole batch, of which this may be a part).
+/// An output map's loss, divided by `positives` (the number of aircraft in the whole batch, which may be larger).
 pub fn loss(output: &FeatureMap, targets: &Targets, positives: usize, device: &Device) -> Loss {
     let cells = targets.heat.len();
     let column = |values: &[f32], wide: usize| -> Tensor<2> {

@@ -19,7 +19,7 @@ use super::grid::{CELL_VALUES, STRIDE_PX};
 use convolution::{Convolution, FeatureMap, GatherTables, normal_weights};
 use patches::{PATCH_SIDE_PX, PATCH_VALUES, PatchBatch};
 
-/// Floor of the divisive normalisation, in units of [`INPUT_GAIN`] times the image's range: near the noise of a decoded video.
+/// Divisive normalisation floor, in units of [`INPUT_GAIN`] times the image's range: near the noise of decoded video.
 pub(crate) const NORMALISATION_FLOOR: f32 = 0.05;
 /// Factor on pixel values ahead of the first layer: contrasts of interest are hundredths of the range.
 pub(crate) const INPUT_GAIN: f32 = 8.0;
@@ -27,7 +27,7 @@ pub(crate) const INPUT_GAIN: f32 = 8.0;
 /// Channels of the stages at strides 4, 8, 16 and 32.
 pub const CHANNELS: [usize; 4] = [32, 32, 48, 64];
 
-/// Logit of the prior probability of a peak, so that the first steps are not spent on learning that cells are mostly empty.
+/// Logit of a peak's prior probability, so that the first steps are not spent on learning that most cells are empty.
 const PRIOR_LOGIT: f32 = -4.6;
 
 /// The network.
@@ -39,31 +39,31 @@ pub struct Network {
     pub stem_bias: Param<Tensor<1>>,
     /// Stride 4 to 8.
     pub down_8: Convolution,
-    /// At stride 8, before the pyramid.
+    /// Stride 8, before the pyramid.
     pub at_8: Convolution,
     /// The strength that the normalisation at stride 8 divides out, added to `at_8`.
     pub strength_8: Convolution,
     /// Stride 8 to 16.
     pub down_16: Convolution,
-    /// At stride 16.
+    /// Stride 16.
     pub at_16: Convolution,
-    /// As at stride 8.
+    /// Strength input for stride 16.
     pub strength_16: Convolution,
     /// Stride 16 to 32.
     pub down_32: Convolution,
-    /// At stride 32: two layers, so that the widest aircraft fits into the receptive field.
+    /// Stride 32: two layers, so that the widest aircraft fits into the receptive field.
     pub at_32: Vec<Convolution>,
-    /// As at stride 8, added to the first of `at_32`.
+    /// Strength input for stride 32, added to the first of `at_32`.
     pub strength_32: Convolution,
-    /// From stride 32 onto stride 16.
+    /// Stride 32 onto stride 16.
     pub lateral_16: Convolution,
-    /// At stride 16, after the sum.
+    /// Stride 16, after the sum.
     pub neck_16: Convolution,
-    /// From stride 16 onto stride 8.
+    /// Stride 16 onto stride 8.
     pub lateral_8: Convolution,
-    /// At stride 8, after the sum.
+    /// Stride 8, after the sum.
     pub neck_8: Convolution,
-    /// The five numbers of a cell.
+    /// The five numbers per cell.
     pub head: Convolution,
 }
 

@@ -4,7 +4,7 @@
 //! their targets. Places where the network reported a false aircraft are drawn more often (hard negatives).
 
 pub mod corpus_samples;
-pub mod picture;
+pub mod training_picture;
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use super::crop::augmentation::Augmentation;
 use super::crop::{Placement, random_crop};
 use super::grid::targets::Targets;
 use super::network::patches::PatchBatch;
-use picture::TrainingPicture;
+use training_picture::TrainingPicture;
 
 /// A size of crop, the aircraft that it suits, and how often it is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,7 +24,7 @@ pub struct CropSize {
     pub widest_px: f64,
     /// Side of the piece that is kept around an aircraft, so that the crop can be moved and scaled.
     pub piece_side_px: usize,
-    /// Crops of one batch.
+    /// Crops per batch.
     pub batch: usize,
     /// Share of batches.
     pub share: f64,
@@ -55,7 +55,7 @@ pub(crate) const CROP_SIZES: [CropSize; 3] = [
     },
 ];
 
-/// Share of crops of a batch that are background.
+/// Share of background crops in a batch.
 const BACKGROUND_SHARE: f64 = 0.35;
 /// Share of background crops that are drawn from the hard ones, once there are any.
 const HARD_SHARE: f64 = 0.4;
@@ -63,10 +63,10 @@ const HARD_SHARE: f64 = 0.4;
 const SMALLER_SHARE: f64 = 0.35;
 /// Number of hard places remembered.
 const HARD_PLACES: usize = 4_000;
-/// Largest shift of a hard place before it is cropped again, pixels.
+/// Maximum shift before a hard place is cropped again, px.
 const HARD_SHIFT_PX: f64 = 24.0;
-/// Weight of the boxes of varied crops: edges behind texture are uncertain, and their large errors would outweigh the tenths of a pixel
-/// that can be learned.
+/// Weight for boxes in varied crops: edges behind texture are uncertain, and their large errors would outweigh the tenths of a pixel that
+/// can be learned.
 const VARIED_BOX_WEIGHT: f32 = 0.3;
 
 /// The size that suits an aircraft of this width: an index into [`CROP_SIZES`].
@@ -77,14 +77,14 @@ pub(crate) fn size_for_width(width_px: f64) -> usize {
         .unwrap_or(CROP_SIZES.len() - 1)
 }
 
-/// A place in a background image at which the network was wrong.
+/// A background region that the network got wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HardPlace {
     picture: usize,
     placement: Placement,
 }
 
-/// The sample pool of a training.
+/// Training sample pool.
 #[derive(Debug, Default)]
 pub struct Samples {
     /// Pieces around visible aircraft, by the index of their size in [`CROP_SIZES`].
@@ -138,7 +138,7 @@ impl Samples {
         }
     }
 
-    /// A batch of `count` crops of a size.
+    /// Draws a batch of `count` crops.
     pub fn batch(
         &self,
         size: usize,
@@ -216,7 +216,7 @@ impl Samples {
     }
 }
 
-/// The places at which the network was wrong, up to a limit.
+/// Regions that the network got wrong, up to a limit.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct HardPlaces {
     places: Vec<HardPlace>,

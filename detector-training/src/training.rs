@@ -32,18 +32,18 @@ use training_config::{Effort, TrainingConfig};
 /// Copies of the network that work in parallel.
 const SHARDS: usize = 2;
 /// Steps over which the learning rate rises.
-const WARM_UP_STEPS: f64 = 200.0;
+const WARM_UP_STEPS: u64 = 200;
 /// Steps between two checkpoints and between two progress reports.
 const CHECKPOINT_STEPS: u64 = 100;
 const NOTE_STEPS: u64 = 20;
 /// Background with a logit above this (a score of 0.12) is hard.
 const HARD_LOGIT: f32 = -2.0;
 /// Progress is reported in this many parts of the effort.
-const PROGRESS_PARTS: f64 = 1000.0;
-/// Of AdamW.
+const PROGRESS_PARTS: u64 = 1000;
+/// AdamW's weight decay.
 const WEIGHT_DECAY: f32 = 1e-3;
 
-/// The result of a training.
+/// Training result.
 #[derive(Debug, Clone)]
 pub struct Trained {
     /// The network, without gradients.
@@ -68,7 +68,7 @@ pub fn train(
         training.saved = checkpoint.load(training.saved)?;
         training.saved.hard.forget_beyond(samples.backgrounds.len());
     }
-    watch.begin("detector", PROGRESS_PARTS as u64);
+    watch.begin("detector", PROGRESS_PARTS);
     let spent_before_s = training.saved.position.seconds;
     let started = Instant::now();
     while training.done_share(config) < 1.0 {
@@ -81,7 +81,7 @@ pub fn train(
                 "step {step}, loss {loss:.3}, {} hard places",
                 training.saved.hard.len()
             );
-            watch.advance((share * PROGRESS_PARTS) as u64, &note);
+            watch.advance((share * PROGRESS_PARTS as f64) as u64, &note);
         }
         let stopped = watch.check();
         if let Some(checkpoint) = &checkpoint
@@ -142,12 +142,12 @@ impl Training {
     }
 
     fn learning_rate(&self, config: &TrainingConfig) -> f64 {
-        let warm = ((self.saved.position.step + 1) as f64 / WARM_UP_STEPS).min(1.0);
+        let warm = ((self.saved.position.step + 1) as f64 / WARM_UP_STEPS as f64).min(1.0);
         let cosine = 0.5 * (1.0 + (std::f64::consts::PI * self.done_share(config).min(1.0)).cos());
         config.learning_rate * warm * cosine.max(1e-3)
     }
 
-    /// One step; returns a running mean of the loss.
+    /// Takes a step; returns a running mean of the loss.
     fn step(&mut self, samples: &Samples, config: &TrainingConfig) -> Result<f64> {
         // Randomness depends only on the seed and the step, so that a resumed training draws the same numbers.
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
@@ -209,7 +209,7 @@ impl Training {
     }
 }
 
-/// One worker's result for its part of a batch.
+/// A worker's result for its part of a batch.
 struct Shard {
     gradients: GradientsParams,
     loss: f64,
@@ -260,7 +260,7 @@ mod tests {
     use crate::crop::augmentation::Augmentation;
     use crate::evaluation::detect;
     use crate::grid::targets::CropTruth;
-    use crate::samples::picture::TrainingPicture;
+    use crate::samples::training_picture::TrainingPicture;
     use dataset::tables::pixel_box::PixelBox;
     use dataset::work::watch::Silent;
     use rand::RngExt;

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
 use dataset::corpus::scenario::Flight;
-
 use generator::against::{Against, Standing};
 use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
 use generator::plan::{Estimate, Pacing, expand};

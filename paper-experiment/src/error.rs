@@ -6,9 +6,6 @@ pub enum Error {
     /// The corpus cannot be read, or a file cannot be written.
     #[error(transparent)]
     Dataset(#[from] dataset::Error),
-    /// A chart.
-    #[error(transparent)]
-    Chart(#[from] report_page::Error),
     /// A run cannot be read.
     #[error(transparent)]
     Run(#[from] trainer::Error),

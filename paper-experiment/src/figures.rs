@@ -34,13 +34,11 @@ pub fn write_figures(
     let shown = Shown::choose(corpus, detections)?;
     write(CONCEPT, CONCEPT_SVG.as_bytes())?;
     write(FRAME, &shown.with_trajectory()?)?;
-    write(
-        PROFILE,
-        profile::chart(&shown.rows, shown.to_threshold_m)?.as_bytes(),
-    )?;
+    let profile = profile::chart(&shown.rows, shown.to_threshold_m);
+    write(PROFILE, profile.as_bytes())?;
     write(SEGMENTATION, &shown.with_tiles()?)?;
     write(CONVERGENCE, trainer::figures::convergence(run)?.as_bytes())?;
-    let errors = trainer::figures::errors_by_distance(metrics, charted)?;
+    let errors = trainer::figures::errors_by_distance(metrics, charted);
     write(ERRORS, errors.as_bytes())?;
     Ok(())
 }

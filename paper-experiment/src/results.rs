@@ -27,7 +27,7 @@ pub struct Results {
     pub lateral_spread_m: Option<f64>,
     /// Figures of estimators on flights that the training has not seen, without those of each flight.
     pub by_trajectory: Metrics,
-    /// The same with the paper's split: scenarios are drawn, so test scenarios share flights with the training.
+    /// Figures with the paper's split: scenarios are drawn, so test scenarios share flights with the training.
     pub by_scenario: Metrics,
     /// Time of each stage, in their order.
     pub stages: Vec<StageTime>,
@@ -67,17 +67,17 @@ pub struct CorpusFigures {
 /// The detector with settings that make it miss aircraft.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WeakerDetector {
-    /// Factor by which images are shrunk for its first pass.
+    /// Shrink factor for the first pass.
     pub first_pass_shrink: u32,
-    /// The smallest score that it reports.
+    /// Minimum score that it reports.
     pub least_score: f64,
     /// Ticks of the whole corpus that it sees in one view alone.
     pub single_views: SingleViews,
-    /// The same of the detector itself.
+    /// Ticks that the detector itself sees in one view alone.
     pub of_detector: SingleViews,
 }
 
-/// Way in which images are searched.
+/// Search mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Search {
@@ -89,7 +89,7 @@ pub enum Search {
     Tracked,
 }
 
-/// Range and cost of a detector, in one weather, on flights that start beyond its range.
+/// Detector range and cost, in one weather, on flights that start beyond its range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Range {
     /// File name of the model.
@@ -102,7 +102,7 @@ pub struct Range {
     pub is_pretrained: bool,
     /// The search.
     pub search: Search,
-    /// The farthest image in which the aircraft was found, nautical miles.
+    /// Farthest detection, nautical miles.
     pub max_range_nm: Option<f64>,
     /// Distance up to which more than 99 % are found.
     pub effective_range_nm: Option<f64>,
@@ -124,8 +124,8 @@ pub struct StageTime {
 }
 
 impl Results {
-    /// The figures without what the page does not compare with the paper: each flight, each view, and pairs of weather and time of other
-    /// estimators than the paper's.
+    /// Removes figures that the page does not compare with the paper: flights, views, and pairs of weather and time except for the paper's
+    /// estimator.
     #[must_use]
     pub fn compared(mut self) -> Self {
         for metrics in [&mut self.by_trajectory, &mut self.by_scenario] {

@@ -14,7 +14,7 @@ use crate::error::Result;
 
 /// Distances that count, nautical miles.
 const RANGE_NM: [f64; 2] = [1.0, 10.0];
-/// Steps of a score within 1.
+/// Score steps from 0 to 1.
 const STEPS: u32 = 200;
 
 /// The ticks of some scenarios from 1 to 10 NM, with the best score of each view.
@@ -38,7 +38,7 @@ pub struct Share {
     pub ticks: usize,
     /// Seen by at least one view.
     pub seen: usize,
-    /// Of these, seen by one view alone.
+    /// Ticks seen by one view alone.
     pub by_one_view: usize,
 }
 
@@ -47,9 +47,9 @@ pub struct Share {
 pub struct SingleViews {
     /// All ticks from 1 to 10 NM.
     pub all: Share,
-    /// By nautical mile: `6` is from 6 to 7 NM.
+    /// Shares by nautical mile: `6` is from 6 to 7 NM.
     pub by_nm: BTreeMap<u32, Share>,
-    /// By name of the weather.
+    /// Shares by weather.
     pub by_weather: BTreeMap<String, Share>,
 }
 
@@ -126,7 +126,7 @@ impl SeenTicks {
         counted
     }
 
-    /// The smallest score at which one view alone sees this share of the ticks; if no score reaches it, the one that comes nearest.
+    /// Minimum score at which one view alone sees this share of the ticks; if no score reaches it, the nearest one.
     pub fn least_score(&self, wanted_share: f64) -> f64 {
         let scores = (0..STEPS).map(|step| f64::from(step) / f64::from(STEPS));
         let mut nearest = (0.0, f64::INFINITY);

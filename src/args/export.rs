@@ -1,33 +1,33 @@
 //! Options of `dtd export`.
 
 use std::num::NonZeroU32;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use dataset::corpus::splits::Side;
 use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 
 use crate::args::output::Output;
 use crate::args::{WindowSize, folder, from_one};
 
-/// Options of `dtd export`.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Folder of the corpus; only `--to croissant` writes to it
+    /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Format of the export
-    #[arg(long, value_enum, value_name = "FORMAT")]
-    to: To,
-    /// Folder of the export, new or empty; it appears when the export is complete (not with croissant)
+    #[arg(long = "to", value_name = "FORMAT", value_parser = one_of(FORMATS))]
+    format: Format,
+    /// Folder of the export, new or empty; it appears when the export is complete
     #[arg(long, value_name = "FOLDER", value_parser = Output::Export.parser())]
-    out: Option<PathBuf>,
+    pub(crate) out: PathBuf,
     /// Only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
-    only: Vec<String>,
+    only: Option<Vec<String>>,
     /// Export only these views, separated by commas
     #[arg(long, value_name = "VIEW,..", value_delimiter = ',')]
-    views: Vec<String>,
+    views: Option<Vec<String>>,
     /// Export every N-th tick, from the first
     #[arg(long, value_name = "N", default_value = "1", value_parser = from_one)]
     every: NonZeroU32,
@@ -35,11 +35,11 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N", value_parser = from_one, conflicts_with = "every")]
     rate: Option<NonZeroU32>,
     /// Side of the split to export [default: all]
-    #[arg(long, value_enum)]
-    side: Option<OneSide>,
+    #[arg(long, value_parser = one_of(SIDES))]
+    side: Option<Side>,
     /// Boxes to export, and around which to crop (crops) [default: truth]
-    #[arg(long, value_enum)]
-    boxes: Option<Boxes>,
+    #[arg(long, value_parser = one_of(BOXES))]
+    boxes: Option<BoxSource>,
     /// Model whose detections to use, by its file name or hash
     ///
     /// It must be named if the corpus has detections of several models.
@@ -51,13 +51,13 @@ pub(crate) struct ExportArgs {
     /// Seed of the order of crops [default: 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Format of images that are files of their own [default: png]
-    #[arg(long, value_enum)]
-    pictures: Option<Pictures>,
+    /// Format of images in separate files [default: png]
+    #[arg(long, value_parser = one_of(PICTURES))]
+    pictures: Option<StillFormat>,
     /// Evaluated run whose predictions to export (huggingface); may be repeated
     #[arg(long, value_name = "RUN")]
     run: Vec<PathBuf>,
-    /// Licence that the export states: an SPDX identifier or a URL
+    /// Licence that the dataset card states: an SPDX identifier or a URL (huggingface, lerobot)
     #[arg(long, value_name = "SPDX|URL", value_parser = license)]
     license: Option<String>,
     /// Print the result as JSON
@@ -65,59 +65,79 @@ pub(crate) struct ExportArgs {
     pub(crate) json: bool,
 }
 
-/// Formats.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum To {
-    /// COCO: annotations.json and images/
-    Coco,
-    /// Ultralytics' YOLO: data.yaml, images/ and labels/ by side of the split
-    Yolo,
-    /// Hugging Face's datasets: Parquet tables over all scenarios, videos, a dataset card
-    Huggingface,
-    /// WebDataset: tar archives with a sample per tick
-    Webdataset,
-    /// WebDataset with crops around the aircraft in place of whole images, in a shuffled order
-    Crops,
-    /// MCAP for Foxglove: a file per scenario, with its videos
-    Mcap,
-    /// LeRobotDataset v3.0: an episode per scenario, with its videos; whole rates only
-    Lerobot,
-    /// Only croissant.json, written into the corpus to describe it; every export has its own
-    Croissant,
-}
+/// Option values by word, each with its help.
+type Choices<T, const N: usize> = [(&'static str, &'static str, T); N];
 
-/// Request made by the arguments.
-pub(crate) enum Asked<'a> {
-    /// An export to a folder.
-    Export(ExportRequest, &'a Path),
-    /// A description in the corpus itself.
-    Description {
-        /// The licence that it states.
-        license: Option<String>,
-    },
-}
+const FORMATS: Choices<Format, 7> = [
+    ("coco", "COCO: annotations.json and images/", Format::Coco),
+    (
+        "yolo",
+        "Ultralytics' YOLO: data.yaml, images/ and labels/ by side of the split",
+        Format::Yolo,
+    ),
+    (
+        "huggingface",
+        "Hugging Face's datasets: Parquet tables over all scenarios, videos, a dataset card",
+        Format::HuggingFace,
+    ),
+    (
+        "webdataset",
+        "WebDataset: tar archives with a sample per tick",
+        Format::WebDataset,
+    ),
+    (
+        "crops",
+        "WebDataset with crops around the aircraft in place of whole images, in a shuffled order",
+        Format::Crops,
+    ),
+    (
+        "mcap",
+        "MCAP for Foxglove: a file per scenario, with its videos",
+        Format::Mcap,
+    ),
+    (
+        "lerobot",
+        "LeRobotDataset v3.0: an episode per scenario, with its videos; whole rates only",
+        Format::LeRobot,
+    ),
+];
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum OneSide {
-    Train,
-    Validation,
-    Test,
-}
+const SIDES: Choices<Side, 3> = [
+    ("train", "", Side::Train),
+    ("validation", "", Side::Validation),
+    ("test", "", Side::Test),
+];
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Boxes {
-    /// Ground truth
-    Truth,
-    /// Detections of confirmed tracks
-    Detections,
-}
+const BOXES: Choices<BoxSource, 2> = [
+    ("truth", "Ground truth", BoxSource::Truth),
+    (
+        "detections",
+        "Detections of confirmed tracks",
+        BoxSource::Detections,
+    ),
+];
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Pictures {
-    /// Exactly the decoded pixels
-    Png,
-    /// A fifth of the size, with losses
-    Jpeg,
+const PICTURES: Choices<StillFormat, 2> = [
+    ("png", "Exactly the decoded pixels", StillFormat::Png),
+    (
+        "jpeg",
+        "A fifth of the size, with losses",
+        StillFormat::Jpeg,
+    ),
+];
+
+fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+    choices: Choices<T, N>,
+) -> impl TypedValueParser<Value = T> {
+    let words = choices.map(|(word, help, _)| match help {
+        "" => PossibleValue::new(word),
+        help => PossibleValue::new(word).help(help),
+    });
+    PossibleValuesParser::new(words).try_map(move |found| {
+        let mut choices = choices.into_iter();
+        let chosen = choices.find(|(word, ..)| *word == found);
+        chosen.map(|(.., value)| value).ok_or("unknown value")
+    })
 }
 
 /// An SPDX identifier or a URL.
@@ -133,69 +153,16 @@ fn license(text: &str) -> Result<String, String> {
 }
 
 impl ExportArgs {
-    /// The request; options that do not apply to a description are refused.
-    pub(crate) fn asked(&self) -> Result<Asked<'_>, String> {
-        let format = match self.to {
-            To::Coco => Format::Coco,
-            To::Yolo => Format::Yolo,
-            To::Huggingface => Format::HuggingFace,
-            To::Webdataset => Format::WebDataset,
-            To::Crops => Format::Crops,
-            To::Mcap => Format::Mcap,
-            To::Lerobot => Format::LeRobot,
-            To::Croissant => return self.description(),
-        };
-        match &self.out {
-            Some(out) => Ok(Asked::Export(self.request(format), out)),
-            None => Err("--out FOLDER is missing: where the export is to be written".into()),
-        }
-    }
-
-    fn description(&self) -> Result<Asked<'_>, String> {
-        let given = [
-            ("--out", self.out.is_some()),
-            ("--only", !self.only.is_empty()),
-            ("--views", !self.views.is_empty()),
-            ("--every", self.every.get() > 1),
-            ("--rate", self.rate.is_some()),
-            ("--side", self.side.is_some()),
-            ("--boxes", self.boxes.is_some()),
-            ("--detections", self.detections.is_some()),
-            ("--crop-px", self.crop_px.is_some()),
-            ("--seed", self.seed.is_some()),
-            ("--pictures", self.pictures.is_some()),
-            ("--run", !self.run.is_empty()),
-        ];
-        match given.into_iter().find(|(_, is_given)| *is_given) {
-            Some((option, _)) => Err(format!(
-                "--to croissant describes the whole corpus, in its own folder; leave out {option}"
-            )),
-            None => Ok(Asked::Description {
-                license: self.license.clone(),
-            }),
-        }
-    }
-
-    fn request(&self, format: Format) -> ExportRequest {
-        let asked = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
+    /// The request.
+    pub(crate) fn request(&self) -> ExportRequest {
         ExportRequest {
-            format,
-            stills: self.pictures.map(|pictures| match pictures {
-                Pictures::Png => StillFormat::Png,
-                Pictures::Jpeg => StillFormat::Jpeg,
-            }),
-            only: asked(&self.only),
-            views: asked(&self.views),
-            side: self.side.map(|side| match side {
-                OneSide::Train => Side::Train,
-                OneSide::Validation => Side::Validation,
-                OneSide::Test => Side::Test,
-            }),
+            format: self.format,
+            stills: self.pictures,
+            only: self.only.clone(),
+            views: self.views.clone(),
+            side: self.side,
             ticks: self.rate.map_or(Ticks::Every(self.every), Ticks::PerSecond),
-            boxes: match self.boxes {
-                None | Some(Boxes::Truth) => BoxSource::Truth,
-                Some(Boxes::Detections) => BoxSource::Detections,
-            },
+            boxes: self.boxes.unwrap_or(BoxSource::Truth),
             crop_px: self.crop_px.map(|size| [size.width_px, size.height_px]),
             seed: self.seed,
             detections: self.detections.clone(),

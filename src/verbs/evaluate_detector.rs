@@ -162,7 +162,7 @@ fn row(mode: EvaluatedMode, figures: &ModeFigures) -> Vec<String> {
         percent(figures.recall.confirmed_recall),
         number(figures.false_alarms.boxes_per_hour, 0),
         number(figures.false_alarms_per_hour, 1),
-        deviation(figures.boxes.cx_px),
+        deviation(figures.boxes.errors.cx_px),
         deviation(figures.disparity.registered_px),
         number(figures.average_precision.ap, 3),
         number(figures.cpu_ms_per_picture, 1),

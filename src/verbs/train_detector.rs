@@ -76,10 +76,7 @@ fn settings_in(path: &Path) -> Result<DetectorConfig, Failure> {
 /// An error that the caller must fix, or one of the machine.
 fn failure_of(error: Error) -> Failure {
     match error {
-        Error::Corpus { .. }
-        | Error::Output { .. }
-        | Error::Setting { .. }
-        | Error::Start { .. } => Failure::bad_input(error),
+        Error::Input(_) | Error::Setting { .. } => Failure::bad_input(error),
         Error::Stopped(_) => Failure::Interrupted { resumes: true },
         Error::Dataset(cause) => Failure::of_corpus(cause),
         Error::Diverged { .. } => error.into(),

@@ -11,7 +11,6 @@ use dataset::files::json_file::write_atomically;
 use dataset::plan::PlannedScenarios;
 use dataset::work::watch::{Stopped, Watch};
 use generator::sweep_language::Sweeps;
-use serde::Serialize;
 use store::{
     CorpusLocation, CorpusStore, Fetched, Listing, MirrorError, Patience, StoreError, Transfer,
     sweep_fault,
@@ -41,48 +40,31 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         complete: args.complete,
     };
     let watch = VerbWatch::new("verify", "scenarios");
-    let (name, report, description) = match &args.corpus {
+    let (name, report) = match &args.corpus {
         CorpusLocation::Folder(root) => {
             let corpus = open_corpus(root)?;
             let report = verify(&corpus, options, &watch)?;
             if report.findings.is_empty() {
                 refuse_empty(&corpus)?;
             }
-            // An unreadable description counts as outdated.
-            let described = exporter::is_described_as_it_is(&corpus).unwrap_or(Some(false));
-            let description = described.map(|is_current| {
-                if is_current {
-                    Description::Current
-                } else {
-                    Description::Outdated
-                }
-            });
-            (root.display().to_string(), report, description)
+            (root.display().to_string(), report)
         }
         CorpusLocation::Store(url) => {
             let store = CorpusStore::open(url, false).map_err(failure_of)?;
             let report = run_transfers(&watch, verify_in_store(&store, options, &watch))
                 .map_err(Failure::without_results)?;
-            (store.name().to_owned(), report, None)
+            (store.name().to_owned(), report)
         }
     };
     drop(watch);
     if args.json {
-        print_json(&Verified {
-            report: &report,
-            croissant: description,
-        })?;
+        print_json(&report)?;
     } else {
         for finding in &report.findings {
             println!("{finding}");
         }
         print_proof(&report);
         print_weather(&report);
-        if description == Some(Description::Outdated) {
-            println!(
-                "croissant.json describes an earlier state; run `dtd export {name} --to croissant` again"
-            );
-        }
         println!("{}", summary(&report, args.no_decode));
     }
     if report.findings.is_empty() && report.marked().next().is_some() {
@@ -100,23 +82,6 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             count(report.findings.len(), "fault")
         )))
     }
-}
-
-/// Output of `--json`.
-#[derive(Serialize)]
-struct Verified<'a> {
-    #[serde(flatten)]
-    report: &'a VerifyReport,
-    /// `croissant.json`: current or outdated; missing without one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    croissant: Option<Description>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-enum Description {
-    Current,
-    Outdated,
 }
 
 fn summary(report: &VerifyReport, no_decode: bool) -> String {

@@ -139,7 +139,7 @@ fn yardsticks_answer_where_a_view_sees_and_single_views_have_figures_of_their_ow
     }
     for drawing in [
         figures::convergence(&run).unwrap(),
-        figures::errors_by_distance(&metrics, &["paper_lstm", "mono_network"]).unwrap(),
+        figures::errors_by_distance(&metrics, &["paper_lstm", "mono_network"]),
     ] {
         assert!(drawing.starts_with("<svg") && drawing.matches("<p").count() > 1);
     }

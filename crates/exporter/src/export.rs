@@ -15,15 +15,15 @@ use dataset::work::watch::Watch;
 use dataset::work::workers;
 use serde::Serialize;
 
-use crate::description::about::About;
-use crate::description::croissant;
+use crate::about::About;
+use crate::destination::{Destination, UnfinishedExport, refuse_corpus};
 use crate::error::{Error, Result};
-use crate::formats::{BoxUse, FileFormat, Writing, Written};
-use crate::place::{Found, Place, refuse_corpus};
-use crate::request::{BoxSource, ExportRequest};
+use crate::file_format::{Export, FileFormat, PlannedScenario, Writing, Written};
+use crate::formats;
+use crate::request::{BoxSource, BoxUse, ExportRequest};
 use crate::scenarios::{LostScenario, Selected, Source, is_searched, select};
 
-/// Counts and remarks of an export.
+/// Export counts and remarks.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct ExportOutcome {
     /// Number of scenarios.
@@ -32,8 +32,8 @@ pub struct ExportOutcome {
     pub pictures: u64,
     /// Number of boxes.
     pub boxes: u64,
-    /// Images of the selection that are not in it ([`Format::left_out`] says why): in a format that cannot say that an aircraft may be
-    /// hidden by a cloud, or that most of it is outside the image, and of ticks at which there is a view without a crop.
+    /// Selected images that were left out ([`Format::left_out`](crate::Format::left_out) says why): in a format that cannot say that an
+    /// aircraft may be hidden by a cloud or is mostly outside the image, and of ticks at which a view has no crop.
     pub left_out: u64,
     /// Bytes of all files.
     pub bytes: u64,
@@ -47,30 +47,7 @@ pub struct ExportOutcome {
     pub remark: Option<&'static str>,
 }
 
-/// The data to export, checked against the corpus.
-pub(crate) struct Export<'a> {
-    pub(crate) request: &'a ExportRequest,
-    /// Name of the detections that are wanted, or stand beside the ground-truth boxes.
-    model: Option<String>,
-    pub(crate) scenarios: Vec<Planned>,
-    /// Sides of the split that they are on; what has no side is for training.
-    pub(crate) sides: BTreeSet<Side>,
-    pub(crate) about: About,
-    /// Settings of the encoder, if videos are encoded.
-    pub(crate) video: VideoSettings,
-    /// Requested scenarios, not yet checked.
-    selection: Vec<Selected>,
-}
-
-/// A scenario of it.
-pub(crate) struct Planned {
-    pub(crate) selected: Selected,
-    pictures: u64,
-    /// Its place in the export, from 0.
-    number: usize,
-}
-
-/// Exports a corpus to `out`. A run that was stopped or killed is continued by the same request.
+/// Exports a corpus to `out`. The same request resumes a run that was stopped or killed.
 ///
 /// # Errors
 /// The request does not fit the corpus, `out` contains something else, or a file of the corpus does not match its seal. No output appears
@@ -82,31 +59,77 @@ pub fn export(
     out: &Path,
     watch: &dyn Watch,
 ) -> Result<ExportOutcome> {
-    request.check()?;
+    let mut format = formats::implementation(request.format);
+    let abilities = format.abilities();
+    request.check(&abilities)?;
     refuse_corpus(corpus, out)?;
     let (mut selection, mut lost) = select(corpus, request)?;
-    let model = model_of(&selection, request)?;
+    let model = model_of(&selection, request, abilities.boxes)?;
     if let (BoxSource::Detections, Some(model)) = (request.boxes, &model) {
         lost.extend(without_unsearched(&mut selection, model)?);
     }
     for LostScenario { id, reason } in &lost {
         watch.warn(&format!("scenario {id} is left out: {reason}"));
     }
+    if abilities.by_side {
+        selection.sort_by_key(|selected| selected.side);
+    }
     let plan = Plan::of_corpus(corpus)?;
-    let export = Export {
+    let mut export = Export {
         request,
+        abilities,
         model,
         scenarios: Vec::new(),
         sides: BTreeSet::new(),
         about: About::new(corpus, request.license.clone())?,
         video: plan.map_or_else(VideoSettings::default, |plan| plan.common.video),
-        selection,
     };
-    let outcome = request.format.export(export, out, watch)?;
-    Ok(ExportOutcome { lost, ..outcome })
+    format.prepare(&export)?;
+    let mut outcome = ExportOutcome {
+        lost,
+        ..ExportOutcome::default()
+    };
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
+    hasher.update(&serde_json::to_vec(request).unwrap_or_default());
+    hasher.update(export.about.name.as_bytes());
+    format.hash(&mut hasher);
+    export.check(selection, &mut *format, &mut hasher, &mut outcome, watch)?;
+    let unfinished = match UnfinishedExport::take(out, hasher.finalize().to_hex().as_str())? {
+        Destination::Complete { bytes } => {
+            return Ok(ExportOutcome {
+                bytes,
+                unchanged: true,
+                ..outcome
+            });
+        }
+        Destination::Unfinished(unfinished) => unfinished,
+    };
+    let written = export
+        .write_scenarios(&*format, &unfinished, outcome.pictures, watch)
+        .and_then(|()| {
+            format.finish(&Written {
+                export: &export,
+                unfinished: &unfinished,
+                watch,
+            })
+        });
+    match written {
+        Ok(()) => Ok(ExportOutcome {
+            bytes: unfinished.finish()?,
+            ..outcome
+        }),
+        Err(error) => {
+            if error.is_fault_of_corpus() {
+                // If that fails as well, the fault of the corpus is still the one to report.
+                let _ = unfinished.abandon();
+            }
+            Err(error)
+        }
+    }
 }
 
-/// Takes the scenarios out that the model has not searched: without boxes, their images would say that there is no aircraft.
+/// Removes the scenarios that the model has not searched: without boxes, their images would say that there is no aircraft.
 fn without_unsearched(selection: &mut Vec<Selected>, model: &str) -> Result<Vec<LostScenario>> {
     let (mut searched, mut lost) = (Vec::new(), Vec::new());
     for selected in mem::take(selection) {
@@ -125,57 +148,6 @@ fn without_unsearched(selection: &mut Vec<Selected>, model: &str) -> Result<Vec<
     Ok(lost)
 }
 
-/// Makes an export in one format.
-pub(crate) fn export_as<F: FileFormat>(
-    mut export: Export<'_>,
-    out: &Path,
-    watch: &dyn Watch,
-) -> Result<ExportOutcome> {
-    let mut format = F::default();
-    format.prepare(&export)?;
-    let mut outcome = ExportOutcome::default();
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
-    hasher.update(&serde_json::to_vec(export.request).unwrap_or_default());
-    hasher.update(export.about.name.as_bytes());
-    format.hash(&mut hasher);
-    export.check(&mut format, &mut hasher, &mut outcome, watch)?;
-    let place = match Place::take(out, hasher.finalize().to_hex().as_str())? {
-        Found::Complete { bytes } => {
-            return Ok(ExportOutcome {
-                bytes,
-                unchanged: true,
-                ..outcome
-            });
-        }
-        Found::Place(place) => place,
-    };
-    let written = export
-        .write_scenarios(&format, &place, outcome.pictures, watch)
-        .and_then(|()| {
-            let (export, place) = (&export, &place);
-            let contents = format.finish(&Written {
-                export,
-                place,
-                watch,
-            })?;
-            croissant::write(&place.files(), &export.about, &contents)
-        });
-    match written {
-        Ok(()) => Ok(ExportOutcome {
-            bytes: place.finish()?,
-            ..outcome
-        }),
-        Err(error) => {
-            if error.is_fault_of_corpus() {
-                // If that fails as well, the fault of the corpus is still the one to report.
-                let _ = place.abandon();
-            }
-            Err(error)
-        }
-    }
-}
-
 fn count(source: &Source<'_>, outcome: &mut ExportOutcome) {
     outcome.scenarios += 1;
     for view in &source.selected.views {
@@ -191,50 +163,49 @@ fn count(source: &Source<'_>, outcome: &mut ExportOutcome) {
 }
 
 impl Export<'_> {
-    /// Opens a scenario. Tables of all scenarios at once would not fit into memory.
-    pub(crate) fn open<'s>(&self, scenario: &'s Planned) -> Result<Source<'s>> {
-        Source::open(&scenario.selected, self.request, self.model.as_deref())
-    }
-
     /// Checks and counts the selected scenarios, and adds them to the identity of the export.
-    fn check<F: FileFormat>(
+    fn check(
         &mut self,
-        format: &mut F,
+        selection: Vec<Selected>,
+        format: &mut dyn FileFormat,
         hasher: &mut blake3::Hasher,
         outcome: &mut ExportOutcome,
         watch: &dyn Watch,
     ) -> Result<()> {
-        let mut selection = mem::take(&mut self.selection);
-        if F::BY_SIDE {
-            selection.sort_by_key(|selected| selected.side);
-        }
         for selected in selection {
             watch.check()?;
-            let source = Source::open(&selected, self.request, self.model.as_deref())?;
+            let source = self.open(&selected)?;
             format.check(&source, self)?;
             let before = outcome.pictures;
             count(&source, outcome);
             source.hash(hasher);
-            self.about.add(&source.record, source.selected.side);
-            self.about.models.extend(source.model.clone());
+            self.about.add(&source.record, source.model.as_deref());
             // A side without images would have a name in data.yaml, and no folder.
             if outcome.pictures > before {
                 self.sides.insert(selected.side.unwrap_or(Side::Train));
             }
-            self.scenarios.push(Planned {
+            self.scenarios.push(PlannedScenario {
                 selected,
                 pictures: outcome.pictures - before,
                 number: self.scenarios.len(),
             });
         }
-        format.check_all(self, outcome)
+        if self.abilities.boxes == BoxUse::Crops && outcome.pictures == 0 {
+            return Err(Error::Request(
+                "nothing to export: at no tick of the selected scenarios has each view a box; choose views with --views, or other boxes \
+                 with --boxes"
+                    .to_owned(),
+            ));
+        }
+        outcome.remark = format.check_all(self)?;
+        Ok(())
     }
 
     /// Writes all scenarios that are not noted as done, and notes them.
-    fn write_scenarios<F: FileFormat>(
+    fn write_scenarios(
         &self,
-        format: &F,
-        place: &Place,
+        format: &dyn FileFormat,
+        unfinished: &UnfinishedExport,
         total: u64,
         watch: &dyn Watch,
     ) -> Result<()> {
@@ -244,23 +215,28 @@ impl Export<'_> {
             let done = done.fetch_add(pictures, Ordering::Relaxed) + pictures;
             watch.advance(done, "");
         };
-        let (noted, pending): (Vec<&Planned>, Vec<&Planned>) = self
+        let (noted, pending): (Vec<_>, Vec<_>) = self
             .scenarios
             .iter()
-            .partition(|scenario| place.has_part(&scenario.selected.id()));
-        count(noted.iter().map(|scenario| scenario.pictures).sum());
+            .partition(|scenario| unfinished.has_part(&scenario.selected.id()));
+        count(
+            noted
+                .iter()
+                .map(|scenario: &&PlannedScenario| scenario.pictures)
+                .sum(),
+        );
         let next = AtomicUsize::new(0);
         let has_failed = AtomicBool::new(false);
-        let write = |scenario: &Planned| {
+        let write = |scenario: &PlannedScenario| {
             let part = format.write(&Writing {
                 export: self,
-                source: self.open(scenario)?,
+                source: self.open(&scenario.selected)?,
                 number: scenario.number,
-                folder: place.files(),
+                folder: unfinished.files(),
                 watch,
                 count: &count,
             })?;
-            place.note(&scenario.selected.id(), &part)
+            unfinished.note(&scenario.selected.id(), &part)
         };
         let work = || -> Result<()> {
             while !has_failed.load(Ordering::Relaxed)
@@ -276,8 +252,12 @@ impl Export<'_> {
 }
 
 /// The name of the detections that are wanted or stand beside the ground-truth boxes.
-fn model_of(selection: &[Selected], request: &ExportRequest) -> Result<Option<String>> {
-    match request.format.abilities().boxes {
+fn model_of(
+    selection: &[Selected],
+    request: &ExportRequest,
+    boxes: BoxUse,
+) -> Result<Option<String>> {
+    match boxes {
         BoxUse::None => return Ok(None),
         // It has no place for detections beside the ground-truth boxes.
         BoxUse::Certain if request.boxes == BoxSource::Truth => return Ok(None),
@@ -288,13 +268,16 @@ fn model_of(selection: &[Selected], request: &ExportRequest) -> Result<Option<St
     match choose(&folders, asked)? {
         Ok(chosen) => Ok(Some(chosen.hash)),
         Err(_) if request.boxes == BoxSource::Truth && asked.is_none() => Ok(None),
-        Err(NoChoice::None) => Err(Error::NoDetections),
-        Err(NoChoice::Others(known)) => Err(Error::Unknown {
-            what: "model",
-            found: asked.unwrap_or_default().to_owned(),
-            known,
-        }),
-        Err(NoChoice::Several(known)) => Err(Error::SeveralModels { known }),
+        Err(NoChoice::None) => Err(Error::Request(
+            "the selected scenarios have no detections; run `dtd detect` on the corpus first"
+                .to_owned(),
+        )),
+        Err(NoChoice::Others(known)) => {
+            Err(Error::unknown("model", asked.unwrap_or_default(), &known))
+        }
+        Err(NoChoice::Several(known)) => Err(Error::Request(format!(
+            "the corpus has the detections of several models: {known}; choose one with --detections"
+        ))),
     }
 }
 
@@ -395,7 +378,7 @@ mod tests {
             Format::Mcap,
             Format::LeRobot,
         ] {
-            let name = format.abilities().word;
+            let name = formats::implementation(format).abilities().word;
             let straight = temporary.path().join(format!("{name}-straight"));
             let whole = export_until(&corpus, format, &straight, u64::MAX).unwrap();
             let out = temporary.path().join(name);

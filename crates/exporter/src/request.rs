@@ -7,7 +7,6 @@ use dataset::corpus::splits::Side;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::formats::{BoxUse, TickChoice};
 use crate::still::StillFormat;
 
 /// A format of other tools.
@@ -22,7 +21,7 @@ pub enum Format {
     HuggingFace,
     /// Shards of samples for WebDataset.
     WebDataset,
-    /// The same, with crops around the aircraft, all scenarios of a side mixed.
+    /// WebDataset with crops around the aircraft, all scenarios of a side mixed.
     Crops,
     /// A file per scenario for Foxglove.
     Mcap,
@@ -30,27 +29,73 @@ pub enum Format {
     LeRobot,
 }
 
-impl Format {
-    /// The reason why images of the selection are left out, as a clause about them.
-    pub fn left_out(self) -> &'static str {
-        if self.has_crops() {
-            "of ticks at which a view has no box"
-        } else {
-            "whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say"
+/// Format abilities.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Abilities {
+    /// Name of the format.
+    pub(crate) word: &'static str,
+    /// True if it has images as separate files.
+    pub(crate) has_stills: bool,
+    /// True if it has a dataset card, which states the licence.
+    pub(crate) has_card: bool,
+    /// True if it has a place for predictions.
+    pub(crate) has_predictions: bool,
+    /// True if its splits are ranges, so that scenarios are written side by side of the split.
+    pub(crate) by_side: bool,
+    /// Ticks that it can leave out.
+    pub(crate) ticks: TickChoice,
+    /// Boxes that it has.
+    pub(crate) boxes: BoxUse,
+}
+
+/// Choices of ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum TickChoice {
+    /// All ticks, as a video's image needs those before it.
+    All,
+    /// Every n-th tick.
+    EveryNth,
+    /// Any rate.
+    AnyRate,
+}
+
+/// Uses of boxes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum BoxUse {
+    /// All boxes, each with its score or its visibility.
+    All,
+    /// Certain boxes only: the format cannot say that an aircraft may be hidden or is mostly outside the image.
+    Certain,
+    /// Boxes of confirmed tracks, each with a crop around it.
+    Crops,
+    /// No boxes.
+    None,
+}
+
+impl Abilities {
+    /// A format of still images: every n-th tick, all boxes, no card.
+    pub(crate) fn of_stills(word: &'static str) -> Self {
+        Self {
+            word,
+            has_stills: true,
+            has_card: false,
+            has_predictions: false,
+            by_side: false,
+            ticks: TickChoice::EveryNth,
+            boxes: BoxUse::All,
         }
     }
 
-    /// True if it has a place for boxes.
-    pub fn has_boxes(self) -> bool {
-        self.abilities().boxes != BoxUse::None
-    }
-
-    fn has_crops(self) -> bool {
-        self.abilities().boxes == BoxUse::Crops
+    /// A format of videos.
+    pub(crate) fn of_videos(word: &'static str) -> Self {
+        Self {
+            has_stills: false,
+            ..Self::of_stills(word)
+        }
     }
 }
 
-/// Ticks of an export.
+/// Exported ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Ticks {
@@ -61,21 +106,21 @@ pub enum Ticks {
 }
 
 impl Ticks {
-    /// All of them.
+    /// All ticks.
     pub const ALL: Self = Self::Every(NonZeroU32::MIN);
 }
 
-/// Source of the boxes of an export.
+/// Box source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BoxSource {
     /// Ground-truth boxes, projected from pose and calibration.
     Truth,
-    /// Detections of a model, from confirmed tracks only.
+    /// A model's detections, from confirmed tracks only.
     Detections,
 }
 
-/// Width and height of a crop, pixels, if none is requested: the smallest window in which the detector looks at an aircraft.
+/// Default crop size, px: the smallest window in which the detector looks at an aircraft.
 pub(crate) const USUAL_CROP_PX: [u32; 2] = [160, 160];
 
 /// Content, format and options of an export.
@@ -83,7 +128,7 @@ pub(crate) const USUAL_CROP_PX: [u32; 2] = [160, 160];
 pub struct ExportRequest {
     /// The format.
     pub format: Format,
-    /// The form of its images; `None`: PNG, or none.
+    /// Image format; `None`: PNG, or no images.
     pub stills: Option<StillFormat>,
     /// Scenarios; `None`: all.
     pub only: Option<Vec<String>>,
@@ -140,48 +185,41 @@ impl ExportRequest {
     }
 
     /// Refuses options that the format has no place for.
-    pub(crate) fn check(&self) -> Result<()> {
-        let can = self.format.abilities();
-        let not_in_format = |option, reason| {
-            Err(Error::NotInFormat {
-                option,
-                format: can.word,
-                reason,
-            })
-        };
-        if self.stills.is_some() && !can.has_stills {
-            return not_in_format("--pictures", "it contains videos");
-        }
-        match (can.ticks, self.ticks) {
-            (TickChoice::AnyRate, _) | (_, Ticks::ALL) => {}
+    pub(crate) fn check(&self, can: &Abilities) -> Result<()> {
+        let is_of_crops = can.boxes == BoxUse::Crops;
+        let has_boxes = can.boxes != BoxUse::None;
+        let ticks = match (can.ticks, self.ticks) {
+            (TickChoice::AnyRate, _)
+            | (_, Ticks::ALL)
+            | (TickChoice::EveryNth, Ticks::Every(_)) => None,
             (TickChoice::All, Ticks::Every(_)) => {
-                return not_in_format("--every", "an image of a video needs those before it");
+                Some(("--every", "an image of a video needs those before it"))
             }
-            (TickChoice::EveryNth, Ticks::Every(_)) => {}
-            (_, Ticks::PerSecond(_)) => {
-                return not_in_format("--rate", "it states the time of every image");
-            }
+            (_, Ticks::PerSecond(_)) => Some(("--rate", "it states the time of every image")),
+        };
+        let no_boxes = "it has no place for boxes";
+        let refused = [
+            (self.stills.is_some() && !can.has_stills)
+                .then_some(("--pictures", "it contains videos")),
+            ticks,
+            (self.crop_px.is_some() && !is_of_crops)
+                .then_some(("--crop-px", "its images are whole")),
+            (self.seed.is_some() && !is_of_crops)
+                .then_some(("--seed", "it has the order of the corpus")),
+            (self.boxes == BoxSource::Detections && !has_boxes)
+                .then_some(("--boxes detections", no_boxes)),
+            (self.detections.is_some() && !has_boxes).then_some(("--detections", no_boxes)),
+            (!self.runs.is_empty() && !can.has_predictions)
+                .then_some(("--run", "it has no place for predictions")),
+            (self.license.is_some() && !can.has_card)
+                .then_some(("--license", "it has no dataset card")),
+        ];
+        match refused.into_iter().flatten().next() {
+            None => Ok(()),
+            Some((option, reason)) => Err(Error::Request(format!(
+                "{} has no use for {option}: {reason}; leave it out, or choose another format",
+                can.word
+            ))),
         }
-        if !self.format.has_crops() {
-            if self.crop_px.is_some() {
-                return not_in_format("--crop-px", "its images are whole");
-            }
-            if self.seed.is_some() {
-                return not_in_format("--seed", "it has the order of the corpus");
-            }
-        }
-        if !self.format.has_boxes() {
-            let no_boxes = "it has no place for boxes";
-            if self.boxes == BoxSource::Detections {
-                return not_in_format("--boxes detections", no_boxes);
-            }
-            if self.detections.is_some() {
-                return not_in_format("--detections", no_boxes);
-            }
-        }
-        if !self.runs.is_empty() && self.format != Format::HuggingFace {
-            return not_in_format("--run", "it has no place for predictions");
-        }
-        Ok(())
     }
 }

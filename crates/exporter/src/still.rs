@@ -21,12 +21,12 @@ pub enum StillFormat {
     /// Exactly the decoded pixels.
     #[default]
     Png,
-    /// Smaller, with losses.
+    /// A fifth of the size, with losses.
     Jpeg,
 }
 
 impl StillFormat {
-    /// Suffix of its files.
+    /// File suffix.
     pub(crate) fn extension(self) -> &'static str {
         match self {
             Self::Png => "png",

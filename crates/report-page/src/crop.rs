@@ -1,4 +1,4 @@
-//! A part of an image inside a page, with boxes around the aircraft.
+//! Image crops inside a page, with boxes around the aircraft.
 
 use std::io::Cursor;
 
@@ -10,16 +10,16 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// Width of a part over its height.
+/// Aspect ratio of a crop.
 const ASPECT: f64 = 1.5;
-/// Width of a part, pixels, unless the box needs more.
+/// Minimum crop width, px, unless the box needs more.
 const MIN_WIDTH_PX: f64 = 96.0;
-/// Width of a crop as a multiple of the box's width.
-const SURROUNDINGS: f64 = 3.0;
+/// Crop width as a multiple of the box width.
+const SURROUNDINGS: f64 = 2.5;
 /// Distance between a box and the line around it, over the width of the crop: a line on the box would cover a small aircraft.
 const GAP: f64 = 0.015;
 
-/// A part of an image.
+/// An image region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
     /// Left-most column and top-most row.
@@ -29,13 +29,9 @@ pub struct Part {
 }
 
 impl Part {
-    /// The part around a box, `surroundings` times as wide as it, of an image of this width and height.
-    pub fn around(
-        shown: &PixelBox,
-        surroundings: f64,
-        [picture_width, picture_height]: [u32; 2],
-    ) -> Self {
-        let needed = (shown.width_px * surroundings).max(shown.height_px * surroundings * ASPECT);
+    /// The region around a box, in an image with this width and height.
+    pub fn around(shown: &PixelBox, [picture_width, picture_height]: [u32; 2]) -> Self {
+        let needed = SURROUNDINGS * shown.width_px.max(shown.height_px * ASPECT);
         let width = needed.max(MIN_WIDTH_PX).min(f64::from(picture_width)) as u32;
         let height = ((f64::from(width) / ASPECT) as u32).min(picture_height);
         let start = |centre: f64, length: u32, picture: u32| {
@@ -50,7 +46,7 @@ impl Part {
         }
     }
 
-    /// All of an image of this width and height.
+    /// The whole image.
     pub fn whole(picture_size: [u32; 2]) -> Self {
         Self {
             start_px: [0, 0],
@@ -58,7 +54,7 @@ impl Part {
         }
     }
 
-    /// Its pixels; the image has rows of RGB without gaps.
+    /// Copies the region's pixels; the image has RGB rows without gaps.
     pub fn cut(&self, rgb: &[u8], picture_width: u32) -> RgbImage {
         let ([left, top], [width, height]) = (self.start_px, self.size_px);
         RgbImage::from_fn(width, height, |x, y| {
@@ -83,12 +79,12 @@ pub struct Crop {
 }
 
 impl Crop {
-    /// Cuts it out of an image of this width and height: rows of RGB without gaps.
+    /// Crops an image with this width and height: RGB rows without gaps.
     ///
     /// # Errors
     /// The PNG cannot be written.
     pub fn around(shown: &PixelBox, rgb: &[u8], picture_size: [u32; 2]) -> Result<Self> {
-        let part = Part::around(shown, SURROUNDINGS, picture_size);
+        let part = Part::around(shown, picture_size);
         let mut png = Cursor::new(Vec::new());
         part.cut(rgb, picture_size[0])
             .write_to(&mut png, ImageFormat::Png)
@@ -110,10 +106,10 @@ impl Crop {
         [left - gap, top - gap, width + 2.0 * gap, height + 2.0 * gap]
     }
 
-    /// Left, top, width and height of a box of the image in the crop, pixels from the crop's corner.
+    /// Left, top, width and height of a box in the crop, pixels from the crop's corner.
     fn place_of(&self, pixel_box: &PixelBox) -> [f64; 4] {
         let [left, top, ..] = pixel_box.edges();
-        // The corner of an image's first pixel is half a pixel before its centre.
+        // The corner of the first pixel is half a pixel before its centre.
         let [x, y] = self.start_px.map(|start| f64::from(start) - 0.5);
         [left - x, top - y, pixel_box.width_px, pixel_box.height_px]
     }

@@ -1,17 +1,16 @@
 //! Report pages: one HTML file each, which opens offline.
 //!
 //! Input: the template of a page and its values, the series of its charts, and images. Output: HTML, with charts as SVG and parts of
-//! images inside it. All pages have the same look: [`page`] adds the style sheet, [`chart`] the axes and colours.
+//! images inside it. All pages have the same shell and style sheet ([`page`]), tables ([`table`]) and charts ([`chart`]).
 
 #![forbid(unsafe_code)]
 
 pub mod chart;
-#[cfg(test)]
-mod colour_vision;
 pub mod crop;
 mod error;
 mod number;
 pub mod page;
+pub mod table;
 
-pub use error::{DrawingError, Error, Result};
-pub use number::{decimal, signed};
+pub use error::{Error, Result};
+pub use number::{decimal, optional, percent, signed};

@@ -1,5 +1,8 @@
 //! Numbers as pages show them: with a minus sign (U+2212), which is as wide as the digits, instead of a hyphen.
 
+/// Shown for a missing number.
+pub(crate) const NONE: &str = "–";
+
 /// A number with this many decimals.
 pub fn decimal(number: f64, decimals: usize) -> String {
     let text = format!("{number:.decimals$}");
@@ -9,7 +12,7 @@ pub fn decimal(number: f64, decimals: usize) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// The same with its sign, unless it rounds to zero.
+/// A number with its sign, unless it rounds to zero.
 pub fn signed(number: f64, decimals: usize) -> String {
     let text = format!("{number:+.decimals$}");
     if is_zero(&text) {
@@ -18,15 +21,20 @@ pub fn signed(number: f64, decimals: usize) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// True for a text of zeros; infinite numbers and NaN are none.
+/// A number, or a dash without one.
+pub fn optional(number: Option<f64>, decimals: usize) -> String {
+    number.map_or_else(|| NONE.to_owned(), |number| decimal(number, decimals))
+}
+
+/// A share in percent, or a dash without one.
+pub fn percent(share: Option<f64>, decimals: usize) -> String {
+    optional(share.map(|share| 100.0 * share), decimals)
+}
+
+/// True for zeros; false for infinite numbers and NaN.
 fn is_zero(text: &str) -> bool {
     text.bytes()
         .all(|letter| matches!(letter, b'0' | b'.' | b'+' | b'-'))
-}
-
-/// A drawing whose texts begin with minus signs where they began with hyphens.
-pub(crate) fn with_minus_signs(svg: &str) -> String {
-    svg.replace(">\n-", ">\n\u{2212}")
 }
 
 #[cfg(test)]
@@ -41,5 +49,6 @@ mod tests {
             [-1.5, 1.5, -0.04].map(|number| signed(number, 1)),
             ["−1.5", "+1.5", "0.0"]
         );
+        assert_eq!([optional(None, 2), percent(Some(0.126), 1)], ["–", "12.6"]);
     }
 }

@@ -18,7 +18,7 @@ pub enum ViewError {
     /// A run is given twice.
     #[error("run {run} is given twice; leave one of them out")]
     SameRun {
-        /// Its name.
+        /// The name.
         run: String,
     },
 }

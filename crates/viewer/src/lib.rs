@@ -12,6 +12,7 @@ mod opened;
 mod overview;
 mod path;
 mod pictures;
+mod problems;
 mod rounded;
 mod run;
 mod scenario_tables;

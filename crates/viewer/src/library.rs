@@ -31,7 +31,7 @@ impl Library {
         }
     }
 
-    /// A scenario in its current state, which stays open: its images will be asked for.
+    /// A scenario in its current state, which stays open: its images will be requested.
     ///
     /// # Errors
     /// The name is none of a scenario, or there is no intact one of this name.
@@ -44,7 +44,7 @@ impl Library {
         Ok(opened)
     }
 
-    /// The same for a single question, as a page asks of many scenarios in turn: those that are open stay open.
+    /// The scenario for a single request. Open scenarios stay open, as a page asks for many in turn.
     pub(crate) fn look_into(&self, id: &str) -> Result<Arc<Opened>, Refusal> {
         file_name::check_id(id).map_err(Refusal::not_found)?;
         let folder = self.corpus.scenario(id);

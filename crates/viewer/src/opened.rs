@@ -1,4 +1,4 @@
-//! A scenario that the page shows, in one state of its folder: its tables, and its videos once they were checked.
+//! An open scenario in one state: its tables, and its videos once they were checked.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,12 +18,12 @@ pub(crate) struct Opened {
     views: BTreeMap<String, OpenedView>,
 }
 
-/// A view of it.
+/// An open view.
 #[derive(Default)]
 struct OpenedView {
-    /// Its video, or why there is none.
+    /// The video, or the reason why it is missing.
     video: OnceLock<Result<PathBuf, String>>,
-    /// Its decoder, while that works.
+    /// The decoder; `None` after a failure.
     pictures: Mutex<Option<Pictures>>,
 }
 
@@ -40,7 +40,7 @@ impl Opened {
         })
     }
 
-    /// The file of a view's video, which is read whole and compared with the seal the first time.
+    /// A view's video file, which is read whole and compared with the seal the first time.
     pub(crate) fn video(&self, view: &str) -> Result<&Path, Refusal> {
         let video = self.view(view)?.video.get_or_init(|| {
             let checked = self.files.video_path(view);
@@ -52,7 +52,6 @@ impl Opened {
         }
     }
 
-    /// The image of a view at a tick.
     pub(crate) fn picture(&self, view: &str, tick: u32, form: Form) -> Result<Picture, Refusal> {
         if tick >= self.record.ticks {
             let message = format!(

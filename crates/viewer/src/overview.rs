@@ -21,11 +21,12 @@ use dataset::video::recorded_pictures;
 use serde::Serialize;
 
 use crate::library::Library;
+use crate::problems::Problems;
 
 /// The whole corpus.
 #[derive(Debug, Serialize)]
 pub(crate) struct Overview {
-    /// Name of its folder.
+    /// Folder name.
     corpus: String,
     /// The folder.
     folder: String,
@@ -37,28 +38,29 @@ pub(crate) struct Overview {
     problems: Vec<String>,
 }
 
-/// Progress of a scenario.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+/// Scenario progress.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum State {
-    /// Not begun.
+    /// The recording has not begun.
+    #[default]
     Planned,
     /// An unfinished folder is there.
     Recording,
     /// All attempts failed.
     Failed,
-    /// Its files contradict their seal.
+    /// The files contradict their seal.
     Damaged,
     /// Complete, without labels.
     Recorded,
-    /// With labels.
+    /// Labelled, without detections.
     Labelled,
-    /// With labels and detections.
+    /// Labelled and searched.
     Detected,
 }
 
 /// A scenario.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Row {
     id: String,
     state: State,
@@ -68,14 +70,14 @@ struct Row {
     time_of_day: Option<String>,
     trajectory: Option<String>,
     side: Option<Side>,
-    /// Of the recording, else of the plan.
+    /// Recorded ticks, or planned ones.
     ticks: Option<u32>,
     views: Vec<String>,
     /// File names of the models with detections, or hashes where the name is not known.
     models: Vec<String>,
-    /// Of an unfinished recording: images of the view that has least.
+    /// Images in an unfinished recording, by the view with the fewest.
     recorded_ticks: Option<u64>,
-    /// Of an unfinished recording: time since a file of it changed, seconds.
+    /// Seconds since a file of an unfinished recording changed.
     unchanged_s: Option<u64>,
     /// Reason for its failure, or damage.
     faults: Vec<String>,
@@ -86,17 +88,7 @@ impl Row {
         Self {
             id: id.to_owned(),
             state,
-            weather: None,
-            weather_differs: Vec::new(),
-            time_of_day: None,
-            trajectory: None,
-            side: None,
-            ticks: None,
-            views: Vec::new(),
-            models: Vec::new(),
-            recorded_ticks: None,
-            unchanged_s: None,
-            faults: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -125,36 +117,18 @@ impl Row {
     }
 }
 
-/// Reads the state of a corpus.
 pub(crate) fn read(library: &Library) -> Overview {
     let corpus = &library.corpus;
-    let mut problems = Vec::new();
-    let mut noted = |error: Error| problems.push(error.to_string());
-    let plan = Plan::of_corpus(corpus).unwrap_or_else(|error| {
-        noted(error);
-        None
-    });
+    let mut problems = Problems::default();
+    let plan = problems.or_none(Plan::of_corpus(corpus));
     let splits = match corpus.splits() {
-        Ok(splits) => Some(splits),
         // A corpus without a plan as well was not made by `dtd generate`.
         Err(_) if plan.is_none() => None,
-        Err(error) => {
-            noted(error);
-            None
-        }
+        splits => problems.or_none(splits.map(Some)),
     };
-    let failed = SetAside::all(corpus).unwrap_or_else(|error| {
-        noted(error);
-        BTreeMap::new()
-    });
-    let folders = corpus.folders().unwrap_or_else(|error| {
-        noted(error);
-        Vec::new()
-    });
-    let partial = partial_ids(corpus).unwrap_or_else(|error| {
-        noted(error);
-        BTreeSet::new()
-    });
+    let failed = problems.or_none(SetAside::all(corpus));
+    let folders = problems.or_none(corpus.folders());
+    let partial = problems.or_none(partial_ids(corpus));
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
     for folder in folders {
         let row = finished(&folder);
@@ -194,7 +168,7 @@ pub(crate) fn read(library: &Library) -> Overview {
         dtd: env!("CARGO_PKG_VERSION"),
         scenarios: rows.into_values().collect(),
         runs: library.runs.iter().map(|run| run.name.clone()).collect(),
-        problems,
+        problems: problems.0,
     }
 }
 

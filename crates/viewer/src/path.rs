@@ -1,4 +1,4 @@
-//! The path of a flight about its touchdown target, in as few points as a small map can show.
+//! The flown path around the touchdown target, in few enough points for a small map.
 
 use dataset::geometry::runway::RunwayCoordinates;
 use dataset::tables::frames::TickRow;
@@ -8,7 +8,7 @@ use crate::opened::Opened;
 use crate::rounded::thousandths;
 use crate::server::refusal::Refusal;
 
-/// Points of a path.
+/// Maximum points per path.
 const MAX_POINTS: usize = 200;
 
 /// A flown path.
@@ -20,7 +20,7 @@ pub(crate) struct FlownPath {
     height_over_target_m: Vec<f64>,
 }
 
-/// Reads a path: some of its ticks, the first and the last among them.
+/// Reads some ticks, the first and the last among them.
 pub(crate) fn read(opened: &Opened) -> Result<FlownPath, Refusal> {
     let frames = opened.files.frames()?;
     let every = frames.rows.len().div_ceil(MAX_POINTS).max(1);

@@ -22,13 +22,13 @@ const KEPT_BYTES: usize = 56 << 20;
 /// Up to this many images ahead decoding is faster than going to a keyframe.
 const NEAR_TICKS: u32 = 30;
 
-/// Form in which an image is requested.
+/// Requested image format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Form {
     /// A bitmap file, with the pixels that a detector gets.
     Bitmap,
-    /// Its planes as they are coded, half the bytes, if it is coded in the usual way; else a bitmap.
+    /// Coded planes, half the bytes, if the video has the usual pixel format; else a bitmap.
     Planes,
 }
 
@@ -40,14 +40,14 @@ pub(crate) struct Picture {
     pub(crate) size_px: Option<[u32; 2]>,
 }
 
-/// The images of one view.
+/// A view's images.
 pub(crate) struct Pictures {
     reader: VideoReader,
     frame_rate: FrameRate,
     /// The tick of the image that is decoded next, unless the reader went to a keyframe.
     next_tick: u32,
     rgb: Vec<u8>,
-    /// Those that were decoded last, all in one form.
+    /// The last decoded images, all in one format.
     kept: VecDeque<(u32, Picture)>,
     form: Form,
 }
@@ -64,7 +64,7 @@ impl Pictures {
         })
     }
 
-    /// The image of a tick.
+    /// The image at a tick.
     ///
     /// # Errors
     /// The video has none, or is damaged. It has to be opened again.

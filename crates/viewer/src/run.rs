@@ -18,24 +18,24 @@ use crate::rounded::thousandths;
 
 const PREDICTIONS: &str = "predictions.parquet";
 const METRICS: &str = "metrics.json";
-/// Ending of the columns with the answers of an estimator.
+/// Suffix of columns with answers.
 const ANSWER: &str = "_dtd_m";
 /// Column of the ground truth, which has the same ending.
 const TRUTH: &str = "dtd_m";
-/// Above the ticks of any corpus.
+/// Row limit, above the ticks in any corpus.
 const MAX_ROWS: u64 = 1 << 30;
 
-/// A run, by the name of its folder.
+/// A run, by folder name.
 pub(crate) struct Run {
     pub(crate) name: String,
     path: PathBuf,
     answers: OnceLock<Answers>,
 }
 
-/// Its content, as far as it could be read.
+/// Readable parts of a run.
 #[derive(Debug, Default)]
 pub(crate) struct Answers {
-    /// By scenario.
+    /// Flights by scenario.
     pub(crate) flights: BTreeMap<String, Flight>,
     metrics: Option<Metrics>,
     problems: Vec<String>,
@@ -48,7 +48,7 @@ pub(crate) struct Flight {
     /// The truth of the evaluation; empty for a corpus without labels.
     #[serde(skip)]
     dtd_m: Vec<f64>,
-    /// By estimator.
+    /// Answers by estimator.
     pub(crate) estimators: BTreeMap<String, Vec<Option<f64>>>,
 }
 
@@ -59,7 +59,7 @@ struct Metrics {
     estimators: BTreeMap<String, Figures>,
 }
 
-/// Figures of an estimator over all judged ticks.
+/// An estimator's figures over all judged ticks.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 struct Figures {
     mape_pct: Option<f64>,
@@ -69,17 +69,17 @@ struct Figures {
     coverage: Option<f64>,
 }
 
-/// Summary of a run beside the scenarios.
+/// A run's summary beside the scenarios.
 #[derive(Debug, Serialize)]
 pub(crate) struct Summary<'a> {
     name: &'a str,
     metrics: Option<&'a Metrics>,
-    /// By scenario and estimator.
+    /// Errors by scenario and estimator.
     flights: BTreeMap<&'a str, BTreeMap<&'a str, Errors>>,
     problems: Vec<String>,
 }
 
-/// Errors of an estimator in one scenario, of the judged ticks.
+/// An estimator's errors in one scenario, over the judged ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Errors {
     mape_pct: f64,
@@ -102,8 +102,8 @@ impl Run {
         self.answers.get_or_init(|| Answers::read(&self.path))
     }
 
-    /// Figures of the run; none if it was evaluated on another corpus, judged by its first scenario: reading all of them takes longer than
-    /// the page may. `flown` returns the ticks of a scenario of this corpus, if it has it.
+    /// Figures; `None` if the run was evaluated on a different corpus, judged by its first scenario: reading all takes longer than the page
+    /// may. `flown` returns the ticks of a scenario in this corpus, if it exists.
     pub(crate) fn summary(&self, flown: impl Fn(&str) -> Option<Vec<TickRow>>) -> Summary<'_> {
         let answers = self.answers();
         let mut problems = answers.problems.clone();
@@ -172,7 +172,7 @@ impl Answers {
     }
 }
 
-/// The rows of a table of answers, by scenario.
+/// Answers by scenario.
 fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
     let table = Table::read(path, MAX_ROWS)?;
     let scenario = table.text("scenario")?;
@@ -209,7 +209,7 @@ fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
 }
 
 impl Flight {
-    /// Evidence that these predictions belong to another flight than this one.
+    /// Evidence that these predictions belong to a different flight.
     pub(crate) fn other_than(&self, flown: &[TickRow]) -> Option<OtherFlight> {
         let truth_m = self.dtd_m.iter().copied().map(Some);
         let truth_m = truth_m.chain(iter::repeat(None));

@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 
 use dataset::corpus::detections::{self, Detections, models_of};
 use dataset::corpus::scenario::ScenarioRecord;
-use dataset::error::Error;
 use dataset::tables::frames::TickRow;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
-use dataset::tables::registrations::Registration;
+use dataset::tables::registrations::{Registration, Shift};
 use serde::Serialize;
 
 use crate::library::Library;
 use crate::opened::Opened;
 use crate::path::place;
+use crate::problems::Problems;
 use crate::rounded::{column, thousandths};
 use crate::run::Flight;
 use crate::server::refusal::Refusal;
@@ -24,9 +24,9 @@ pub(crate) struct ScenarioTables {
     record: ScenarioRecord,
     views: Vec<View>,
     ticks: Option<Ticks>,
-    /// By model.
+    /// Findings by model.
     models: Vec<Model>,
-    /// By run, in their order; `None` for a run without this scenario, or with another one of this name.
+    /// Answers in the order of the runs; `None` for a run without this scenario, or with a different one of this name.
     runs: Vec<Option<Flight>>,
     problems: Vec<String>,
 }
@@ -76,15 +76,15 @@ struct TruthColumns {
     transmission: Vec<f64>,
 }
 
-/// Findings of one model.
+/// A model's findings.
 #[derive(Debug, Serialize)]
 struct Model {
-    /// Its file and its hash, as far as they are known.
+    /// Model file and hash, as far as they are known.
     name: String,
     hash: String,
-    /// By view.
+    /// Detections by view.
     detections: BTreeMap<String, DetectionColumns>,
-    /// By view.
+    /// Registrations by view.
     registrations: BTreeMap<String, RegistrationColumns>,
 }
 
@@ -112,29 +112,12 @@ struct RegistrationColumns {
     reason: Vec<Option<&'static str>>,
 }
 
-/// Reads the tables of a scenario.
 pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables, Refusal> {
-    let mut problems = Vec::new();
-    let mut noted = |error: Error| problems.push(error.to_string());
+    let mut problems = Problems::default();
     let files = &opened.files;
-    let flown = match files.frames() {
-        Ok(frames) => Some(frames.rows),
-        Err(error) => {
-            noted(error);
-            None
-        }
-    };
-    let truth = files.truth_boxes_if_labelled().unwrap_or_else(|error| {
-        noted(error);
-        None
-    });
-    let cameras = match files.calibration() {
-        Ok(calibration) => calibration.cameras,
-        Err(error) => {
-            noted(error);
-            BTreeMap::new()
-        }
-    };
+    let flown = problems.or_none(files.frames().map(|frames| Some(frames.rows)));
+    let truth = problems.or_none(files.truth_boxes_if_labelled());
+    let cameras = problems.or_none(files.calibration().map(|all| all.cameras));
     let view = |id: &String| {
         let camera = cameras.get(id);
         View {
@@ -148,10 +131,7 @@ pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables,
     let views = opened.record.views.iter().map(view).collect();
     let mut models = Vec::new();
     for hash in models_of(files.folder()).unwrap_or_default() {
-        match model(opened, hash) {
-            Ok(model) => models.push(model),
-            Err(error) => noted(error),
-        }
+        models.extend(problems.or_none(model(opened, hash).map(Some)));
     }
     let id = files.id();
     let mut runs = Vec::new();
@@ -161,7 +141,9 @@ pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables,
         match both.and_then(|(flight, flown)| flight.other_than(flown)) {
             None => runs.push(flight.cloned()),
             Some(other) => {
-                problems.push(format!("run {} {}", run.name, other.words(&id)));
+                problems
+                    .0
+                    .push(format!("run {} {}", run.name, other.words(&id)));
                 runs.push(None);
             }
         }
@@ -172,7 +154,7 @@ pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables,
         ticks: flown.map(|rows| ticks(opened, &rows)),
         models,
         runs,
-        problems,
+        problems: problems.0,
     })
 }
 
@@ -255,22 +237,15 @@ fn registration_columns(rows: &[Registration]) -> BTreeMap<String, RegistrationC
         let columns = views.entry(row.view.clone()).or_default();
         columns.reference.clone_from(&row.reference);
         columns.tick.push(row.tick);
-        let shift = row.result.as_ref().ok();
-        columns
-            .x_px
-            .push(shift.map(|shift| thousandths(shift.x_px)));
-        columns
-            .y_px
-            .push(shift.map(|shift| thousandths(shift.y_px)));
-        columns
-            .dx_px
-            .push(shift.map(|shift| thousandths(shift.dx_px)));
-        columns
-            .dy_px
-            .push(shift.map(|shift| thousandths(shift.dy_px)));
+        let result = row.result.as_ref();
+        let px = |of: fn(&Shift) -> f64| result.ok().map(|shift| thousandths(of(shift)));
+        columns.x_px.push(px(|shift| shift.x_px));
+        columns.y_px.push(px(|shift| shift.y_px));
+        columns.dx_px.push(px(|shift| shift.dx_px));
+        columns.dy_px.push(px(|shift| shift.dy_px));
         columns
             .reason
-            .push(row.result.as_ref().err().map(|reason| reason.word()));
+            .push(result.err().map(|reason| reason.word()));
     }
     views
 }

@@ -33,7 +33,7 @@ use crate::{overview, path, scenario_tables};
 use doorkeeper::guard;
 use refusal::Refusal;
 
-/// Columns and rows of an image that is sent as planes, and of its part if there is one.
+/// Size of an image that is sent as planes, and of a full-resolution part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
 
 /// Options of the server.
@@ -117,20 +117,20 @@ fn router(library: Arc<Library>, address: SocketAddr) -> Router {
 type Answer = Result<Response, Refusal>;
 type Asked<T> = Result<Query<T>, QueryRejection>;
 
-/// One scenario.
+/// Scenario query.
 #[derive(Debug, Deserialize)]
 struct OfScenario {
     scenario: String,
 }
 
-/// One view of it.
+/// View query.
 #[derive(Debug, Deserialize)]
 struct OfView {
     scenario: String,
     view: String,
 }
 
-/// One image of it.
+/// Image query.
 #[derive(Debug, Deserialize)]
 struct OfPicture {
     scenario: String,
@@ -138,9 +138,9 @@ struct OfPicture {
     tick: u32,
     #[serde(rename = "as")]
     form: Option<Form>,
-    /// Of planes: how many columns and rows become one.
+    /// Reduction factor for planes.
     every: Option<u32>,
-    /// Of planes: left, top, width and height of a part that is sent too, with all its columns and rows.
+    /// Part sent in full resolution beside reduced planes: left, top, width and height.
     part: Option<String>,
 }
 
@@ -201,7 +201,7 @@ async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> 
     .await
 }
 
-/// The planes of an image as a screen shows them: the whole image, reduced, and optionally a part of it.
+/// Planes for the screen: the whole image, reduced, and optionally a part in full resolution.
 fn shown_planes(picture: &[u8], size: [u32; 2], every: u32, part: Option<&str>) -> Answer {
     let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, message);
     if !(1..=MAX_EVERY).contains(&every) {

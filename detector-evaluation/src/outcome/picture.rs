@@ -1,4 +1,4 @@
-//! The images of a scenario, and whether a detector can be expected to find the aircraft in each.
+//! A scenario's images, and whether a detector can be expected to find the aircraft in each.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use dataset::tables::pixel_box::TruthBox;
 
 use crate::error::{Error, Result};
 
-/// One image: a view at a tick.
+/// A view's image at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Picture {
     pub(crate) tick: u32,
@@ -24,13 +24,13 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
-    /// The aircraft that a detector is expected to find, hidden or not: most of it is in the image.
+    /// The aircraft, if most of it is in the image, hidden or not.
     pub(crate) fn expected(&self) -> Option<&TruthBox> {
         self.truth.as_ref().filter(|truth| truth.is_expected())
     }
 }
 
-/// All images of a labelled scenario, by tick and then in the order of its views.
+/// All images, by tick and then in the order of the scenario's views.
 pub(crate) fn pictures_of(scenario: &OpenScenario) -> Result<Vec<Picture>> {
     let record = scenario.record()?;
     let frames = scenario.frames()?;

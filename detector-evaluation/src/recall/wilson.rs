@@ -1,4 +1,4 @@
-//! The uncertainty of a share.
+//! Uncertainty of a proportion.
 //!
 //! E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927). Unlike the usual formula it
 //! remains valid near 0 and 1, where a detector's recall is.
@@ -6,7 +6,7 @@
 /// The standard normal's quantile that leaves 2.5 % on either side.
 const Z: f64 = 1.959_963_984_540_054;
 
-/// The 95 % interval of a probability of which `hits` of `trials` were counted; everything without trials.
+/// 95 % interval of a probability after `hits` in `trials`; 0 to 1 without trials.
 pub(crate) fn interval(hits: u64, trials: u64) -> [f64; 2] {
     if trials == 0 {
         return [0.0, 1.0];

@@ -17,7 +17,7 @@ use dataset::conditions::sight::Sight;
 /// Examples of each kind and mode.
 const SHOWN: usize = 8;
 
-/// Content of an example.
+/// Example type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Kind {
     Hit,
@@ -35,15 +35,15 @@ pub(crate) struct Candidate {
     distance_nm: f64,
     truth: Option<PixelBox>,
     found: Option<PixelBox>,
-    /// Score, or reason of a miss.
+    /// Score, or the reason for a miss.
     pub(crate) note: String,
-    /// Smaller is shown first.
+    /// Rank: smaller ones come first.
     rank: f64,
-    /// Only one of these is shown: view, and mile or track.
+    /// Group with a single shown example: view, and mile or track.
     alike: (String, i64),
 }
 
-/// The best candidates so far.
+/// The best candidates, by type.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Candidates {
     by_kind: BTreeMap<Kind, Vec<Candidate>>,
@@ -57,7 +57,6 @@ pub(crate) struct Example {
 }
 
 impl Candidates {
-    /// Takes the images of a scenario.
     pub(crate) fn offer(
         &mut self,
         scenario: &OpenScenario,

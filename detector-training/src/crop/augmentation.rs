@@ -11,29 +11,28 @@ use rand::{Rng, RngExt};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::crop::cover::MARGIN_PX;
 use crate::crop::structures::{Rectangle, random_structure};
 use crate::crop::texture::Texture;
 use crate::error::{Result, in_range};
 use crate::grid::targets::CropTruth;
 use crate::network::convolution::standard_normal;
-use crate::samples::picture::Strength;
+use crate::samples::training_picture::Strength;
 
-/// One grey level of 256.
+/// A grey level (1 of 255).
 const LEVEL: f32 = 1.0 / 255.0;
-/// Part of a texture that lies over the aircraft, if it is not all of it.
+/// Maximum part of a texture over the aircraft, if not the whole.
 const MAX_VEIL: f32 = 0.3;
 /// A backdrop that hides its aircraft is halved this often before the aircraft counts as hidden.
 const HALVINGS: usize = 3;
 /// Most structures in a crop.
 const MAX_STRUCTURES: usize = 4;
-/// Width of a cloud's edge, pixels, and how far it wanders.
+/// Width and wandering of a cloud's edge, px.
 const EDGE_WIDTH_PX: RangeInclusive<f32> = 0.7..=6.0;
 const EDGE_WANDERS_PX: RangeInclusive<f32> = 1.0..=12.0;
 /// Share of noisy crops with independent colour noise; the others have noise in the luma alone, like decoded video.
 const COLOUR_NOISE_SHARE: f64 = 0.3;
-/// Margin around a box in which its sky is measured, pixels.
-const LIGHT_MARGIN_PX: f64 = 3.0;
-/// Sizes of a texture's features across their stretch, pixels, and their largest length relative to that.
+/// Texture feature size across the stretch, px, and maximum length relative to it.
 const FEATURES_PX: RangeInclusive<f32> = 2.0..=60.0;
 const MAX_STRETCH: f32 = 15.0;
 /// Largest shift of red, green or blue of the paint, and of all colours, grey levels.
@@ -45,8 +44,6 @@ const MAX_CLOUD_EDGE_LEVELS: f32 = 60.0;
 const MAX_GRADIENT_LEVELS: f32 = 20.0;
 /// Standard deviation of the Gaussian blur, pixels.
 const BLUR_PX: RangeInclusive<f32> = 0.3..=1.0;
-/// Levels above this are a mistake.
-const MAX_LEVELS: f64 = 255.0;
 
 /// Augmentation of crops. The simulator's skies are smooth and its aircraft has one paint, so most crops get texture, edges or gradients
 /// behind the aircraft. Shares, 0 to 1, are independent of each other; levels are drawn up to the largest value, at most 255.
@@ -55,19 +52,20 @@ const MAX_LEVELS: f64 = 255.0;
 pub struct Augmentation {
     /// Share of crops that keep background, sharpness and noise of the corpus; the other shares are of the rest.
     pub plain_share: f64,
-    /// Share with texture: octaves of noise, half of them stretched along the horizon, half in any direction.
+    /// Share of crops with texture: octaves of noise, half of them stretched along the horizon, half in any direction.
     pub texture_share: f64,
-    /// Largest root mean square of the texture, grey levels; drawn as the square of a uniform number, so weak textures are more frequent.
+    /// Maximum root mean square of the texture, grey levels; drawn as the square of a uniform number, so weak textures are more frequent.
     pub largest_texture_levels: f32,
     /// Share of textures that lie over the aircraft in full, as noise and thin cloud do; of the others up to 30 % shows on it.
     pub texture_over_share: f64,
-    /// Share whose aircraft has another paint, where it is known which pixels are aircraft.
+    /// Share of crops with a different paint, where the aircraft's pixels are known.
     pub paint_share: f64,
-    /// Share whose aircraft shows no lights, where its pixels are known: none of them is brighter than the surrounding sky.
+    /// Share of crops without landing lights, where the aircraft's pixels are known: none is brighter than the surrounding sky.
     pub unlit_share: f64,
     /// Share of the resampled crops without antialiasing.
-    pub aliased_share: f64,
-    /// Share with the edge of a cloud.
+    #[serde(skip)]
+    pub(crate) aliased_share: f64,
+    /// Share of crops with a cloud's edge.
     pub cloud_edge_share: f64,
     /// Share with a gradient of brightness.
     pub gradient_share: f64,
@@ -105,7 +103,7 @@ impl Default for Augmentation {
 }
 
 impl Augmentation {
-    /// None at all: crops as the corpus has them.
+    /// No augmentation: crops as in the corpus.
     pub fn none() -> Self {
         Self {
             plain_share: 1.0,
@@ -121,7 +119,7 @@ impl Augmentation {
             // JSON has no NaN.
             let value = value.as_f64().unwrap_or(f64::NAN);
             let is_share = key.ends_with("_share");
-            let most = if is_share { 1.0 } else { MAX_LEVELS };
+            let most = if is_share { 1.0 } else { f64::from(u8::MAX) };
             in_range(&format!("training.augmentation.{key}"), value, 0.0..=most)?;
         }
         Ok(())
@@ -255,11 +253,11 @@ fn paint(pixels: &mut [f32], side_px: usize, cover: &[f32], truth: &CropTruth, r
     }
 }
 
-/// Darkens what is aircraft to the mean of the sky around it, unless that would hide it.
+/// Darkens the aircraft to the mean of the surrounding sky, unless that would hide it.
 fn put_out_lights(pixels: &mut [f32], side_px: usize, cover: &[f32], truth: &CropTruth) {
     let [left, top, right, bottom] = truth.pixel_box.edges();
     let around = |at: usize, low: f64, high: f64| {
-        (low - LIGHT_MARGIN_PX..=high + LIGHT_MARGIN_PX).contains(&(at as f64))
+        (low - MARGIN_PX..=high + MARGIN_PX).contains(&(at as f64))
     };
     let (mut sky, mut count) = ([0.0_f32; 3], 0.0_f32);
     for (place, pixel) in pixels.chunks_exact(3).enumerate() {
@@ -317,7 +315,7 @@ struct Backdrop {
     light: Vec<f32>,
     /// Factors of that by colour.
     colour: [f32; 3],
-    /// Part of it that lies over the aircraft.
+    /// Part over the aircraft.
     veil: f32,
     structures: Vec<Rectangle>,
 }

@@ -1,20 +1,20 @@
-//! Cover of an aircraft: the part of each pixel that the aircraft occupies, so that a background can be painted behind it.
+//! Cover: the part of each pixel that the aircraft occupies, so that a background can be painted behind it.
 //!
 //! Input: an image of an aircraft and one of the same place without it. Output: a cover of 0 to 1 per pixel. Cameras do not move, so
 //! another frame of the same video shows the background; where the two differ is the aircraft.
 
-use crate::samples::picture::TrainingPicture;
+use crate::samples::training_picture::TrainingPicture;
 use dataset::tables::pixel_box::PixelBox;
 
-/// Margin around a box in which its aircraft is searched for, pixels.
-const MARGIN_PX: f64 = 3.0;
+/// Margin around a box for finding the aircraft and for measuring its sky, px.
+pub(crate) const MARGIN_PX: f64 = 3.0;
 /// A difference below this is the codec's noise, grey levels.
 const NOISE_LEVELS: f32 = 2.5;
 /// A pixel that differs by this share of the aircraft's strongest tenth is all aircraft; one below the other share is none.
 const WHOLE_SHARE: f32 = 0.6;
 const NONE_SHARE: f32 = 0.1;
 
-/// The cover of a rectangle of an image; 0 outside.
+/// Cover within a rectangle; 0 outside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cover {
     left: usize,
@@ -87,7 +87,6 @@ impl Cover {
         line(row) + down * (line(row + 1) - line(row))
     }
 
-    /// The cover of a pixel, 0 to 1.
     pub(crate) fn at(&self, x: usize, y: usize) -> f32 {
         let (Some(column), Some(row)) = (x.checked_sub(self.left), y.checked_sub(self.top)) else {
             return 0.0;
@@ -119,7 +118,7 @@ fn strongest_tenth(differences: &[u8]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::picture::tests::sky_with_bar;
+    use crate::samples::training_picture::sky_with_bar;
 
     #[test]
     fn the_aircraft_is_covered_and_the_sky_around_it_is_not() {

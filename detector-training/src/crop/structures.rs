@@ -5,7 +5,7 @@
 
 use rand::{Rng, RngExt};
 
-/// Sides of a rectangle, pixels of a crop.
+/// Rectangle edges, pixels in a crop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Rectangle {
     left: f32,
@@ -36,7 +36,7 @@ impl Rectangle {
     }
 }
 
-/// One random structure, its farthest parts first.
+/// A random structure, farthest parts first.
 pub(crate) fn random_structure(side_px: usize, rng: &mut impl Rng) -> Vec<Rectangle> {
     let side = side_px as f32;
     let foot = [

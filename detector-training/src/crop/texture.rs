@@ -9,23 +9,23 @@ use rand::{Rng, RngExt};
 
 /// Side of the table of random numbers that a grid repeats.
 const TABLE_SIDE: usize = 64;
-/// Amplitude of an octave relative to the next coarser one.
+/// Amplitude per octave relative to the next coarser one.
 const PERSISTENCE: RangeInclusive<f32> = 0.3..=0.8;
 /// Share of textures that lie within [`LEVEL_RAD`] of the horizontal, as most layered clouds do, and as wings do.
 const LEVEL_SHARE: f64 = 0.5;
 const LEVEL_RAD: f32 = 0.2;
 const MAX_OCTAVES: usize = 5;
 
-/// The shape of a texture.
+/// Texture shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Texture {
     /// Size of the coarsest features across the stretch, pixels.
     pub(crate) coarsest_px: f32,
     /// Size of the finest features, pixels.
     pub(crate) finest_px: f32,
-    /// Amplitude of an octave relative to the next coarser one.
+    /// Amplitude per octave relative to the next coarser one.
     pub(crate) persistence: f32,
-    /// Length of a feature relative to its width.
+    /// Feature length relative to its width.
     pub(crate) stretch: f32,
     /// Direction of the stretch, clockwise from right.
     pub(crate) direction_rad: f32,

@@ -20,18 +20,18 @@ const SIZE_IMPORTANCE: f64 = 0.4;
 /// The aircraft in a crop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CropTruth {
-    /// Its whole box, pixels of the crop; may extend over the crop's edges.
+    /// The whole box, crop pixels; may extend over the crop's edges.
     pub pixel_box: PixelBox,
     /// True if the aircraft is visible to the eye. If not, its cells have no target: neither a hit nor a miss is wrong.
     pub visible: bool,
 }
 
-/// Targets of a batch of crops of one size, cells in the order of the network's output rows.
+/// Targets for a batch of equally sized crops, cells in the order of the network's output rows.
 #[derive(Debug, Clone)]
 pub struct Targets {
-    /// Cells in a row and rows of a crop.
+    /// Cells per row.
     pub cells_across: usize,
-    /// Rows of cells of a crop.
+    /// Rows per crop.
     pub cells_down: usize,
     /// Desired heat, 0 to 1.
     pub heat: Vec<f32>,
@@ -39,7 +39,7 @@ pub struct Targets {
     pub heat_weight: Vec<f32>,
     /// Desired box numbers, four a cell.
     pub numbers: Vec<f32>,
-    /// Factors that convert an error of a number into units of loss, four a cell; 0 where there is no target box.
+    /// Weights that convert errors into units of loss, four per cell; 0 without a target box.
     pub number_weight: Vec<f32>,
     /// Number of target boxes.
     pub positives: usize,

@@ -34,8 +34,8 @@ impl FeatureMap {
         self.with_rows(activation::relu(self.rows.clone()))
     }
 
-    /// Divides every cell by the mean of its channels (all of them >= 0) plus `floor`. The following layers then see the shape of a
-    /// target and not its contrast, which varies by a factor of fifty in fog.
+    /// Divides every cell by its channels' mean (all are >= 0) plus `floor`. The next layers then see a target's shape and not its
+    /// contrast, which varies by a factor of fifty in fog.
     pub(crate) fn divide_by_mean(&self, floor: f32) -> Self {
         self.with_rows(self.rows.clone() / self.raised_mean(floor))
     }
@@ -78,8 +78,8 @@ impl GatherTables {
         }
     }
 
-    /// For each output cell of a padded 3x3 convolution the rows of its nine inputs; cells outside are row
-    /// `batch * height * width`, which the caller appends as zeros.
+    /// Rows of the nine inputs for each output cell of a padded 3x3 convolution; cells outside are row `batch * height * width`, which the
+    /// caller appends as zeros.
     fn neighbours(&mut self, map: &FeatureMap, stride: usize) -> Tensor<1, Int> {
         let &FeatureMap {
             batch,

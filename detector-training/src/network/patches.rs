@@ -2,21 +2,21 @@
 //!
 //! Input: interleaved RGB, row-major, values 0 to 1. Output: one row per 4x4 patch, ordered by pixel row, pixel column, colour.
 
-/// Side of a patch, pixels: the stride of the first layer.
+/// Patch side, px: the first layer's stride.
 pub(crate) const PATCH_SIDE_PX: usize = 4;
 /// Numbers in a patch.
 pub(crate) const PATCH_VALUES: usize = PATCH_SIDE_PX * PATCH_SIDE_PX * 3;
 
-/// A batch of images of one size, as patches.
+/// A batch of equally sized images, as patches.
 #[derive(Debug, Clone)]
 pub struct PatchBatch {
     /// `[batch * (height / 4) * (width / 4), 48]`.
     pub values: Vec<f32>,
     /// Number of images.
     pub batch: usize,
-    /// Height of an image, pixels.
+    /// Image height, pixels.
     pub height_px: usize,
-    /// Width of an image, pixels.
+    /// Image width, pixels.
     pub width_px: usize,
 }
 

@@ -16,27 +16,27 @@ use dataset::work::memory;
 use dataset::work::watch::Watch;
 use rayon::prelude::*;
 
-use super::picture::{TrainingPicture, is_visible, may_be_visible};
+use super::training_picture::{TrainingPicture, is_visible, may_be_visible};
 use crate::crop::cover::Cover;
-use crate::error::{CorpusFault, Error, Result};
+use crate::error::{Error, Result};
 use crate::grid::targets::CropTruth;
 use crate::samples::{CROP_SIZES, Samples, size_for_width};
 
 /// Whole frames kept of every video as background. Clouds and ground do not move within a scenario; lights and rain do.
 const BACKGROUNDS_PER_VIDEO: usize = 3;
 
-/// Two boxes of an aircraft this far apart do not touch, with its lights' glare, pixels.
+/// Distance beyond which two boxes of the aircraft with its lights' glare do not touch, px.
 const APART_PX: f64 = 8.0;
 
 /// Frames held at a time by a decoder and its scaler.
 const DECODED_FRAMES: u64 = 12;
 
-/// Memory for the steps of a training, besides the images: batches have the same size whatever the corpus. Measured: 190 MiB.
+/// Training memory besides the images: batches have the same size whatever the corpus. Measured: 190 MiB.
 const TRAINING_BYTES: u64 = 208 << 20;
 /// Memory per pixel for evaluating a frame, besides the frame. Measured: 95 bytes.
 const JUDGING_BYTES_PER_PIXEL: u64 = 104;
 
-/// One video of a corpus.
+/// A corpus video.
 #[derive(Debug, Clone)]
 pub struct Video {
     scenario: Arc<OpenScenario>,
@@ -54,7 +54,7 @@ pub struct JudgedFrame {
     pub weather: String,
 }
 
-/// The videos of the given sides of a corpus's split.
+/// All videos on the given sides of the split.
 pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
     // Checked before any table is read: when memory runs out, a decoder or thread may fail with an unrelated message, or silently.
     memory::check("training a detector", TRAINING_BYTES).map_err(dataset::Error::from)?;
@@ -79,10 +79,12 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
         }
     }
     if videos.is_empty() {
-        return Err(Error::Corpus {
-            path: corpus.root().to_owned(),
-            fault: CorpusFault::NoScenarios(sides.to_vec()),
-        });
+        let sides: Vec<String> = sides.iter().map(Side::to_string).collect();
+        return Err(Error::Input(format!(
+            "corpus {}: has no recorded scenario on the {} side of its split; generate and label it first",
+            corpus.root().display(),
+            sides.join(" or ")
+        )));
     }
     Ok(videos)
 }
@@ -172,7 +174,7 @@ fn samples_of(video: &Video, watch: &dyn Watch) -> Result<Samples> {
     Ok(samples)
 }
 
-/// Aircraft pixels of a piece at `(left, top)` of its frame, found by comparison with a frame whose own aircraft is elsewhere.
+/// Aircraft pixels in a piece at `(left, top)` of its frame, by comparison with a frame whose aircraft is elsewhere.
 fn cover_of(
     piece: &TrainingPicture,
     [left, top]: [usize; 2],
@@ -253,14 +255,15 @@ impl Video {
         Ok(self.scenario.record()?.ticks as usize)
     }
 
-    /// Memory of one of its frames, bytes.
+    /// Memory per frame, bytes.
     fn frame_bytes(&self) -> Result<u64> {
         let cameras = self.scenario.calibration()?.cameras;
-        let camera = cameras.get(&self.view).ok_or_else(|| Error::Corpus {
-            path: self.scenario.folder().root().to_owned(),
-            fault: CorpusFault::NoCamera {
-                view: self.view.clone(),
-            },
+        let camera = cameras.get(&self.view).ok_or_else(|| {
+            Error::Input(format!(
+                "corpus {}: has no camera {} in calibration.json; generate it again",
+                self.scenario.folder().root().display(),
+                self.view
+            ))
         })?;
         Ok(rgb_bytes(
             camera.width_px as usize,

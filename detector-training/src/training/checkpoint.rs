@@ -14,7 +14,7 @@ use dataset::files::json_file::{read_json, write_atomically, write_json};
 use serde::{Deserialize, Serialize};
 
 use super::training_config::TrainingConfig;
-use crate::error::{Error, OutputFault, Result};
+use crate::error::{Error, Result};
 use crate::network::Network;
 use crate::samples::HardPlaces;
 
@@ -40,7 +40,7 @@ pub(crate) fn noted_model(folder: &Path) -> Option<String> {
     fs::read_to_string(folder.join(MODEL)).ok()
 }
 
-/// Removes the checkpoint of a finished training.
+/// Removes a finished training's checkpoint.
 pub(crate) fn clear(folder: &Path) -> Result<()> {
     for path in content(folder)? {
         if is_own(&path) {
@@ -61,7 +61,7 @@ fn content(folder: &Path) -> Result<Vec<PathBuf>> {
         .collect()
 }
 
-/// True if the file has the name of a checkpoint file, finished or partly written.
+/// True if the file is named like a checkpoint file, finished or partly written.
 fn is_own(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let is_part = PARTS.iter().any(|part| {
@@ -74,7 +74,7 @@ fn is_own(path: &Path) -> bool {
     path.is_file() && (is_part || is_note || name == CLAIM)
 }
 
-/// Progress of a training.
+/// Training progress.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Position {
     /// Steps of the optimiser.
@@ -85,7 +85,7 @@ pub struct Position {
     pub seconds: f64,
 }
 
-/// State of a training run in a checkpoint.
+/// Training state in a checkpoint.
 pub(crate) struct Saved {
     pub(crate) network: Network,
     pub(crate) optimizer: ModuleOptimizer,
@@ -101,7 +101,7 @@ struct State {
     hard_places: HardPlaces,
 }
 
-/// A folder with the checkpoint of one training.
+/// A training's checkpoint folder.
 pub(crate) struct Checkpoint<'a> {
     folder: PathBuf,
     config: &'a TrainingConfig,
@@ -123,18 +123,17 @@ impl<'a> Checkpoint<'a> {
         self.folder.join(format!("{step}.{part}"))
     }
 
-    fn refused(&self, fault: OutputFault) -> Error {
-        Error::Output {
-            path: self.folder.clone(),
-            fault,
-        }
+    fn refused(&self, fault: &str) -> Error {
+        Error::Input(format!("run {}: {fault}", self.folder.display()))
     }
 
     fn fault(&self, error: RecordError) -> Error {
-        self.refused(OutputFault::Checkpoint(error))
+        self.refused(&format!(
+            "cannot read or write the checkpoint: {error}; delete the folder to train from the start"
+        ))
     }
 
-    /// Writes the training and removes what it replaces.
+    /// Writes the training and removes the previous checkpoint.
     pub(crate) fn save(&self, training: &Saved) -> Result<()> {
         fs::create_dir_all(&self.folder).map_err(dataset::Error::io("create", &self.folder))?;
         let step = training.position.step;
@@ -176,8 +175,10 @@ impl<'a> Checkpoint<'a> {
         }
         let state: State = read_json(&self.state_path(), "detector checkpoint")?;
         if state.config != *self.config {
-            let found = format!("{:?}", state.config);
-            return Err(self.refused(OutputFault::OtherSettings { found }));
+            return Err(self.refused(&format!(
+                "holds an unfinished training with other settings ({:?}); repeat those to resume it, or delete the folder",
+                state.config
+            )));
         }
         let step = state.position.step;
         let record = ModuleRecord::load(self.part_path(step, "network"))

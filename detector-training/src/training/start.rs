@@ -1,4 +1,4 @@
-//! The first weights of a training, from a detector of this project.
+//! Initial weights from a detector of this project.
 //!
 //! Input: an ONNX model that [`crate::export`] wrote. Output: the network in it.
 
@@ -21,8 +21,12 @@ const STRENGTHS: usize = 3;
 /// The network in the model at `path`.
 pub(crate) fn start_from(path: &Path, device: &Device) -> Result<Network> {
     let onnx = outside_file::read(path, FileKind::MODEL)?;
-    network_of(&onnx, device).ok_or_else(|| Error::Start {
-        path: path.to_owned(),
+    network_of(&onnx, device).ok_or_else(|| {
+        Error::Input(format!(
+            "{}: is no detector that `dtd train-detector` wrote, so that training cannot start from its weights; start from such a model, \
+             or from none",
+            path.display()
+        ))
     })
 }
 

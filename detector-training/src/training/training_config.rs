@@ -1,4 +1,4 @@
-//! Settings of a training.
+//! Training settings.
 
 use std::path::PathBuf;
 
@@ -10,11 +10,10 @@ use crate::error::{Result, in_range};
 
 /// The longest training that can be asked for, minutes: a year.
 pub const MAX_MINUTES: f64 = 525_600.0;
-const MAX_RATE: f64 = 1.0;
 /// Smallest value of settings that must be above 0.
 const MIN_POSITIVE: f64 = 1e-9;
 
-/// Length of a training run.
+/// Training length.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Effort {
@@ -65,7 +64,7 @@ impl TrainingConfig {
         in_range(
             "training.learning_rate",
             self.learning_rate,
-            MIN_POSITIVE..=MAX_RATE,
+            MIN_POSITIVE..=1.0,
         )?;
         self.augmentation.check()
     }

@@ -5,16 +5,16 @@ use image::{Rgb, RgbImage};
 
 use crate::error::{Error, Result};
 
-/// Quality of a JPEG.
+/// JPEG quality.
 const QUALITY: u8 = 85;
-/// Colour of what labels say.
+/// Ground-truth colour.
 pub(super) const TRUE: Rgb<u8> = Rgb([0, 200, 90]);
-/// Colour of what the detector says.
+/// Detection colour.
 pub(super) const FOUND: Rgb<u8> = Rgb([230, 60, 0]);
-/// Colour of tiles.
+/// Tile colour.
 pub(super) const TILE: Rgb<u8> = Rgb([250, 230, 60]);
 
-/// Colours a square of `width` pixels around a point; what is outside the image is left out.
+/// Colours a square `width` pixels wide around a point, as far as it is inside the image.
 fn dot(picture: &mut RgbImage, [x, y]: [f64; 2], width: u32, colour: Rgb<u8>) {
     let first = |centre: f64| (centre - f64::from(width) / 2.0).ceil() as i64;
     for (dx, dy) in
@@ -43,7 +43,7 @@ pub(super) fn line(picture: &mut RgbImage, points: &[[f64; 2]], width: u32, colo
     }
 }
 
-/// The outline of a box with these left, top, right and bottom edges.
+/// A box outline, by its left, top, right and bottom edges.
 pub(super) fn outline(
     picture: &mut RgbImage,
     [left, top, right, bottom]: [f64; 4],

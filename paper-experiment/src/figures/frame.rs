@@ -1,4 +1,4 @@
-//! An image of an aircraft at 6 NM: with its trajectory (figure 2 of the paper), and with the tiles of the search (figure 3).
+//! An aircraft at 6 NM: with its trajectory (the paper's figure 2), and with the search's tiles (figure 3).
 
 use dataset::corpus::Corpus;
 use dataset::corpus::detections::Detection;
@@ -12,19 +12,19 @@ use image::{Rgb, RgbImage};
 use super::drawing::{FOUND, TILE, TRUE, jpeg, line, outline};
 use crate::error::{Error, Result};
 
-/// Distance at which the paper shows the aircraft, nautical miles.
+/// Distance shown in the paper, NM.
 const SHOWN_NM: f64 = 6.0;
-/// The image may be off by this much.
+/// Tolerance around that distance.
 const NEAR_NM: f64 = 0.5;
 /// Conditions of the image, if the corpus has them.
 const WANTED: (&str, &str) = ("clear", "12:00");
-/// Side of a tile, and of the window of the second pass, pixels.
+/// Side of tiles and of the second pass's window, px.
 const TILE_PX: u32 = 640;
-/// Distance of a line from the box that it frames, pixels.
+/// Distance between a box and its outline, px.
 const GAP_PX: f64 = 6.0;
 /// Distance between the two parts of the image of the search, pixels.
 const BETWEEN_PX: u32 = 8;
-/// Largest width of a figure's part, pixels.
+/// Maximum width of a figure's part, px.
 const MAX_WIDTH_PX: u32 = 960;
 
 /// The tick that is shown.
@@ -40,7 +40,7 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// The tick nearest to 6 NM of a scenario, and the first view that shows the whole aircraft.
+    /// The first scenario with a tick near 6 NM and a view of the whole aircraft.
     pub(super) fn choose(corpus: &Corpus, detections: &str) -> Result<Self> {
         let mut folders = Vec::new();
         for folder in corpus.scenarios()? {
@@ -153,13 +153,13 @@ fn nearest(rows: &[TickRow]) -> Option<&TickRow> {
     (nearest.0 < NEAR_NM).then_some(nearest.1)
 }
 
-/// Edges of a line around a box.
+/// Edges of a box's outline.
 fn around(pixel_box: &PixelBox) -> [f64; 4] {
     let [left, top, right, bottom] = pixel_box.edges();
     [left - GAP_PX, top - GAP_PX, right + GAP_PX, bottom + GAP_PX]
 }
 
-/// The image, shrunk to the width of a page if it is wider.
+/// Shrinks the image to page width.
 fn smaller(picture: &RgbImage) -> RgbImage {
     let (width, height) = picture.dimensions();
     if width <= MAX_WIDTH_PX {

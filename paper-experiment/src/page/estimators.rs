@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use report_page::table::Table;
+use report_page::{optional, percent};
 use trainer::paper::{
     EPOCHS, MAPE_PCT, MONO_MAPE_PCT, PaperCondition, REDUCTION_PCT, TABLE_3, TRAINING_HOURS,
 };
 use trainer::{EndedBy, ErrorFigures, EstimatorMetrics, Metrics, SplitFigures};
 
-use super::table::{Table, number};
 use crate::results::{PAPER, Results};
 
 /// The formula that knows the true cameras, on the same boxes.
@@ -20,12 +21,12 @@ const MONOSCOPIC: [&str; 3] = ["mono_network", "mono_network_position", "mono_ne
 const WEATHERS: usize = 4;
 /// Starts of the nautical miles around the step of the profile.
 const NEAR_STEP_NM: [f64; 2] = [6.0, 7.0];
-/// Decimals of a percentage error.
+/// Decimals in percentage errors.
 const DECIMALS: usize = 3;
 
-/// An estimator of ours that answers ticks of one view as well.
+/// Our estimator that also answers ticks with a single view.
 const FILTERED: &str = "inverse_range_filtered";
-/// Share of the ticks that an estimator must answer for a figure of them.
+/// Minimum share of answered ticks.
 const ANSWERED: f64 = 0.99;
 
 /// Mean and standard deviation of the absolute percentage error.
@@ -35,7 +36,7 @@ struct Error {
     sd_pct: Option<f64>,
 }
 
-/// The error over all of these ticks; none if the estimator does not answer them.
+/// The error over all ticks; `None` if the estimator does not answer them.
 fn answered(of: Option<&ErrorFigures>) -> Option<Error> {
     let of = of.filter(|of| of.samples as f64 >= ANSWERED * of.ticks as f64)?;
     Some(Error {
@@ -52,13 +53,12 @@ fn of_views(of: &SplitFigures) -> [Option<Error>; 2] {
     ]
 }
 
-/// The same in a weather or at a local time.
+/// Errors in one weather or at one local time.
 fn in_condition(of: &EstimatorMetrics, name: &str) -> [Option<Error>; 2] {
     let figures = of.by_weather.get(name).or_else(|| of.by_time.get(name));
     figures.map_or([None; 2], of_views)
 }
 
-/// The same of all ticks.
 fn overall(of: &EstimatorMetrics) -> [Option<Error>; 2] {
     of_views(&of.overall)
 }
@@ -72,7 +72,7 @@ fn of_its_answers(of: &EstimatorMetrics) -> Option<Error> {
     })
 }
 
-/// Figures of an estimator, or none if it is unknown.
+/// Figures for an estimator, `None` if it is unknown.
 fn figures(
     metrics: &Metrics,
     estimator: &str,
@@ -85,7 +85,7 @@ fn figures(
 pub(super) fn by_condition(results: &Results) -> String {
     let best = &results.recommended;
     let names = [best, FILTERED].map(|name| format!("`{name}`, other flights"));
-    let mut table = Table::new(&[
+    let mut table = Table::new("").words([
         "condition (table 3)",
         "paper",
         "`paper_lstm`, scenarios drawn",
@@ -128,7 +128,7 @@ pub(super) fn by_condition(results: &Results) -> String {
     let points = [0, 1].map(|views| {
         let difference = other[views].zip(drawn[views]);
         difference.map_or_else(
-            || "-".into(),
+            || "–".into(),
             |(other, drawn)| format!("{:+.DECIMALS$}", other.mape_pct - drawn.mape_pct),
         )
     });
@@ -150,7 +150,7 @@ pub(super) fn by_condition(results: &Results) -> String {
          the paper, and {} of {} test scenarios share their flight with the training. On other flights the MAPE of `paper_lstm`\n\
          differs by {} points from its MAPE with drawn scenarios: one draw, one seed, other test scenarios.",
         table.markdown(),
-        number(drawn[1].map(|of| of.mape_pct), DECIMALS),
+        optional(drawn[1].map(|of| of.mape_pct), DECIMALS),
         results.by_scenario.split.test_scenarios_sharing_flights,
         results.by_scenario.split.test.scenarios,
         points.join(" / ")
@@ -161,7 +161,7 @@ pub(super) fn by_condition(results: &Results) -> String {
 fn ratio(ours: [Option<Error>; 2], published: [Option<Error>; 2]) -> String {
     let ratios = [0, 1].map(|views| {
         let both = ours[views].zip(published[views]);
-        number(
+        optional(
             both.map(|(ours, theirs)| ours.mape_pct / theirs.mape_pct),
             1,
         )
@@ -175,7 +175,7 @@ fn pair(values: [Option<Error>; 2], decimals: usize) -> String {
 
 fn joined(values: &[Option<Error>], decimals: usize) -> String {
     let cell = |value: Option<Error>| {
-        let mape = number(value.map(|of| of.mape_pct), decimals);
+        let mape = optional(value.map(|of| of.mape_pct), decimals);
         match value.and_then(|of| of.sd_pct) {
             Some(sd_pct) => format!("{mape} ({sd_pct:.decimals$})"),
             None => mape,
@@ -185,7 +185,7 @@ fn joined(values: &[Option<Error>], decimals: usize) -> String {
     cells.join(" / ")
 }
 
-/// By weather and time.
+/// Table by weather and time.
 pub(super) fn by_cell(results: &Results) -> String {
     let Some(of) = results.by_scenario.estimators.get(PAPER) else {
         return String::new();
@@ -195,14 +195,14 @@ pub(super) fn by_cell(results: &Results) -> String {
         .into_iter()
         .chain(times.iter().map(|time| time.name))
         .collect();
-    let mut table = Table::new(&heading);
+    let mut table = Table::new("").words(heading);
     for weather in weathers {
         let cells = times.iter().map(|time| {
             let cell = of
                 .by_weather_and_time
                 .get(&format!("{} {}", weather.name, time.name));
             let [dual, _] = cell.map_or([None; 2], of_views);
-            number(dual.map(|of| of.mape_pct), DECIMALS)
+            optional(dual.map(|of| of.mape_pct), DECIMALS)
         });
         table.row([weather.name.to_owned()].into_iter().chain(cells));
     }
@@ -212,7 +212,7 @@ pub(super) fn by_cell(results: &Results) -> String {
     )
 }
 
-/// By distance.
+/// Table by distance.
 pub(super) fn by_distance(results: &Results) -> String {
     let metrics = &results.by_scenario;
     let shown: Vec<&str> = [PAPER]
@@ -241,9 +241,9 @@ pub(super) fn by_distance(results: &Results) -> String {
         .into_iter()
         .chain(names.iter().map(String::as_str))
         .collect();
-    let mut table = Table::new(&heading);
+    let mut table = Table::new("").words(heading);
     for (nm, cells) in bins {
-        let cells = cells.into_iter().map(|value| number(value, DECIMALS));
+        let cells = cells.into_iter().map(|value| optional(value, DECIMALS));
         let answered = ticks.get(&nm).copied().unwrap_or_default();
         let start = [nm.to_string(), answered.to_string()];
         table.row(start.into_iter().chain(cells));
@@ -258,7 +258,8 @@ pub(super) fn by_distance(results: &Results) -> String {
         (count > 0).then(|| sum / count as f64)
     };
     let told = [PAPER, MONOSCOPIC[0]].map(|name| {
-        let [step, elsewhere] = [true, false].map(|is_near| number(near(name, is_near), DECIMALS));
+        let [step, elsewhere] =
+            [true, false].map(|is_near| optional(near(name, is_near), DECIMALS));
         format!("`{name}` has {step} % from 6 to 8 NM and {elsewhere} % elsewhere")
     });
     format!(
@@ -272,7 +273,7 @@ pub(super) fn by_distance(results: &Results) -> String {
 
 /// All estimators, and those that see one view.
 pub(super) fn all(results: &Results) -> String {
-    let mut table = Table::new(&[
+    let mut table = Table::new("").words([
         "estimator",
         "scenarios drawn",
         "other flights",
@@ -286,12 +287,12 @@ pub(super) fn all(results: &Results) -> String {
         let drawn = results.by_scenario.estimators.get(name);
         table.row([
             format!("`{name}`"),
-            drawn.map_or_else(|| "-".into(), cell),
+            drawn.map_or_else(|| "–".into(), cell),
             cell(of),
-            number(of.overall.all.coverage.map(|share| 100.0 * share), 1),
+            percent(of.overall.all.coverage, 1),
         ]);
     }
-    let mut against = Table::new(&[
+    let mut against = Table::new("").words([
         "one view, network on, scenarios drawn",
         "MAPE, mean of the views",
         "error of `paper_lstm` is lower by, %",
@@ -304,12 +305,12 @@ pub(super) fn all(results: &Results) -> String {
     for one in &results.by_scenario.against_one_view {
         against.row([
             one.inputs.clone(),
-            number(one.mean_pct, DECIMALS),
-            number(one.reduction_pct, 0),
+            optional(one.mean_pct, DECIMALS),
+            optional(one.reduction_pct, 0),
         ]);
     }
     let [dual, combination] = figures(&results.by_scenario, WITH_SHIFTS, overall)
-        .map(|of| number(of.map(|of| of.mape_pct), DECIMALS));
+        .map(|of| optional(of.map(|of| of.mape_pct), DECIMALS));
     let of_two_views = |name| figures(&results.by_scenario, name, overall)[0].map(|of| of.mape_pct);
     let from_boxes = of_two_views(FROM_BOXES);
     let suffice = match (from_boxes, of_two_views(PAPER)) {
@@ -318,7 +319,7 @@ pub(super) fn all(results: &Results) -> String {
         }
         _ => "",
     };
-    let from_boxes = number(from_boxes, DECIMALS);
+    let from_boxes = optional(from_boxes, DECIMALS);
     format!(
         "## All estimators\n\n{}\n\n\
          Two views / at least one / all ticks that the estimator answers, whose share is the coverage. Filter and smoother also answer\n\
@@ -346,21 +347,21 @@ pub(super) fn single_views(results: &Results) -> String {
         .into_iter()
         .chain(names.iter().map(String::as_str))
         .collect();
-    let mut table = Table::new(&heading);
+    let mut table = Table::new("").words(heading);
     for name in [PAPER, &*results.recommended] {
         let Some(of) = metrics.estimators.get(name) else {
             continue;
         };
         let cells = removals.iter().map(|removal| {
             let of = of.views_removed.get(*removal);
-            number(of.and_then(|of| of.all.mape_pct), DECIMALS)
+            optional(of.and_then(|of| of.all.mape_pct), DECIMALS)
         });
         table.row([format!("`{name}`")].into_iter().chain(cells));
     }
     table.markdown()
 }
 
-/// The number of seconds in the name of a removal.
+/// Seconds in a removal's name.
 fn seconds_in(name: &str) -> Option<u32> {
     let words = name.split('_').collect::<Vec<_>>();
     let seconds = words.windows(2).find(|pair| pair[1] == "s")?[0];
@@ -388,7 +389,7 @@ pub(super) fn still_falling(results: &Results) -> String {
 
 /// Steps of the trainings, and the reasons why they ended.
 pub(super) fn training(results: &Results) -> String {
-    let mut table = Table::new(&[
+    let mut table = Table::new("").words([
         "networks, scenarios drawn",
         "steps",
         "passes over the data",
@@ -412,7 +413,7 @@ pub(super) fn training(results: &Results) -> String {
         let last_two = &stage.cycles[stage.cycles.len().saturating_sub(2)..];
         let ends = last_two.iter().map(|cycle| {
             let errors = cycle.validation_mape_pct.iter();
-            let errors: Vec<String> = errors.map(|error| number(*error, DECIMALS)).collect();
+            let errors: Vec<String> = errors.map(|error| optional(*error, DECIMALS)).collect();
             errors.join(" and ")
         });
         table.row([

@@ -14,19 +14,16 @@ use crate::run::trained::Convergence;
 pub fn convergence(run: &RunFolder) -> Result<String> {
     let sealed = SealedRun::read(run)?;
     let log: Convergence = sealed.json(RunFolder::CONVERGENCE, "convergence log")?;
-    Ok(plots::convergence(&log)?)
+    Ok(plots::convergence(&log))
 }
 
 /// Box plot of the signed errors of some estimators by distance, in the order of these names; unknown names are left out.
-///
-/// # Errors
-/// The chart cannot be drawn.
-pub fn errors_by_distance(metrics: &Metrics, estimators: &[&str]) -> Result<String> {
+pub fn errors_by_distance(metrics: &Metrics, estimators: &[&str]) -> String {
     let names = tables::names(&metrics.estimators);
     let shown = estimators.iter().filter_map(|estimator| {
         let number = names.iter().position(|name| name == estimator)?;
         let bins = &metrics.estimators[*estimator].by_distance_nm[..];
         Some((number, bins))
     });
-    Ok(plots::errors_by_distance(&shown.collect::<Vec<_>>())?)
+    plots::errors_by_distance(&shown.collect::<Vec<_>>())
 }

@@ -1,6 +1,6 @@
 //! `report.html`: the results of a run in one file that opens offline.
 //!
-//! The page is a template (`report/report.html`) in the look of all pages (`report-page/`); its plots are SVG, drawn by [`plots`], and its
+//! The page is a template (`report/report.html`) in the shell of all pages (`report-page/`); its plots are SVG, drawn by [`plots`], and its
 //! images are cut out of the corpus's videos, if they are there.
 //! It begins with the recommended estimator. Figures of the paper are shown next to ours where it has them (its table 3).
 
@@ -12,9 +12,9 @@ use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_unsynced;
 use minijinja::{Value, context};
-use report_page::chart::css_colour;
-use report_page::page::{drawn, render, value};
-use serde::Serialize;
+use report_page::chart::LegendEntry;
+use report_page::page::{drawn, page, value};
+use report_page::table::{Cell, Table};
 
 use crate::error::Result;
 use crate::evaluation::answers::{Answers, JudgedTicks};
@@ -25,26 +25,12 @@ use crate::run::folder::RunFolder;
 use crate::run::trained::TrainedRun;
 use crate::samples::{DistanceRange, Samples};
 
-const TEMPLATE: &str = concat!(
-    include_str!("report/macros.html"),
-    include_str!("report/report.html")
-);
+pub(super) const MACROS: &str = include_str!("report/macros.html");
+const TEMPLATE: &str = include_str!("report/report.html");
 /// Maximum number of estimators in the charts of errors by distance: more lines cannot be distinguished.
 pub(super) const CHARTED: usize = 5;
 
-/// A scenario in the data summary.
-#[derive(Serialize)]
-struct ScenarioRow<'a> {
-    id: &'a str,
-    trajectory: &'a str,
-    side: String,
-    weather: &'a str,
-    time_of_day: &'a str,
-    ticks: usize,
-    detected_pct: Vec<String>,
-}
-
-/// Results of an evaluation, with their inputs.
+/// Evaluation results with their inputs.
 pub(crate) struct Results<'a> {
     /// Corpus with the images.
     pub corpus: &'a Corpus,
@@ -57,7 +43,6 @@ pub(crate) struct Results<'a> {
     pub metrics: &'a Metrics,
 }
 
-/// Writes the report of an evaluation.
 pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let Results {
         corpus,
@@ -68,7 +53,6 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
         metrics,
     } = *results;
     let rules = &metrics.rules;
-    let seen = ticks_seen(samples, rules.range());
     let flown = tables::best_covered_scenario(samples, ticks.ticks());
     let best = tables::best(&metrics.estimators, CHARTED);
     let names = tables::names(&metrics.estimators);
@@ -77,7 +61,8 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
         Some((number, &of.by_distance_nm[..]))
     });
     let bins: Vec<_> = bins.collect();
-    let recommended = |estimator: &Estimator| estimator.name() == trained.summary.choice.estimator;
+    let choice = &trained.summary.choice;
+    let recommended = |estimator: &Estimator| estimator.name() == choice.estimator;
     let examples = match Estimator::ALL.iter().position(recommended) {
         Some(number) => {
             let outcomes = ticks.outcomes(answers, number);
@@ -85,16 +70,27 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
         }
         None => Vec::new(),
     };
-    let page = render(
-        TEMPLATE,
+    let headline = tables::headline(
+        &metrics.estimators,
+        (&choice.estimator, "recommended"),
+        rules.bootstrap.share,
+        true,
+    );
+    let estimators = &metrics.estimators;
+    let page = page(
+        "Distance to touchdown: evaluation",
+        &[MACROS, TEMPLATE].concat(),
         context! {
-            recommendation => value(tables::recommendation(&trained.summary.choice, metrics)),
-            headline => value(tables::headline(&metrics.estimators)),
+            choice => value(choice),
+            recommended => value(tables::tiles(&choice.estimator, estimators)),
+            headline => value(headline),
+            has_oracle => estimators.contains_key(Estimator::Triangulation.name()),
+            stated_intervals => value(tables::stated_intervals(estimators)),
             methods => value(tables::methods(metrics)),
-            legend => value(legend(&names, &best)),
-            best_plot => drawn(plots::best_by_distance(&bins)?),
-            by_weather => value(tables::by_weather(&metrics.estimators)),
-            by_time => value(tables::by_time(&metrics.estimators)),
+            series => value(legend(&names, &best)),
+            best_plot => drawn(plots::best_by_distance(&bins)),
+            by_weather => value(tables::by_weather(estimators, &choice.estimator)),
+            by_time => value(tables::by_time(estimators, &choice.estimator)),
             conditions => value(tables::conditions(metrics)),
             against_one_view => value(tables::against_one_view(metrics)),
             stages => value(tables::stages(metrics)),
@@ -106,17 +102,15 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
                 training_hours => paper::TRAINING_HOURS,
             },
             weather_at_aircraft => value(tables::weather_at_aircraft(&metrics.weather_at_aircraft)),
-            scenarios => value(scenario_rows(samples, &seen)),
-            views => value(&samples.views),
-            detected_total => value(detected_total(samples, &seen)),
+            scenarios => value(scenarios(samples, rules.range())),
             split => value(&metrics.split),
             rules => value(rules),
             judged => value(&metrics.judged),
             ticks => value(metrics.ticks),
             disbelieved => metrics.disbelieved_boxes,
             cut_off => metrics.cut_off_boxes,
-            removed => value(tables::removed(metrics)),
-            flights => value(tables::flights(&metrics.estimators)),
+            removed => value(tables::removed(metrics, &choice.estimator)),
+            flights => value(tables::flights(estimators)),
             examples => value(examples),
             model => samples.detections.model.as_deref(),
             model_hash => samples.detections.hash.as_str(),
@@ -125,12 +119,12 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             loss => value(trained.config.loss),
             version => env!("CARGO_PKG_VERSION"),
             flown => value(flown.map(|index| &samples.scenarios[index].id)),
-            boxes_plot => drawn(plots::errors_by_distance(&bins)?),
-            convergence_plot => drawn(plots::convergence(&trained.convergence)?),
+            boxes_plot => drawn(plots::errors_by_distance(&bins)),
+            convergence_plot => drawn(plots::convergence(&trained.convergence)),
             flight_plot => match flown {
                 Some(index) => {
                     let of = |number| ticks.outcomes_of_scenario(index, answers, number);
-                    drawn(plots::flight(of)?)
+                    drawn(plots::flight(of))
                 }
                 None => Value::UNDEFINED,
             },
@@ -139,88 +133,63 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     Ok(write_unsynced(&run.report_path(), page.as_bytes())?)
 }
 
-/// An estimator's colour in the plots.
-#[derive(Serialize)]
-pub(super) struct LegendEntry<'a> {
-    colour: String,
-    is_hollow: bool,
-    name: &'a str,
-}
-
-/// Entries of the estimators of these numbers, as places in `names`.
-pub(super) fn legend<'a>(names: &[&'a str], shown: &[usize]) -> Vec<LegendEntry<'a>> {
-    let entry = |&number: &usize| LegendEntry {
-        colour: css_colour(number),
-        is_hollow: plots::is_hollow(number),
-        name: names[number],
-    };
+/// Legend entries; `shown` are indices of `names`.
+pub(super) fn legend(names: &[&str], shown: &[usize]) -> Vec<LegendEntry> {
+    let entry = |&number: &usize| LegendEntry::new(number, names[number]);
     shown.iter().map(entry).collect()
 }
 
-/// Ticks of a scenario within the judged distances.
-#[derive(Clone, Default)]
-struct TicksSeen {
-    all: usize,
-    /// Those at which each view saw the aircraft.
-    by_view: Vec<usize>,
-}
-
-fn ticks_seen(samples: &Samples, range: DistanceRange) -> Vec<TicksSeen> {
-    let none = TicksSeen {
-        all: 0,
-        by_view: vec![0; samples.views.len()],
-    };
-    let mut seen = vec![none; samples.scenarios.len()];
+/// Scenarios with their ticks within the judged distances, and the share at which each view saw the aircraft.
+fn scenarios(samples: &Samples, range: DistanceRange) -> Table {
+    let mut table = Table::new("Scenarios")
+        .words(["Scenario", "Trajectory", "Side", "Weather", "Time"])
+        .numbers("", ["Ticks"])
+        .numbers("Seen by, %", samples.views.iter().map(String::as_str));
+    let none = (0, vec![0; samples.views.len()]);
+    let mut counts = vec![none.clone(); samples.scenarios.len()];
     for sample in &samples.samples {
         if range.contains(sample.dtd_m) {
-            let TicksSeen { all, by_view } = &mut seen[sample.scenario];
-            *all += 1;
+            let (ticks, by_view) = &mut counts[sample.scenario];
+            *ticks += 1;
             for (count, found) in by_view.iter_mut().zip(&sample.boxes) {
                 *count += usize::from(found.is_some());
             }
         }
     }
-    seen
-}
-
-fn scenario_rows<'a>(samples: &'a Samples, seen: &[TicksSeen]) -> Vec<ScenarioRow<'a>> {
-    samples
-        .scenarios
+    let mut all = none;
+    for (scenario, (ticks, by_view)) in samples.scenarios.iter().zip(&counts) {
+        let side = match scenario.side {
+            Side::Train => "train",
+            Side::Validation => "validation",
+            Side::Test => "test",
+        };
+        let words = [
+            &scenario.trajectory,
+            side,
+            &scenario.weather,
+            &scenario.time_of_day,
+        ];
+        let cells = [Cell::code(&scenario.id)]
+            .into_iter()
+            .chain(words.map(Cell::from))
+            .chain([Cell::from(*ticks)])
+            .chain(by_view.iter().map(|&count| percent(count, *ticks).into()));
+        table.row(cells);
+        all.0 += ticks;
+        for (sum, count) in all.1.iter_mut().zip(by_view) {
+            *sum += count;
+        }
+    }
+    let (ticks, by_view) = all;
+    let words = ["All", "", "", "", ""].map(Cell::strong);
+    let counts = by_view
         .iter()
-        .zip(seen)
-        .map(|(scenario, seen)| ScenarioRow {
-            id: &scenario.id,
-            trajectory: &scenario.trajectory,
-            side: match scenario.side {
-                Side::Train => "train",
-                Side::Validation => "validation",
-                Side::Test => "test",
-            }
-            .into(),
-            weather: &scenario.weather,
-            time_of_day: &scenario.time_of_day,
-            ticks: seen.all,
-            detected_pct: seen
-                .by_view
-                .iter()
-                .map(|&count| percent(count, seen.all))
-                .collect(),
-        })
-        .collect()
-}
-
-fn detected_total(samples: &Samples, seen: &[TicksSeen]) -> Vec<String> {
-    let ticks = seen.iter().map(|scenario| scenario.all).sum();
-    let by_view = |view: usize| seen.iter().map(|scenario| scenario.by_view[view]).sum();
-    (0..samples.views.len())
-        .map(|view| percent(by_view(view), ticks))
-        .collect()
+        .map(|&count| Cell::strong(percent(count, ticks)));
+    let counts = [Cell::strong(ticks.to_string())].into_iter().chain(counts);
+    table.row(words.into_iter().chain(counts));
+    table
 }
 
 fn percent(part: usize, whole: usize) -> String {
-    if whole == 0 {
-        "–".into()
-    } else {
-        format!("{:.1}", part as f64 / whole as f64 * 100.0)
-    }
+    report_page::percent((whole > 0).then(|| part as f64 / whole as f64), 1)
 }

@@ -15,24 +15,18 @@ use std::path::{Path, PathBuf};
 use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::splits::Side;
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::picture_files::{self, Part, Picture, ViewPart};
-use super::{FileFormat, Writing, Written};
-use crate::description::about::short_split_of;
-use crate::description::columns_text::Kind;
-use crate::description::croissant::{
-    Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path,
-};
+use crate::about::short_split_of;
 use crate::error::Result;
-use crate::request::BoxSource;
+use crate::file_format::{FileFormat, Writing, Written};
+use crate::request::{Abilities, BoxSource};
 use crate::scenarios::{LabelledBox, TruthFigures};
 
-/// Folder of its images, relative to the export.
+/// Image folder, relative to the export.
 const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
-/// The same file once more: mlcroissant reads lists of one length from a file.
-const AGAIN: &str = "annotations.json-boxes";
 const DETECTIONS: &str = "detections.json";
 const AIRCRAFT: u32 = 1;
 
@@ -68,7 +62,7 @@ struct Annotation {
 }
 
 #[derive(Serialize)]
-struct Found {
+struct DetectionResult {
     image_id: u64,
     category_id: u32,
     bbox: [f64; 4],
@@ -76,17 +70,18 @@ struct Found {
 }
 
 /// The format.
-#[derive(Default)]
 pub(super) struct Coco;
 
 impl FileFormat for Coco {
-    type Part = Part;
+    fn abilities(&self) -> Abilities {
+        Abilities::of_stills("coco")
+    }
 
-    fn write(&self, scenario: &Writing<'_>) -> Result<Part> {
+    fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         picture_files::write(scenario, PICTURES)
     }
 
-    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+    fn finish(&self, written: &Written<'_>) -> Result<()> {
         let boxes = written.export.request.boxes;
         finish(&written.folder(), boxes, &written.export.sides, || {
             written.parts::<Part>()
@@ -101,7 +96,7 @@ fn finish<P: Iterator<Item = Result<Part>>>(
     boxes: BoxSource,
     sides: &BTreeSet<Side>,
     parts: impl Fn() -> P,
-) -> Result<Contents> {
+) -> Result<()> {
     let mut files = AnnotationFiles::create(folder, sides)?;
     files.write(
         json!({
@@ -154,7 +149,7 @@ fn finish<P: Iterator<Item = Result<Part>>>(
                 results = Some(begun);
             }
             if let Some(results) = &mut results {
-                results.item(&Found {
+                results.item(&DetectionResult {
                     image_id,
                     category_id: AIRCRAFT,
                     bbox: found.corner_and_size(),
@@ -164,129 +159,7 @@ fn finish<P: Iterator<Item = Result<Part>>>(
         }
         Ok(())
     })?;
-    let mut contents = contents(boxes);
-    let of_sides = sides.iter().map(|side| annotations_of(*side));
-    let of_sides = of_sides.map(|name| ListedFile::new(name, JSON));
-    contents.files.extend(of_sides);
-    if let Some(results) = results {
-        results.end("]")?;
-        contents.files.push(ListedFile::new(DETECTIONS, JSON));
-    }
-    Ok(contents)
-}
-
-fn contents(boxes: BoxSource) -> Contents {
-    let image = |name, kind, meaning| {
-        let path = format!("$.images[*].{name}");
-        Field::new(name, kind, meaning, json_path(ANNOTATIONS, &path))
-    };
-    let annotation = |name, kind, meaning| {
-        let path = format!("$.annotations[*].{name}");
-        Field::new(name, kind, meaning, json_path(AGAIN, &path))
-    };
-    let images = vec![
-        image("id", Kind::U64, "number of the image"),
-        image("file_name", Kind::Text, "its file in images/"),
-        image("width", Kind::U32, "width, pixels"),
-        image("height", Kind::U32, "height, pixels"),
-        image("scenario", Kind::Text, "identifier of the scenario"),
-        image("view", Kind::Text, "identifier of the view"),
-        image("tick", Kind::U32, "number of the tick, from 0"),
-        image("time_ns", Kind::I64, "time since tick 0"),
-        image(
-            "dtd_m",
-            Kind::F64,
-            "distance to touchdown; missing without labels",
-        ),
-        image("weather", Kind::Text, "name of the weather"),
-        image("time_of_day", Kind::Text, "local time, HH:MM"),
-        image(
-            "side",
-            Kind::Text,
-            "train, validation or test; missing if the corpus has no split",
-        ),
-    ];
-    let edge = |name, place, meaning| {
-        let path = format!("$.annotations[*].bbox[{place}]");
-        Field::new(name, Kind::F64, meaning, json_path(AGAIN, &path))
-    };
-    let mut annotations = vec![
-        annotation("id", Kind::U64, "number of the annotation"),
-        annotation("image_id", Kind::U64, "the image"),
-        annotation("category_id", Kind::U32, "1: aircraft"),
-        edge(
-            "left_px",
-            0,
-            "left edge, from the outer corner of the top-left pixel",
-        ),
-        edge("top_px", 1, "top edge"),
-        edge("width_px", 2, "width"),
-        edge("height_px", 3, "height"),
-        annotation("area", Kind::F64, "area of the box, square pixels"),
-        annotation(
-            "iscrowd",
-            Kind::U32,
-            "1 if it cannot be expected to be found",
-        ),
-    ];
-    annotations.extend(match boxes {
-        BoxSource::Detections => vec![annotation(
-            "score",
-            Kind::F64,
-            "confidence of the detector, 0 to 1",
-        )],
-        BoxSource::Truth => vec![
-            annotation(
-                "visible_fraction",
-                Kind::F64,
-                "part of the aircraft inside the image and above the ground",
-            ),
-            annotation(
-                "truncation",
-                Kind::F64,
-                "part of the unclipped box outside the image",
-            ),
-            annotation(
-                "transmission",
-                Kind::F64,
-                "share of contrast that the air leaves",
-            ),
-            annotation("sight", Kind::Text, "in_sight, haze or cloud"),
-            annotation(
-                "is_expected",
-                Kind::Bool,
-                "whether more than half of it is in the image",
-            ),
-        ],
-    });
-    Contents {
-        files: vec![
-            ListedFile::new(ANNOTATIONS, JSON),
-            ListedFile {
-                id: AGAIN.to_owned(),
-                ..ListedFile::new(ANNOTATIONS, JSON)
-            },
-        ],
-        sets: vec![FileSet::new(
-            "pictures",
-            "images/*",
-            "image/*",
-            "The images.",
-        )],
-        records: vec![
-            RecordSet {
-                name: "images",
-                what: "A record per image.".into(),
-                fields: images,
-            },
-            RecordSet {
-                name: "annotations",
-                what: "A record per box.".into(),
-                fields: annotations,
-            },
-        ],
-        ..Contents::default()
-    }
+    results.map_or(Ok(()), |results| results.end("]"))
 }
 
 /// All images with their numbers, from 1.
@@ -307,7 +180,7 @@ fn each_picture(
     Ok(())
 }
 
-/// The annotations of a side, relative to the export.
+/// Path relative to the export.
 fn annotations_of(side: Side) -> String {
     format!("annotations/instances_{}.json", short_split_of(Some(side)))
 }

@@ -12,18 +12,14 @@ use std::path::Path;
 
 use dataset::files::json_file::write_unsynced;
 use dataset::tables::columns::{TableParts, TableWriter};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use self::predictions::Predictions;
-use super::{FileFormat, Writing, Written};
-use crate::description::about::{About, split_of};
-use crate::description::columns_text::{
-    BOXES, DETECTIONS, PREDICTIONS, SCENARIOS, TABLES, TICKS, TableText, VIEWS,
-};
-use crate::description::croissant::{Contents, FileSet, ListedFile, PARQUET, table_records};
+use crate::about::{About, split_of};
+use crate::columns;
 use crate::error::{Error, Result};
-use crate::export::{Export, ExportOutcome};
-use crate::request::BoxSource;
+use crate::file_format::{Export, FileFormat, Writing, Written};
+use crate::request::{Abilities, BoxSource};
 use crate::scenarios::{Source, some_of};
 
 /// Tables by name and split.
@@ -37,15 +33,22 @@ pub(super) struct HuggingFace {
 }
 
 impl FileFormat for HuggingFace {
-    type Part = ();
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            has_card: true,
+            has_predictions: true,
+            ..Abilities::of_videos("huggingface")
+        }
+    }
 
     fn prepare(&mut self, export: &Export<'_>) -> Result<()> {
         for run in &export.request.runs {
             let read = Predictions::read(run)?;
             if self.runs.iter().any(|(other, _)| other.run() == read.run()) {
-                return Err(Error::SameRun {
-                    run: read.run().to_owned(),
-                });
+                return Err(Error::Request(format!(
+                    "two runs are named {}; predictions are identified by run name, so rename one of the folders",
+                    read.run()
+                )));
             }
             self.runs.push((read, false));
         }
@@ -65,18 +68,20 @@ impl FileFormat for HuggingFace {
         Ok(())
     }
 
-    fn check_all(&self, _: &Export<'_>, _: &mut ExportOutcome) -> Result<()> {
+    fn check_all(&self, _: &Export<'_>) -> Result<Option<&'static str>> {
         match self.runs.iter().find(|(_, is_answered)| !is_answered) {
-            None => Ok(()),
-            Some((run, _)) => Err(Error::NotOfRun {
-                run: run.run().to_owned(),
-                known: some_of(run.scenarios()),
-            }),
+            None => Ok(None),
+            Some((run, _)) => Err(Error::Request(format!(
+                "run {} has predictions for none of the selected scenarios, only for {}; leave it out, choose others, or evaluate it on \
+                 this corpus first",
+                run.run(),
+                some_of(run.scenarios())
+            ))),
         }
     }
 
     /// Copies the videos.
-    fn write(&self, scenario: &Writing<'_>) -> Result<()> {
+    fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let source = &scenario.source;
         for view in &source.selected.views {
             scenario.watch.check()?;
@@ -86,72 +91,41 @@ impl FileFormat for HuggingFace {
             source.scenario.copy_video(view, &video)?;
             scenario.pictures_done(source.rows().count() as u64);
         }
-        Ok(())
+        Ok(Value::Null)
     }
 
     /// Writes the tables and the card.
-    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+    fn finish(&self, written: &Written<'_>) -> Result<()> {
         let folder = written.folder();
         let mut tables = Tables::new();
         for source in written.sources() {
             let source = source?;
             let split = split_of(source.selected.side);
-            let mut append =
-                |table: TableText, rows| append(&mut tables, &folder, table.name, split, rows);
-            append(SCENARIOS, long_tables::scenario_row(&source))?;
+            let mut append = |table, rows| append(&mut tables, &folder, table, split, rows);
+            append("scenarios", long_tables::scenario_row(&source))?;
             append(
-                VIEWS,
+                "views",
                 long_tables::views(&source, |view| video_of(&source, view))?,
             )?;
-            append(TICKS, long_tables::ticks(&source))?;
+            append("ticks", long_tables::ticks(&source))?;
             if written.export.request.boxes == BoxSource::Truth {
-                append(BOXES, long_tables::boxes(&source)?)?;
+                append("boxes", long_tables::boxes(&source)?)?;
             }
-            append(DETECTIONS, long_tables::detections(&source)?)?;
+            append("detections", long_tables::detections(&source)?)?;
             for (run, _) in &self.runs {
                 let rows = run.of(&source.record.id, |tick| source.is_asked_for(tick));
-                append(PREDICTIONS, rows)?;
+                append("predictions", rows)?;
             }
         }
-        let mut contents = Contents::default();
-        for ((table, split), open) in tables {
+        let card = card_of(&written.export.about, &tables);
+        for open in tables.into_values() {
             open.finish()?;
-            let name = format!("data/{table}/{split}.parquet");
-            contents.files.push(ListedFile::new(name, PARQUET));
         }
-        for table in TABLES {
-            let files = format!("data/{}/", table.name);
-            if contents
-                .files
-                .iter()
-                .any(|file| file.name.starts_with(&files))
-            {
-                let includes = format!("{files}*.parquet");
-                let id = format!("{}-tables", table.name);
-                contents.records.push(table_records(&table, &id));
-                let what = "A table, a file per split.";
-                contents
-                    .sets
-                    .push(FileSet::new(id, includes, PARQUET, what));
-            }
-        }
-        let videos = FileSet::new(
-            "videos",
-            "videos/*/*",
-            "video/mp4",
-            "An image per tick, a video per scenario and view, as in the corpus.",
-        );
-        contents.sets.push(videos);
-        let card = folder.join("README.md");
-        write_unsynced(&card, card_of(&written.export.about, &contents).as_bytes())?;
-        contents
-            .files
-            .push(ListedFile::new("README.md", "text/markdown"));
-        Ok(contents)
+        Ok(write_unsynced(&folder.join("README.md"), card.as_bytes())?)
     }
 }
 
-/// Path of the video of a view, relative to the export.
+/// Path relative to the export.
 fn video_of(source: &Source<'_>, view: &str) -> Result<String> {
     let name = source.scenario.video_name(view)?;
     let file = name.rsplit('/').next().unwrap_or(name);
@@ -180,40 +154,34 @@ fn append(
 }
 
 /// The dataset card: configurations and splits for the library, tables and columns for people.
-fn card_of(about: &About, contents: &Contents) -> String {
+fn card_of(about: &About, written: &Tables) -> String {
     let mut card = String::from("---\n");
     let _ = writeln!(card, "pretty_name: {}", json!(about.name));
     card.push_str(&about.card_license());
     card.push_str("tags: [aviation, multi-camera, simulation]\nconfigs:\n");
     let mut tables = String::new();
-    for table in TABLES {
-        let files = format!("data/{}/", table.name);
-        let names = contents.files.iter().map(|file| file.name.as_str());
-        let splits: Vec<&str> = names
-            .filter_map(|name| name.strip_prefix(&files)?.strip_suffix(".parquet"))
-            .collect();
-        if splits.is_empty() {
+    for (table, section) in columns::tables() {
+        // Training first, as everywhere.
+        let splits = ["train", "validation", "test"];
+        let mut splits = splits
+            .into_iter()
+            .filter(|split| written.contains_key(&(table, *split)))
+            .peekable();
+        if splits.peek().is_none() {
             continue;
         }
-        let _ = writeln!(card, "- config_name: {}", table.name);
-        if table.name == TICKS.name {
+        let _ = writeln!(card, "- config_name: {table}");
+        if table == "ticks" {
             card.push_str("  default: true\n");
         }
         card.push_str("  data_files:\n");
-        // Training first, as everywhere.
-        for split in ["train", "validation", "test"] {
-            if splits.contains(&split) {
-                let _ = writeln!(card, "  - split: {split}\n    path: {files}{split}.parquet");
-            }
+        for split in splits {
+            let _ = writeln!(
+                card,
+                "  - split: {split}\n    path: data/{table}/{split}.parquet"
+            );
         }
-        let _ = write!(
-            tables,
-            "\n## {}\n\nA row per {}.\n\n| column | meaning |\n|---|---|\n",
-            table.name, table.row
-        );
-        for column in table.columns {
-            let _ = writeln!(tables, "| `{}` | {} |", column.name, column.meaning);
-        }
+        let _ = write!(tables, "\n## {section}");
     }
     let _ = write!(
         card,

@@ -16,6 +16,7 @@
 
 mod moments;
 
+use std::array;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
@@ -30,43 +31,33 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use self::moments::Moments;
-use super::{FileFormat, Writing, Written};
-use crate::description::about::{About, split_of};
-use crate::description::columns_text::{LEROBOT_EPISODES, LEROBOT_FRAMES, TICKS};
-use crate::description::croissant::{Contents, FileSet, JSON, ListedFile, PARQUET, table_records};
+use crate::about::{About, split_of};
+use crate::columns::meaning_in_ticks;
 use crate::error::{Error, Result};
-use crate::export::Export;
-use crate::request::Ticks;
-use crate::scenarios::{Source, ViewPictures};
+use crate::file_format::{Export, FileFormat, Writing, Written};
+use crate::request::{Abilities, BoxUse, TickChoice, Ticks};
+use crate::scenarios::{FLOWN, LABELLED, Source, ViewPictures};
 
 /// Files in a folder, as the library itself has it.
 const CHUNK: usize = 1000;
-/// Rows of a data file, about a hundred megabytes uncompressed; a scenario is never divided.
+/// Maximum rows per data file, about a hundred megabytes uncompressed; a scenario is never divided.
 const MAX_ROWS: usize = 500_000;
 
-type ValueOf = fn(&TickRow, &TickLabels) -> f64;
+/// Elements of `observation.state`.
+const STATE: usize = FLOWN.len() + LABELLED.len();
 
-/// Elements of `observation.state`, by name.
-const STATE: [(&str, ValueOf); 16] = [
-    ("latitude_deg", |row, _| row.pose.latitude_deg),
-    ("longitude_deg", |row, _| row.pose.longitude_deg),
-    ("altitude_msl_m", |row, _| row.pose.altitude_msl_m),
-    ("heading_true_deg", |row, _| row.pose.heading_true_deg),
-    ("pitch_deg", |row, _| row.pose.pitch_deg),
-    ("roll_deg", |row, _| row.pose.roll_deg),
-    ("velocity_north_mps", |row, _| row.velocity_ned_mps[0]),
-    ("velocity_east_mps", |row, _| row.velocity_ned_mps[1]),
-    ("velocity_down_mps", |row, _| row.velocity_ned_mps[2]),
-    ("true_airspeed_mps", |row, _| row.true_airspeed_mps),
-    ("flap_ratio", |row, _| row.controls.flap_ratio),
-    ("gear_ratio", |row, _| row.controls.gear_ratio),
-    ("dtd_m", |_, labels| labels.dtd_m),
-    ("along_track_m", |_, labels| labels.along_track_m),
-    ("cross_track_m", |_, labels| labels.cross_track_m),
-    ("height_over_target_m", |_, labels| {
-        labels.height_over_target_m
-    }),
-];
+/// Names of the elements, in their order.
+fn state_names() -> impl Iterator<Item = &'static str> {
+    let flown = FLOWN.iter().map(|(name, _)| *name);
+    flown.chain(LABELLED.iter().map(|(name, _)| *name))
+}
+
+fn state(row: &TickRow, labels: &TickLabels) -> [f64; STATE] {
+    array::from_fn(|place| match FLOWN.get(place) {
+        Some((_, value)) => value(row),
+        None => LABELLED[place - FLOWN.len()].1(labels),
+    })
+}
 
 /// Columns of the data whose numbers are whole.
 const WHOLE: [&str; 6] = [
@@ -87,14 +78,21 @@ pub(super) struct LeRobot {
 
 impl LeRobot {
     fn form(&self) -> Result<&Form> {
-        self.form.as_ref().ok_or(Error::Nothing)
+        let none = || Error::Request("nothing to export: no scenario is selected".to_owned());
+        self.form.as_ref().ok_or_else(none)
     }
 }
 
 impl FileFormat for LeRobot {
-    type Part = Vec<VideoPart>;
-
-    const BY_SIDE: bool = true;
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            has_card: true,
+            by_side: true,
+            ticks: TickChoice::AnyRate,
+            boxes: BoxUse::None,
+            ..Abilities::of_videos("lerobot")
+        }
+    }
 
     fn check(&mut self, source: &Source<'_>, export: &Export<'_>) -> Result<()> {
         let form = Form::of(source, export.request.ticks, &export.video)?;
@@ -106,7 +104,7 @@ impl FileFormat for LeRobot {
     }
 
     /// Writes the videos.
-    fn write(&self, scenario: &Writing<'_>) -> Result<Vec<VideoPart>> {
+    fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let (source, form) = (&scenario.source, self.form()?);
         let mut parts = Vec::new();
         for view in &source.selected.views {
@@ -123,11 +121,11 @@ impl FileFormat for LeRobot {
             refine_time_base(&path)?;
             parts.push(sample(&path)?);
         }
-        Ok(parts)
+        scenario.part(&parts)
     }
 
     /// Writes everything but the videos.
-    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+    fn finish(&self, written: &Written<'_>) -> Result<()> {
         let folder = written.folder();
         let mut dataset = Dataset::new(&folder, self.form()?)?;
         for (source, videos) in written.sources().zip(written.parts::<Vec<VideoPart>>()) {
@@ -148,7 +146,7 @@ struct Form {
 }
 
 impl Form {
-    /// The form of a scenario; `recorded` has the settings for videos that are re-encoded.
+    /// `recorded` has the settings for videos that are re-encoded.
     fn of(source: &Source<'_>, ticks: Ticks, recorded: &VideoSettings) -> Result<Self> {
         let fps = fps_of(&source.record.id, source.record.frame_rate, ticks)?;
         if source.rows().any(|row| row.labels.is_none()) {
@@ -171,20 +169,18 @@ impl Form {
         })
     }
 
-    /// Refuses a scenario of another form.
+    /// Refuses a scenario with a different form.
     fn check_same(&self, other: &Self, scenario: &str) -> Result<()> {
         if self == other {
             Ok(())
         } else {
-            Err(Error::Mixed {
-                scenario: scenario.to_owned(),
-                found: other.to_string(),
-                first: self.to_string(),
-            })
+            Err(Error::Request(format!(
+                "scenario {scenario} has {other}, the first one {self}; a LeRobot dataset has one rate, one size of images and one type of \
+                 files: choose scenarios with --only, or views with --views"
+            )))
         }
     }
 
-    /// Path of the video of a scenario, by its number.
     fn video(&self, view: &str, episode: usize) -> String {
         let (chunk, file) = (episode / CHUNK, episode % CHUNK);
         let (key, ending) = (key_of(view), &self.ending);
@@ -211,11 +207,9 @@ fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
     let most = numerator / denominator;
     let divisor = match ticks {
         Ticks::PerSecond(asked) if asked.get() > most && most > 0 => {
-            return Err(Error::RateTooHigh {
-                scenario: scenario.to_owned(),
-                rate,
-                asked: asked.get(),
-            });
+            return Err(Error::Request(format!(
+                "scenario {scenario} has {rate} images per second, fewer than --rate {asked}; choose a lower one"
+            )));
         }
         Ticks::PerSecond(asked) if most > 0 => return Ok(asked.get()),
         Ticks::PerSecond(_) => u64::from(denominator),
@@ -225,14 +219,14 @@ fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
     if numerator.is_multiple_of(divisor) {
         return Ok((numerator / divisor) as u32);
     }
-    Err(Error::WholeRate {
-        scenario: scenario.to_owned(),
-        found: in_lowest_terms(numerator, divisor),
-        advice: match most {
-            0 => "choose another format, or record at 1 Hz or more".into(),
-            most => format!("choose one from 1 to {most} with --rate"),
-        },
-    })
+    let found = in_lowest_terms(numerator, divisor);
+    let advice = match most {
+        0 => "choose another format, or record at 1 Hz or more".to_owned(),
+        most => format!("choose one from 1 to {most} with --rate"),
+    };
+    Err(Error::Request(format!(
+        "scenario {scenario} would have {found} images per second; lerobot needs a whole number: {advice}"
+    )))
 }
 
 fn in_lowest_terms(numerator: u64, denominator: u64) -> String {
@@ -264,7 +258,6 @@ pub(super) struct VideoPart {
     colours: [Moments; 3],
 }
 
-/// Encodes the chosen images of a view.
 fn encode(scenario: &Writing<'_>, view: &str, fps: u32, path: &Path) -> Result<()> {
     let source = &scenario.source;
     let mut pictures = ViewPictures::open(source, view)?;
@@ -287,7 +280,7 @@ fn encode(scenario: &Writing<'_>, view: &str, fps: u32, path: &Path) -> Result<(
     Ok(video.finish()?)
 }
 
-/// Counts the colours of a video's key frames; to decode all images would take longer than everything else.
+/// Counts the colours in a video's key frames; decoding all images would take longer than everything else.
 fn sample(path: &Path) -> Result<VideoPart> {
     let mut video = VideoReader::open(path)?;
     video.leave_out_all_but_keys();
@@ -320,9 +313,10 @@ struct Dataset<'a> {
     folder: &'a Path,
     form: &'a Form,
     data: TableParts,
-    /// Rows of the open data file, and finished ones.
+    /// Rows of the open data file.
     rows: usize,
-    files: Vec<String>,
+    /// Number of the open data file.
+    file: usize,
     episodes: TableParts,
     /// Number of scenarios, and of rows in all.
     episode: usize,
@@ -330,7 +324,7 @@ struct Dataset<'a> {
     tasks: Vec<String>,
     /// Numbers of episodes by split.
     splits: BTreeMap<&'static str, (usize, usize)>,
-    /// Of every feature that is no video, by name: an element for each of its numbers.
+    /// Moments per number, by feature, without videos.
     moments: BTreeMap<&'static str, Vec<Moments>>,
     videos: Vec<VideoPart>,
 }
@@ -339,17 +333,15 @@ const EPISODES: &str = "meta/episodes/chunk-000/file-000.parquet";
 const INFO: &str = "meta/info.json";
 const STATS: &str = "meta/stats.json";
 const TASKS: &str = "meta/tasks.parquet";
-const CARD: &str = "README.md";
 
 impl<'a> Dataset<'a> {
     fn new(folder: &'a Path, form: &'a Form) -> Result<Self> {
-        let first = data_file(0);
         Ok(Self {
             folder,
             form,
-            data: table(folder, &first)?,
+            data: table(folder, &data_file(0))?,
             rows: 0,
-            files: vec![first],
+            file: 0,
             episodes: table(folder, EPISODES)?,
             episode: 0,
             index: 0,
@@ -363,9 +355,9 @@ impl<'a> Dataset<'a> {
     fn add(&mut self, source: &Source<'_>, videos: Vec<VideoPart>) -> Result<()> {
         let length = source.rows().count();
         if self.rows > 0 && self.rows + length > MAX_ROWS {
-            let next = data_file(self.files.len());
-            std::mem::replace(&mut self.data, table(self.folder, &next)?).finish()?;
-            self.files.push(next);
+            self.file += 1;
+            let next = table(self.folder, &data_file(self.file))?;
+            std::mem::replace(&mut self.data, next).finish()?;
             self.rows = 0;
         }
         let runway = &source.record.runway;
@@ -403,7 +395,7 @@ impl<'a> Dataset<'a> {
         let mut whole: [Vec<i64>; WHOLE.len()] = Default::default();
         for (frame, row) in source.rows().enumerate() {
             let labels = row.labels.as_ref().ok_or_else(|| unlabelled(source))?;
-            states.push(STATE.map(|(_, value)| value(row, labels)));
+            states.push(state(row, labels));
             times_s.push(frame as f32 / self.form.fps as f32);
             let numbers = [frame, self.episode, self.index + frame, task];
             let numbers = numbers.map(|number| number as i64);
@@ -444,7 +436,7 @@ impl<'a> Dataset<'a> {
     fn add_episode(&mut self, source: &Source<'_>, length: usize, task: String) -> Result<()> {
         let record = &source.record;
         let number = |value: usize| [value as i64];
-        let file = self.files.len() - 1;
+        let file = self.file;
         let calibration = serde_json::to_string(&source.calibration);
         let mut row = TableWriter::new()
             .i64("episode_index", number(self.episode))
@@ -480,15 +472,15 @@ impl<'a> Dataset<'a> {
         Ok(self.episodes.add(row)?)
     }
 
-    fn finish(self, about: &About) -> Result<Contents> {
+    fn finish(self, about: &About) -> Result<()> {
         let (info, stats) = (self.info(), self.stats());
         self.data.finish()?;
         self.episodes.finish()?;
         tasks(&self.tasks).write(&self.folder.join(TASKS))?;
         write_json_unsynced(&self.folder.join(INFO), &info)?;
         write_json_unsynced(&self.folder.join(STATS), &stats)?;
-        write_unsynced(&self.folder.join(CARD), card_of(about).as_bytes())?;
-        Ok(contents(self.files))
+        write_unsynced(&self.folder.join("README.md"), card_of(about).as_bytes())?;
+        Ok(())
     }
 
     fn info(&self) -> Value {
@@ -511,8 +503,8 @@ impl<'a> Dataset<'a> {
             });
             features.insert(key_of(view), described);
         }
-        let state = STATE.map(|(name, _)| name);
-        let state = json!({"dtype": "float64", "shape": [STATE.len()], "names": state});
+        let names: Vec<_> = state_names().collect();
+        let state = json!({"dtype": "float64", "shape": [STATE], "names": names});
         features.insert("observation.state".into(), state);
         let number = |kind| json!({"dtype": kind, "shape": [1], "names": null});
         features.insert("timestamp".into(), number("float32"));
@@ -558,7 +550,7 @@ impl<'a> Dataset<'a> {
     }
 }
 
-/// The statistics of a feature, `count` times seen.
+/// Statistics over `count` rows.
 fn stats_of(moments: &[Moments], count: u64, shaped: impl Fn(f64) -> Value) -> Value {
     let each = |value: fn(&Moments) -> f64| -> Vec<Value> {
         moments.iter().map(|one| shaped(value(one))).collect()
@@ -573,7 +565,7 @@ fn stats_of(moments: &[Moments], count: u64, shaped: impl Fn(f64) -> Value) -> V
 }
 
 impl VideoPart {
-    /// The same of the videos of two scenarios.
+    /// Combines the videos of two scenarios.
     fn and(self, other: Self) -> Self {
         let [a, b, c] = self.colours;
         let [d, e, f] = other.colours;
@@ -601,7 +593,7 @@ fn table(folder: &Path, name: &str) -> Result<TableParts> {
     Ok(TableParts::new(&path))
 }
 
-/// The tasks, which the library looks up as the row names of a pandas frame.
+/// The library looks tasks up as row names in a pandas frame.
 fn tasks(tasks: &[String]) -> TableWriter {
     let column = |name, pandas_type, numpy_type| {
         json!({
@@ -624,47 +616,6 @@ fn tasks(tasks: &[String]) -> TableWriter {
         .note("pandas", pandas.to_string())
 }
 
-fn contents(data: Vec<String>) -> Contents {
-    let files = [
-        (INFO, JSON),
-        (STATS, JSON),
-        (TASKS, PARQUET),
-        (CARD, "text/markdown"),
-    ];
-    let mut files: Vec<_> = files.map(|(name, form)| ListedFile::new(name, form)).into();
-    let tables = data.into_iter().chain([EPISODES.to_owned()]);
-    files.extend(tables.map(|name| ListedFile::new(name, PARQUET)));
-    let set = |id: &str, includes: &str, form, what| FileSet::new(id, includes, form, what);
-    Contents {
-        files,
-        sets: vec![
-            set(
-                "data",
-                "data/*/*.parquet",
-                PARQUET,
-                "The rows of all scenarios.",
-            ),
-            set(
-                "meta-episodes",
-                "meta/episodes/*/*.parquet",
-                PARQUET,
-                "The scenarios.",
-            ),
-            set(
-                "videos",
-                "videos/*/*/*",
-                "video/mp4",
-                "An image per row, a video per scenario and view.",
-            ),
-        ],
-        records: vec![
-            table_records(&LEROBOT_FRAMES, "data"),
-            table_records(&LEROBOT_EPISODES, "meta-episodes"),
-        ],
-        ..Contents::default()
-    }
-}
-
 fn card_of(about: &About) -> String {
     let mut card = format!(
         "---\n{}task_categories: [robotics]\ntags: [LeRobot, aviation, multi-camera, simulation]\nconfigs:\n- config_name: default\n  \
@@ -673,16 +624,9 @@ fn card_of(about: &About) -> String {
         about.card_license(),
         about.introduction(),
     );
-    for (place, (name, _)) in STATE.iter().enumerate() {
-        let columns = TICKS.columns.iter();
-        let meaning = columns
-            .filter(|column| column.name == *name)
-            .map(|column| column.meaning);
-        let _ = writeln!(
-            card,
-            "| {place} | `{name}` | {} |",
-            meaning.collect::<String>()
-        );
+    for (place, name) in state_names().enumerate() {
+        let meaning = meaning_in_ticks(name);
+        let _ = writeln!(card, "| {place} | `{name}` | {meaning} |");
     }
     card.push_str(
         "\nThere is no `action`. `timestamp` is `frame_index / fps`; `time_ns` is the time of the tick itself. The colours in `stats.json` are \

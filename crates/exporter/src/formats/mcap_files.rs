@@ -19,18 +19,16 @@ use glam::{DMat3, DQuat, DVec3};
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use self::foxglove::{
     CameraCalibration, Color, CompressedVideo, FrameTransform, FrameTransforms, ImageAnnotations,
     LINE_LOOP, LocationFix, Named, Point2, PointsAnnotation, Pose, PoseInFrame, Quaternion,
     SCHEMAS, TextAnnotation, Timestamp, Vector3,
 };
-use super::{FileFormat, Writing, Written};
-use crate::description::croissant::{Contents, ListedFile, NameList};
 use crate::error::{Error, Result};
-use crate::export::Export;
-use crate::request::BoxSource;
+use crate::file_format::{Export, FileFormat, Writing, Written};
+use crate::request::{Abilities, BoxSource, TickChoice};
 use crate::scenarios::{LabelledBox, Source};
 
 const WORLD: &str = "touchdown";
@@ -47,7 +45,6 @@ const ORANGE: Color = Color {
     b: 0.0,
     a: 1.0,
 };
-const MEDIA_TYPE: &str = "application/octet-stream";
 
 /// Values that `/labels` plots.
 #[derive(Serialize)]
@@ -61,11 +58,15 @@ struct Labels {
 }
 
 /// The format.
-#[derive(Default)]
 pub(super) struct Mcap;
 
 impl FileFormat for Mcap {
-    type Part = ();
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            ticks: TickChoice::All,
+            ..Abilities::of_videos("mcap")
+        }
+    }
 
     /// Refuses videos whose images Foxglove has no name for.
     fn check(&mut self, source: &Source<'_>, _: &Export<'_>) -> Result<()> {
@@ -78,9 +79,9 @@ impl FileFormat for Mcap {
         Ok(())
     }
 
-    fn write(&self, scenario: &Writing<'_>) -> Result<()> {
+    fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let source = &scenario.source;
-        let path = scenario.folder.join(name_of(&source.record.id));
+        let path = scenario.folder.join(format!("{}.mcap", source.record.id));
         let mut views = Vec::new();
         for view in &source.selected.views {
             let packets = source.scenario.open_packets(view)?;
@@ -142,45 +143,27 @@ impl FileFormat for Mcap {
                 scenario.pictures_done(1);
             }
         }
-        file.finish()
+        file.finish()?;
+        Ok(Value::Null)
     }
 
-    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
-        let scenarios = written.export.scenarios.iter();
-        let names: Vec<String> = scenarios
-            .map(|scenario| name_of(&scenario.selected.id()))
-            .collect();
-        Ok(Contents {
-            files: names
-                .iter()
-                .map(|name| ListedFile::new(name, MEDIA_TYPE))
-                .collect(),
-            lists: vec![NameList {
-                id: "recordings",
-                what: "MCAP files for Foxglove, one per scenario, named after it.",
-                names,
-            }],
-            ..Contents::default()
-        })
+    fn finish(&self, _: &Written<'_>) -> Result<()> {
+        Ok(())
     }
 }
 
 fn unsupported(source: &Source<'_>, view: &str) -> Error {
-    Error::Codec {
-        scenario: source.record.id.clone(),
-        view: view.to_owned(),
-    }
-}
-
-/// Path of the file of a scenario, relative to the export.
-fn name_of(scenario: &str) -> String {
-    format!("{scenario}.mcap")
+    Error::Request(format!(
+        "scenario {}, view {view}: the video is FFV1, which Foxglove's schema of videos does not know; expected H.264, H.265 or AV1; \
+         choose another format, or leave the scenario out with --only",
+        source.record.id
+    ))
 }
 
 /// A view whose packets are read.
 struct View<'a> {
     name: &'a str,
-    /// Its place in the rows of the table.
+    /// Index in the table's rows.
     index: usize,
     camera: &'a CameraEntry,
     packets: PacketReader,
@@ -249,7 +232,7 @@ impl World {
         }
     }
 
-    /// Of the aircraft, x forward, y left, z up.
+    /// Aircraft pose: x forward, y left, z up.
     fn aircraft(&self, row: &TickRow) -> Pose {
         let forward_right_down_from_forward_left_up =
             DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
@@ -291,7 +274,7 @@ fn calibration(view: &View<'_>, time: Time) -> CameraCalibration {
     }
 }
 
-/// Boxes as outlines; what the score of a detection is stands above it.
+/// Boxes as outlines, with the score above a detection.
 fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotations {
     let outline = |labelled: &LabelledBox| {
         let [left, top, width, height] = labelled.corner_and_size();

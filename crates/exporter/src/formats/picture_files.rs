@@ -5,12 +5,13 @@ use std::fs;
 use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::splits::Side;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use super::Writing;
 use crate::error::Result;
+use crate::file_format::Writing;
 use crate::scenarios::{LabelledBox, ViewPictures};
 
-/// The images of a scenario, noted so that the export can be resumed.
+/// A scenario's images, noted so that the export can be resumed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Part {
     pub(super) scenario: String,
@@ -20,7 +21,6 @@ pub(super) struct Part {
     pub(super) views: Vec<ViewPart>,
 }
 
-/// The images of a view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct ViewPart {
     pub(super) view: String,
@@ -38,13 +38,13 @@ pub(super) struct Picture {
     /// Relative to the folder of the export, with forward slashes.
     pub(super) file: String,
     pub(super) boxes: Vec<LabelledBox>,
-    /// The model's detections, if the boxes are the ground truth and there are detections of one model.
+    /// Detections beside ground-truth boxes, if there is one model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) found: Vec<LabelledBox>,
 }
 
-/// Writes the images of a scenario into `pictures`, a folder named relative to the export.
-pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Part> {
+/// Writes a scenario's images into `pictures`, a folder named relative to the export. Returns the [`Part`].
+pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Value> {
     let source = &scenario.source;
     let stills = scenario.export.request.stills();
     let folder = scenario.folder.join(pictures);
@@ -83,7 +83,7 @@ pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Part> {
         })
     };
     let views = source.selected.views.iter().map(write_view);
-    Ok(Part {
+    scenario.part(&Part {
         scenario: source.record.id.clone(),
         weather: source.record.conditions.weather_name.clone(),
         time_of_day: source.record.conditions.time_of_day.clone(),

@@ -21,15 +21,13 @@ use std::path::{Path, PathBuf};
 
 use dataset::corpus::calibration::CameraEntry;
 use serde::Serialize;
+use serde_json::Value;
 
 use self::samples::{Decoded, LabelledCorners, Showing, each_sample};
-use super::{FileFormat, Writing, Written};
-use crate::description::about::split_of;
-use crate::description::columns_text::Kind;
-use crate::description::croissant::{
-    Contents, Field, FileSet, JSON, ListedFile, NameList, RecordSet, content_of, part_of_path,
-};
+use crate::about::split_of;
 use crate::error::Result;
+use crate::file_format::{FileFormat, Writing, Written};
+use crate::request::Abilities;
 use crate::scenarios::Source;
 
 /// A shard is closed before the sample that would make it larger than this; readers want some hundred megabytes at a time.
@@ -37,15 +35,11 @@ const MAX_BYTES: u64 = 1_000_000_000;
 /// Shards of scenarios, before they are numbered.
 const UNNUMBERED: &str = "unnumbered";
 
-/// Croissant's name of the files that describe ticks.
-const SAMPLE_FILES: &str = "sample-files";
-
 /// Whole images.
 struct Whole<'a> {
     source: &'a Source<'a>,
 }
 
-/// Boxes and calibration of a whole image.
 #[derive(Serialize)]
 struct View<'a> {
     boxes: Vec<LabelledCorners>,
@@ -72,14 +66,15 @@ impl<'a> Showing for Whole<'a> {
 }
 
 /// The format, with whole images.
-#[derive(Default)]
 pub(super) struct WebDataset;
 
 impl FileFormat for WebDataset {
-    /// Number of shards.
-    type Part = u32;
+    fn abilities(&self) -> Abilities {
+        Abilities::of_stills("webdataset")
+    }
 
-    fn write(&self, scenario: &Writing<'_>) -> Result<u32> {
+    /// Writes the shards; the record is their number.
+    fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let parent = scenario.folder.join(UNNUMBERED);
         fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
         let source = &scenario.source;
@@ -87,15 +82,14 @@ impl FileFormat for WebDataset {
         let path = shards.path();
         let append = |_, entries: Vec<u8>| shards.append(&entries);
         each_sample(scenario, &path, Whole { source }, append)?;
-        shards.finish()
+        scenario.part(&shards.finish()?)
     }
 
-    /// Numbers the shards of all scenarios. A kill may have left some of them numbered.
-    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+    /// Numbers all shards. A kill may have left some of them numbered.
+    fn finish(&self, written: &Written<'_>) -> Result<()> {
         let folder = written.folder();
         let parent = folder.join(UNNUMBERED);
         let mut numbers: BTreeMap<&str, u32> = BTreeMap::new();
-        let mut names = Vec::new();
         for (scenario, shards) in written.export.scenarios.iter().zip(written.parts::<u32>()) {
             let split = split_of(scenario.selected.side);
             for shard in 0..shards? {
@@ -103,72 +97,28 @@ impl FileFormat for WebDataset {
                 let name = shard_name(split, *number);
                 *number += 1;
                 let from = shard_path(&parent, &scenario.selected.id(), shard);
-                let to = folder.join(&name);
+                let to = folder.join(name);
                 if !to.exists() {
                     fs::rename(&from, &to).map_err(dataset::Error::io("rename", &from))?;
                 }
-                names.push(name);
             }
         }
         if parent.exists() {
             fs::remove_dir(&parent).map_err(dataset::Error::io("remove", &parent))?;
         }
-        Ok(contents(names))
+        Ok(())
     }
 }
 
-/// Name of a shard of a split.
 fn shard_name(split: &str, number: u32) -> String {
     format!("{split}-{number:06}.tar")
-}
-
-fn contents(shards: Vec<String>) -> Contents {
-    Contents {
-        files: shards
-            .iter()
-            .map(|name| ListedFile::new(name, "application/x-tar"))
-            .collect(),
-        sets: vec![FileSet {
-            archives: shards.clone(),
-            ..FileSet::new(
-                SAMPLE_FILES,
-                "*.json",
-                JSON,
-                "What is known of a tick; its images have the same key.",
-            )
-        }],
-        records: vec![RecordSet {
-            name: "samples",
-            what: "A record per tick.".into(),
-            fields: vec![
-                Field::new(
-                    "key",
-                    Kind::Text,
-                    "scenario and tick; what its files' names begin with",
-                    part_of_path(SAMPLE_FILES, "(?:.*/)?([^/]+)[.]json$"),
-                ),
-                // Readers of Croissant do not look into the JSON of an archive.
-                Field::new(
-                    "sample",
-                    Kind::Text,
-                    "what is known of it, as JSON",
-                    content_of(SAMPLE_FILES),
-                ),
-            ],
-        }],
-        lists: vec![NameList {
-            id: "shards",
-            what: "Tar archives of samples, named after their split.",
-            names: shards,
-        }],
-    }
 }
 
 fn shard_path(folder: &Path, scenario: &str, number: u32) -> PathBuf {
     folder.join(format!("{scenario}-{number:06}.tar"))
 }
 
-/// The shards of a scenario while they are written.
+/// A scenario's shards while they are written.
 struct Shards<'a> {
     folder: PathBuf,
     scenario: &'a str,
@@ -197,7 +147,7 @@ impl<'a> Shards<'a> {
         shard_path(&self.folder, self.scenario, number)
     }
 
-    /// Adds the entries of a sample, which stay together.
+    /// Adds a sample's entries, which stay together.
     fn append(&mut self, entries: &[u8]) -> Result<()> {
         let added = entries.len() as u64;
         if let Some((_, written)) = &self.open

@@ -11,46 +11,45 @@ use std::path::Path;
 
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_unsynced;
+use serde_json::Value;
 
 use super::picture_files::{self, Part};
-use super::{FileFormat, Writing, Written};
-use crate::description::about::short_split_of;
-use crate::description::columns_text::Kind;
-use crate::description::croissant::{
-    Contents, Field, FileSet, ListedFile, RecordSet, content_of, part_of_path,
-};
+use crate::about::short_split_of;
 use crate::error::Result;
-use crate::export::{Export, ExportOutcome};
+use crate::file_format::{Export, FileFormat, Writing, Written};
+use crate::request::{Abilities, BoxUse};
 use crate::scenarios::LabelledBox;
 
 const DATA: &str = "data.yaml";
 const LABELS: &str = "labels";
 
 /// The format.
-#[derive(Default)]
 pub(super) struct Yolo;
 
 impl FileFormat for Yolo {
-    type Part = Part;
-
-    fn check_all(&self, export: &Export<'_>, outcome: &mut ExportOutcome) -> Result<()> {
-        outcome.remark = remark_on(&export.sides);
-        Ok(())
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            boxes: BoxUse::Certain,
+            ..Abilities::of_stills("yolo")
+        }
     }
 
-    fn write(&self, scenario: &Writing<'_>) -> Result<Part> {
+    fn check_all(&self, export: &Export<'_>) -> Result<Option<&'static str>> {
+        Ok(remark_on(&export.sides))
+    }
+
+    fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let side = short_split_of(scenario.source.selected.side);
         picture_files::write(scenario, &format!("images/{side}"))
     }
 
-    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+    fn finish(&self, written: &Written<'_>) -> Result<()> {
         let folder = written.folder();
         for part in written.parts::<Part>() {
             write_labels(&folder, &part?)?;
         }
         let data = data_yaml(&written.export.sides);
-        write_unsynced(&folder.join(DATA), data.as_bytes())?;
-        Ok(contents())
+        Ok(write_unsynced(&folder.join(DATA), data.as_bytes())?)
     }
 }
 
@@ -95,45 +94,6 @@ fn data_yaml(sides: &BTreeSet<Side>) -> String {
     }
     yaml.push_str("names:\n  0: aircraft\n");
     yaml
-}
-
-fn contents() -> Contents {
-    let set = "labels";
-    let label = |name, meaning, source| Field::new(name, Kind::Text, meaning, source);
-    Contents {
-        files: vec![ListedFile::new(DATA, "application/yaml")],
-        sets: vec![
-            FileSet::new("images", "images/*/*", "image/*", "The images, by split."),
-            FileSet::new(
-                set,
-                "labels/*/*.txt",
-                "text/plain",
-                "Their boxes, by split.",
-            ),
-        ],
-        records: vec![RecordSet {
-            name: "pictures",
-            what: "A record per image.".into(),
-            fields: vec![
-                label(
-                    "split",
-                    "side of the split",
-                    part_of_path(set, ".*labels/([a-z]+)/[^/]*$"),
-                ),
-                label(
-                    "name",
-                    "its name in images/, without the ending",
-                    part_of_path(set, ".*/([^/]+)[.]txt$"),
-                ),
-                label(
-                    "boxes",
-                    "a line `class cx cy width height` per box, in parts of the image's sides",
-                    content_of(set),
-                ),
-            ],
-        }],
-        ..Contents::default()
-    }
 }
 
 fn line(labelled: &LabelledBox, [width_px, height_px]: [f64; 2]) -> String {

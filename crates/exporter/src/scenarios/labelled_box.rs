@@ -1,4 +1,4 @@
-//! Boxes of an image, true or detected.
+//! Image boxes: ground truth or detected.
 
 use dataset::conditions::sight::Sight;
 use dataset::tables::pixel_box::PixelBox;
@@ -8,27 +8,27 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LabelledBox {
     pub(crate) pixel_box: PixelBox,
-    /// Of a detection.
+    /// Detection score.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) score: Option<f64>,
-    /// Of a ground-truth box: part of the aircraft in the image, part of the box outside it, contrast that remains.
+    /// Visibility, if it is ground truth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) truth: Option<TruthFigures>,
 }
 
-/// Visibility of a ground-truth box.
+/// Ground-truth visibility.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct TruthFigures {
     pub(crate) visible_fraction: f64,
     pub(crate) truncation: f64,
     pub(crate) transmission: f64,
     pub(crate) sight: Sight,
-    /// True if a detector is expected to find it: most of it is in the image.
+    /// True if a detector is expected to find the aircraft: most of it is in the image.
     pub(crate) is_expected: bool,
 }
 
 impl TruthFigures {
-    /// True if neither a detection of it nor a miss counts in an evaluation.
+    /// True if neither a detection nor a miss counts in an evaluation.
     pub(crate) fn is_ignored(&self) -> bool {
         !self.is_expected || self.sight != Sight::Open
     }

@@ -1,4 +1,4 @@
-//! The images of a view, each checked against the timestamp of its tick.
+//! Decoded view images, each checked against its tick's timestamp.
 
 use dataset::tables::frames::TickRow;
 use dataset::video::VideoReader;
@@ -6,7 +6,7 @@ use dataset::video::VideoReader;
 use super::source::Source;
 use crate::error::{Error, Result};
 
-/// A video of a scenario that is being decoded.
+/// A video that is being decoded.
 pub(crate) struct ViewPictures<'a> {
     scenario: &'a str,
     view: &'a str,

@@ -6,18 +6,18 @@ use dataset::corpus::splits::{Assignment, Side};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use serde::Serialize;
 
-use crate::description::about::split_of;
+use crate::about::split_of;
 use crate::error::{Error, Result};
 use crate::request::ExportRequest;
 
-/// Most names in a message.
+/// Maximum names in a message.
 const MAX_NAMED: usize = 8;
 
 /// A requested scenario.
 pub(crate) struct Selected {
     pub(crate) folder: ScenarioFolder,
     pub(crate) side: Option<Side>,
-    /// Its requested views, in its order.
+    /// Requested views, in the scenario's order.
     pub(crate) views: Vec<String>,
 }
 
@@ -31,7 +31,7 @@ impl Selected {
 /// A requested scenario that cannot be exported.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LostScenario {
-    /// Its identifier.
+    /// Scenario identifier.
     pub id: String,
     /// The fault.
     pub reason: String,
@@ -95,14 +95,20 @@ pub(crate) fn select(
         refuse_unknown("side", split_of(Some(asked)), &known)?;
     }
     if selected.is_empty() {
-        let all_lost = |first: &LostScenario| Error::AllLost(first.reason.clone());
-        return Err(lost.first().map_or(Error::Nothing, all_lost));
+        let why = match lost.first() {
+            None => "no scenario is left with these options".to_owned(),
+            Some(first) => format!(
+                "every selected scenario is damaged; the first one: {}",
+                first.reason
+            ),
+        };
+        return Err(Error::Request(format!("nothing to export: {why}")));
     }
     Ok((selected, lost))
 }
 
 /// The split; a corpus may lack it unless a side is requested.
-pub(crate) fn sides(corpus: &Corpus, is_asked_for: bool) -> Result<BTreeMap<String, Assignment>> {
+fn sides(corpus: &Corpus, is_asked_for: bool) -> Result<BTreeMap<String, Assignment>> {
     match corpus.splits() {
         Ok(splits) => Ok(splits.scenarios),
         Err(_) if !is_asked_for && !corpus.splits_path().exists() => Ok(BTreeMap::new()),
@@ -114,14 +120,11 @@ fn refuse_unknown(what: &'static str, found: &str, known: &[String]) -> Result<(
     if known.iter().any(|name| name == found) {
         return Ok(());
     }
-    Err(Error::Unknown {
-        what,
-        found: found.to_owned(),
-        known: some_of(known.iter().map(String::as_str)),
-    })
+    let known = some_of(known.iter().map(String::as_str));
+    Err(Error::unknown(what, found, &known))
 }
 
-/// The first of these names, as text.
+/// The first few names, as text.
 pub(crate) fn some_of<'a>(names: impl Iterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.take(MAX_NAMED + 1).collect();
     match names.get(..MAX_NAMED) {

@@ -16,8 +16,7 @@ use dataset::tables::pixel_box::TruthBox;
 use super::labelled_box::{LabelledBox, TruthFigures};
 use super::selection::Selected;
 use crate::error::{Error, Result};
-use crate::formats::BoxUse;
-use crate::request::{BoxSource, ExportRequest, Ticks};
+use crate::request::{BoxSource, BoxUse, ExportRequest, Ticks};
 
 /// Boxes by view and tick.
 type ByPicture = BTreeMap<(String, u32), Vec<LabelledBox>>;
@@ -52,6 +51,7 @@ impl<'a> Source<'a> {
     pub(crate) fn open(
         selected: &'a Selected,
         request: &ExportRequest,
+        boxes_used: BoxUse,
         model: Option<&str>,
     ) -> Result<Self> {
         let scenario = selected.folder.open()?;
@@ -65,7 +65,6 @@ impl<'a> Source<'a> {
             Some(model) => scenario.detections(model)?.boxes,
             None => Vec::new(),
         };
-        let boxes_used = request.format.abilities().boxes;
         if boxes_used == BoxUse::Crops {
             detections.retain(|found| found.confirmed);
         }
@@ -157,12 +156,11 @@ impl<'a> Source<'a> {
         is_same_rate && !self.asked_for.contains(&false)
     }
 
-    /// True if the image of a view at a tick is requested.
     pub(crate) fn has_picture(&self, view: &str, tick: u32) -> bool {
         self.is_asked_for(tick) && self.selected.views.iter().any(|name| name == view)
     }
 
-    /// The medium between the camera and the aircraft of a ground-truth box.
+    /// Sight of a ground-truth box's aircraft.
     pub(crate) fn sight_of(&self, real: &TruthBox) -> Sight {
         sight_of(real, &self.frames, self.cloud_base)
     }
@@ -188,19 +186,18 @@ impl<'a> Source<'a> {
         beside.map_or(&[], Vec::as_slice)
     }
 
-    /// Place of a view in the rows of the table, and its camera.
+    /// A view's index in the table's rows, and its camera.
     pub(crate) fn view(&self, view: &str) -> Result<(usize, &CameraEntry)> {
         let index = self.frames.views.iter().position(|name| name == view);
         let camera = self.calibration.cameras.get(view);
-        index.zip(camera).ok_or_else(|| Error::Unknown {
-            what: "view",
-            found: view.to_owned(),
-            known: self.frames.views.join(", "),
+        index.zip(camera).ok_or_else(|| {
+            let known = self.frames.views.join(", ");
+            Error::unknown("view", view, &known)
         })
     }
 }
 
-/// The images of ticks at which a view has no box for a crop to be around.
+/// Images of ticks at which some view has no box to crop around.
 fn without_crops(
     selected: &Selected,
     asked_for: &[bool],

@@ -6,7 +6,7 @@
 /// Largest number of columns that become one.
 pub(crate) const MAX_EVERY: u32 = 16;
 
-/// A part of an image; all four are even: two by two pixels share their colour.
+/// An image part; all four numbers are even: two by two pixels share their colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Part {
     pub(crate) left: u32,
@@ -16,7 +16,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// From its four numbers in this order, separated by commas; `None` if it is no such part of an image of this size.
+    /// Parses four numbers separated by commas; `None` if the part is not inside an image with this size.
     pub(crate) fn parse(text: &str, [picture_width, picture_height]: [u32; 2]) -> Option<Self> {
         let numbers: Option<Vec<u32>> = text.split(',').map(|word| word.parse().ok()).collect();
         let [left, top, width, height] = numbers?.try_into().ok()?;
@@ -38,7 +38,7 @@ impl Part {
     }
 }
 
-/// The planes of an image of this size, columns and rows: `f` gets each with the divisor of its sides.
+/// Calls `f` with each plane and the divisor of its sides.
 fn each(planes: &[u8], size: [u32; 2], mut f: impl FnMut(&[u8], usize, usize)) {
     let mut rest = planes;
     for shared in [1, 2, 2] {
@@ -49,7 +49,6 @@ fn each(planes: &[u8], size: [u32; 2], mut f: impl FnMut(&[u8], usize, usize)) {
     }
 }
 
-/// Appends a part of an image.
 pub(crate) fn cut(planes: &[u8], size: [u32; 2], part: Part, to: &mut Vec<u8>) {
     each(planes, size, |plane, columns, shared| {
         let [left, top, width, height] =

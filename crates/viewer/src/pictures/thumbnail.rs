@@ -25,15 +25,13 @@ use crate::library::Library;
 use crate::opened::Opened;
 use crate::server::refusal::Refusal;
 
-/// Thumbnails that are made at the same time: the images of a scenario that is looked at come first.
+/// Thumbnails made at the same time: images of the open scenario come first.
 const AT_ONCE: usize = 2;
 /// Thumbnails kept, bytes: about 1,000.
 const KEPT_BYTES: usize = 16 << 20;
-/// Columns of a thumbnail, at most: about twice as many as its place on a page.
+/// Maximum thumbnail width: about twice its place on a page.
 const MAX_COLUMNS: u32 = 480;
-/// Width of the part that is shown over the width of the aircraft.
-const SURROUNDINGS: f64 = 2.5;
-/// Part of the silhouette from which on an aircraft counts as whole.
+/// Visible part from which on an aircraft counts as whole.
 const WHOLE: f64 = 0.99;
 /// JPEG quality, 1 to 100.
 const QUALITY: u8 = 85;
@@ -41,11 +39,11 @@ const QUALITY: u8 = 85;
 /// The thumbnails that were made last.
 pub(crate) struct Thumbnails {
     permits: Arc<Semaphore>,
-    kept: Mutex<VecDeque<Kept>>,
+    kept: Mutex<VecDeque<CachedThumbnail>>,
 }
 
-/// The thumbnail of a scenario in one state.
-struct Kept {
+/// A cached thumbnail.
+struct CachedThumbnail {
     id: String,
     seal: Seal,
     models: Vec<String>,
@@ -70,11 +68,12 @@ impl Thumbnails {
 
     fn find(&self, id: &str, seal: &Seal, models: &[String]) -> Option<Bytes> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_it = |kept: &&Kept| kept.id == id && kept.seal == *seal && kept.models == models;
+        let is_it =
+            |kept: &&CachedThumbnail| kept.id == id && kept.seal == *seal && kept.models == models;
         kept.iter().find(is_it).map(|kept| kept.jpeg.clone())
     }
 
-    fn keep(&self, new: Kept) {
+    fn keep(&self, new: CachedThumbnail) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.retain(|old| old.id != new.id);
         kept.push_back(new);
@@ -87,7 +86,7 @@ impl Thumbnails {
     }
 }
 
-/// The thumbnail of a scenario as JPEG.
+/// A scenario's thumbnail as JPEG.
 ///
 /// # Errors
 /// There is no intact scenario of this name, or its image cannot be read.
@@ -106,7 +105,7 @@ pub(crate) async fn read(library: Arc<Library>, id: String) -> Result<Bytes, Ref
             return Ok(jpeg);
         }
         let jpeg = make(&opened, &models)?;
-        shared.thumbnails.keep(Kept {
+        shared.thumbnails.keep(CachedThumbnail {
             id,
             seal,
             models,
@@ -130,7 +129,7 @@ fn make(opened: &Opened, models: &[String]) -> Result<Bytes, Refusal> {
     } = moment(opened, models)?;
     let picture = opened.files.picture(&view, tick)?;
     let part = match &aircraft {
-        Some(aircraft) => Part::around(aircraft, SURROUNDINGS, picture.size_px),
+        Some(aircraft) => Part::around(aircraft, picture.size_px),
         None => Part::whole(picture.size_px),
     };
     let mut shown = part.cut(&picture.rgb, picture.size_px[0]);
@@ -145,7 +144,7 @@ fn make(opened: &Opened, models: &[String]) -> Result<Bytes, Refusal> {
     Ok(jpeg.into_inner().into())
 }
 
-/// The image in which the aircraft is nearest and well in sight, else the last one of the first view.
+/// The moment with the nearest aircraft well in sight, else the last one in the first view.
 fn moment(opened: &Opened, models: &[String]) -> Result<Moment, Refusal> {
     let files = &opened.files;
     let found = match files.truth_boxes_if_labelled()? {
@@ -230,7 +229,7 @@ mod tests {
             video_bytes: BTreeMap::new(),
         };
         for number in 0..5 {
-            thumbnails.keep(Kept {
+            thumbnails.keep(CachedThumbnail {
                 id: number.to_string(),
                 seal: seal.clone(),
                 models: Vec::new(),

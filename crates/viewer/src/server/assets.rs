@@ -41,7 +41,7 @@ const FILES: [(&str, &str, &str); 21] = [
     ("/units.js", SCRIPT, page!("units.js")),
 ];
 
-/// Routes to all of them.
+/// Routes to all assets.
 pub(crate) fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let route = |router: Router<S>, (path, kind, content): (&'static str, _, _)| {
         router.route(path, get(async move || answer(kind, content)))

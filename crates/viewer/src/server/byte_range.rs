@@ -1,11 +1,11 @@
-//! The part of a file that a request asks for (RFC 9110, section 14).
+//! Range requests (RFC 9110, section 14).
 
 use std::ops::Range;
 
-/// Meaning of a `Range` header for a file of some size.
+/// A parsed `Range` header.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Asked {
-    /// All of it: several parts, or what is no range of bytes, may be answered so.
+    /// The whole file: also the answer to several ranges and to unknown units.
     Whole,
     /// These bytes, at least one.
     Part(Range<u64>),

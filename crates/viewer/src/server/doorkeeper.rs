@@ -24,7 +24,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 /// A page that explains a refusal is one file with its style: under a foreign name it gets no other.
 const REFUSAL_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// Rejects a request for another host than this computer, or one that another page makes.
+/// Rejects requests for a foreign host name or from a foreign page.
 fn check(headers: &HeaderMap) -> Result<(), Refusal> {
     let mut hosts = headers.get_all(HOST).iter().map(text_of);
     let (Some(host), None) = (hosts.next(), hosts.next()) else {
@@ -50,8 +50,8 @@ fn check(headers: &HeaderMap) -> Result<(), Refusal> {
     }
 }
 
-/// True for a `Host` that names the loopback device, with any port: a tunnel such as `ssh -L` may begin at another one than the
-/// server's. No foreign page has such a name, whatever its DNS server answers.
+/// True for a `Host` that names the loopback device, with any port: a tunnel such as `ssh -L` may use a different one. No foreign page has
+/// such a name, whatever its DNS server answers.
 fn is_this_computer(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.parse::<u16>().is_ok() => name,
@@ -121,7 +121,7 @@ mod tests {
             "127.0.0.1:4180",
             "localhost:4180",
             "LOCALHOST:4180",
-            // The other end of a tunnel.
+            // Through a tunnel.
             "localhost:9000",
             "127.0.0.1:80",
             "[::1]:9000",

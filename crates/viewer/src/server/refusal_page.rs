@@ -1,9 +1,9 @@
-//! A refusal as a page, for a person who opened the address in a browser: what was wrong, and how to get to the corpus.
+//! Refusals as a page, for people who opened the address in a browser.
 
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
-use report_page::page::{render, value};
+use report_page::page::{page_titled, value};
 use serde::Serialize;
 
 use crate::server::refusal::Refusal;
@@ -25,7 +25,8 @@ pub(crate) fn answer(refusal: &Refusal, port: u16) -> Response {
         is_forbidden: refusal.status == StatusCode::FORBIDDEN,
         port,
     };
-    match render(TEMPLATE, value(values)) {
+    let heading = "dtd view does not show this";
+    match page_titled("dtd view: not shown", heading, TEMPLATE, value(values)) {
         Ok(page) => {
             let kind = [(CONTENT_TYPE, "text/html; charset=utf-8")];
             (refusal.status, kind, page).into_response()

@@ -20,7 +20,7 @@ use crate::server::refusal::Refusal;
 /// Bytes that are read at once.
 const CHUNK_BYTES: u64 = 1 << 18;
 
-/// The part of a video that the request's headers ask for.
+/// Answers with the requested range.
 pub(crate) fn answer(path: &Path, headers: &HeaderMap) -> Result<Response, Refusal> {
     let file = outside_file::open(path, FileKind::VIDEO.unlinked())?;
     let about = file.metadata();

@@ -1,6 +1,6 @@
 use super::*;
 use crate::crop::cover::Cover;
-use crate::samples::picture::tests::sky_with_bar;
+use crate::samples::training_picture::sky_with_bar;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

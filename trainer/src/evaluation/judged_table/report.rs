@@ -2,17 +2,14 @@
 
 use dataset::files::json_file::write_unsynced;
 use minijinja::context;
-use report_page::page::{drawn, render, value};
+use report_page::page::{drawn, page, value};
 
 use super::TableMetrics;
 use crate::error::Result;
-use crate::evaluation::report::{CHARTED, legend, plots, tables};
+use crate::evaluation::report::{CHARTED, MACROS, legend, plots, tables};
 use crate::run::folder::RunFolder;
 
-const TEMPLATE: &str = concat!(
-    include_str!("../report/macros.html"),
-    include_str!("report.html")
-);
+const TEMPLATE: &str = include_str!("report.html");
 
 /// Writes the report of an evaluation.
 pub(super) fn write(folder: &RunFolder, metrics: &TableMetrics) -> Result<()> {
@@ -30,18 +27,31 @@ pub(super) fn write(folder: &RunFolder, metrics: &TableMetrics) -> Result<()> {
         .iter()
         .map(|&number| (number, &estimators[names[number]].by_distance_nm[..]))
         .collect();
-    let headline = tables::headline(estimators);
-    let page = render(
-        TEMPLATE,
+    let first = best.first().map_or("", |&number| names[number]);
+    let has_dual = ticks.seen.is_some();
+    let headline = tables::headline(
+        estimators,
+        (first, "smallest error"),
+        rules.bootstrap.share,
+        has_dual,
+    );
+    let page = page(
+        &format!(
+            "Distance to touchdown: predictions of {}",
+            judged.predictions
+        ),
+        &[MACROS, TEMPLATE].concat(),
         context! {
-            best => value(best.first().map(|&number| &headline[number])),
-            headline => value(&headline),
-            has_dual => ticks.seen.is_some(),
-            legend => value(legend(&names, &best)),
-            best_plot => drawn(plots::best_by_distance(&bins)?),
-            boxes_plot => drawn(plots::errors_by_distance(&bins)?),
-            by_weather => value(tables::by_weather(estimators)),
-            by_time => value(tables::by_time(estimators)),
+            best => value(tables::tiles(first, estimators)),
+            headline => value(headline),
+            estimators => names.len(),
+            has_dual,
+            stated_intervals => value(tables::stated_intervals(estimators)),
+            series => value(legend(&names, &best)),
+            best_plot => drawn(plots::best_by_distance(&bins)),
+            boxes_plot => drawn(plots::errors_by_distance(&bins)),
+            by_weather => value(tables::by_weather(estimators, "")),
+            by_time => value(tables::by_time(estimators, "")),
             weather_at_aircraft => value(tables::weather_at_aircraft(weather_at_aircraft)),
             flights => value(tables::flights(estimators)),
             split => value(split),

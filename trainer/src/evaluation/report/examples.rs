@@ -25,7 +25,7 @@ pub(super) struct Example {
     views: Vec<Shown>,
 }
 
-/// Content of one view.
+/// A view's image.
 #[derive(Serialize)]
 struct Shown {
     view: String,
@@ -118,7 +118,7 @@ impl Shown {
     }
 }
 
-/// The result, or the fault of a missing or damaged file in words.
+/// The result, or the fault in words if a file is missing or damaged.
 ///
 /// # Errors
 /// The disk is broken.

@@ -1,8 +1,10 @@
-//! The tables of the report as rows of strings.
+//! The tables of the report.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
+use report_page::table::{Cell, Table, or_dash};
+use report_page::{optional, percent};
 use serde::Serialize;
 
 use dataset::corpus::effective_weather::ReportedWeather;
@@ -12,26 +14,25 @@ use crate::evaluation::metrics::{
 };
 use crate::networks::stage::{Cycle, EndedBy};
 use crate::paper::TABLE_3;
-use crate::run::choice::Choice;
 use crate::run::estimator::{Description, Estimator, Standing};
 use crate::samples::{Sample, Samples};
 
-/// The recommended estimator.
+/// An estimator's figures above the tables.
 #[derive(Serialize)]
-pub(super) struct Recommendation<'a> {
+pub(in crate::evaluation) struct Tiles<'a> {
     name: &'a str,
     title: &'static str,
-    reason: &'a str,
-    /// `None` if it was not evaluated.
-    all: Option<Cells>,
+    mape: String,
     interval: String,
+    p95: String,
+    p95_m: String,
+    coverage: String,
     in_sight: String,
 }
 
 /// Figures by name of the estimator.
 type ByEstimator = BTreeMap<String, EstimatorMetrics>;
 
-/// An estimator of a report.
 struct Shown<'a> {
     name: &'a str,
     /// `None` for an estimator of others.
@@ -43,6 +44,15 @@ impl Shown<'_> {
     fn standing(&self) -> Standing {
         self.own.map_or(Standing::Competitor, Estimator::standing)
     }
+
+    /// CSS class of its rows.
+    fn class(&self, best: &str) -> &'static str {
+        match self.standing() {
+            Standing::Oracle | Standing::NoVision => "oracle",
+            Standing::Competitor if self.name == best => "best",
+            Standing::Competitor => "",
+        }
+    }
 }
 
 /// The estimators in the order of tables and charts: first this software's, then others by name.
@@ -52,7 +62,7 @@ fn shown(estimators: &ByEstimator) -> Vec<Shown<'_>> {
         all.find(|estimator| estimator.name() == name)
     };
     let entries = estimators.iter();
-    let mut shown: Vec<Shown> = entries
+    let mut shown: Vec<Shown<'_>> = entries
         .map(|(name, of)| Shown {
             name,
             own: own(name),
@@ -73,132 +83,73 @@ pub(in crate::evaluation) fn names(estimators: &ByEstimator) -> Vec<&str> {
     shown.map(|shown| shown.name).collect()
 }
 
-/// The method of an estimator.
+/// An estimator's method.
 #[derive(Serialize)]
 pub(super) struct Method {
     name: &'static str,
     how: String,
 }
 
-/// One estimator.
+/// Share of stated intervals that contain the true value, percent.
 #[derive(Serialize)]
-pub(in crate::evaluation) struct HeadlineRow {
+pub(in crate::evaluation) struct StatedIntervals {
     name: String,
-    title: &'static str,
-    standing: Standing,
-    all: Cells,
-    /// Of the MAPE.
-    interval: String,
-    in_sight: String,
-    common: Cells,
-    dual: Option<Cells>,
-    stated: Option<StatedCells>,
-}
-
-/// Share of an estimator's stated intervals that contain the true value, percent.
-#[derive(Serialize)]
-struct StatedCells {
     held: String,
     least: String,
     most: String,
 }
 
-/// Figures as text; an en dash where there are none.
-#[derive(Serialize)]
-struct Cells {
-    mape: String,
-    median: String,
-    p95: String,
-    sd: String,
-    p95_m: String,
-    coverage: String,
-    samples: usize,
-}
-
-/// Figures of every estimator, in columns by something.
-#[derive(Serialize)]
-pub(in crate::evaluation) struct FiguresTable {
-    columns: Vec<String>,
-    rows: Vec<FiguresRow>,
-}
-
-/// One estimator.
-#[derive(Serialize)]
-struct FiguresRow {
-    name: String,
-    standing: Standing,
-    /// In the order of [`FiguresTable::columns`].
-    figures: Vec<Cells>,
-}
-
-/// The weather at the aircraft, by name of the planned weather, in words.
-pub(in crate::evaluation) fn weather_at_aircraft(
-    reported: &BTreeMap<String, ReportedWeather>,
-) -> Vec<WeatherRow<'_>> {
-    let weathers = reported.iter();
-    weathers
-        .map(|(name, weather)| WeatherRow {
-            name,
-            reported: weather.to_string(),
-            marked: weather.marked.keys().map(String::as_str).collect(),
-        })
-        .collect()
-}
-
-/// One flight: MAPE of every estimator.
-#[derive(Serialize)]
-pub(in crate::evaluation) struct FlightRow {
-    scenario: String,
-    trajectory: String,
-    ticks: usize,
-    mapes: Vec<String>,
-}
-
-/// One weather or time.
-#[derive(Serialize)]
-pub(super) struct ConditionRow {
-    kind: &'static str,
-    name: String,
-    dual: Option<Cells>,
-    combination: Option<Cells>,
-    paper: Option<[String; 4]>,
-}
-
 /// Weather that simulators reported at the aircraft under one planned weather.
 #[derive(Serialize)]
-pub(in crate::evaluation) struct WeatherRow<'a> {
+pub(in crate::evaluation) struct ReportedRow<'a> {
     name: &'a str,
     reported: String,
-    /// Identifiers of the scenarios in which it was not the planned weather.
+    /// Scenarios that were drawn under different weather.
     marked: Vec<&'a str>,
 }
 
-/// The recommended estimator with its figures.
-pub(super) fn recommendation<'a>(choice: &'a Choice, metrics: &Metrics) -> Recommendation<'a> {
-    let description = Estimator::ALL.map(Estimator::description);
-    let title = description.iter().find(|one| one.name == choice.estimator);
-    let of = metrics.estimators.get(&choice.estimator);
-    Recommendation {
-        name: &choice.estimator,
-        title: title.map_or("", |one| one.title),
-        reason: &choice.reason,
-        all: of.map(|of| cells(&of.overall.all)),
-        interval: interval(of),
-        in_sight: share(of.and_then(|of| of.overall.all.coverage_in_sight)),
-    }
+/// The weather at the aircraft, by name of the planned weather.
+pub(in crate::evaluation) fn weather_at_aircraft(
+    reported: &BTreeMap<String, ReportedWeather>,
+) -> Vec<ReportedRow<'_>> {
+    let reported = reported.iter();
+    let rows = reported.map(|(name, weather)| ReportedRow {
+        name,
+        reported: weather.to_string(),
+        marked: weather.marked.keys().map(String::as_str).collect(),
+    });
+    rows.collect()
 }
 
-/// Ends of the interval of the MAPE.
-fn interval(of: Option<&EstimatorMetrics>) -> String {
-    let ends = of.and_then(|of| Some(of.intervals?.mape_pct));
-    ends.map_or(NONE.into(), |ends| {
-        let [low, high] = ends.map(|end| format!("{end:.3}"));
-        format!("{low} to {high}")
+/// `None` for an unknown estimator.
+pub(in crate::evaluation) fn tiles<'a>(
+    name: &'a str,
+    estimators: &ByEstimator,
+) -> Option<Tiles<'a>> {
+    let of = estimators.get(name)?;
+    let all = &of.overall.all;
+    let mut own = Estimator::ALL.map(Estimator::description).into_iter();
+    Some(Tiles {
+        name,
+        title: own.find(|one| one.name == name).map_or("", |one| one.title),
+        mape: error(all.mape_pct),
+        interval: interval(of),
+        p95: error(all.p95_pct),
+        p95_m: optional(all.p95_m, 1),
+        coverage: percent(all.coverage, 1),
+        in_sight: percent(all.coverage_in_sight, 1),
     })
 }
 
-/// Numbers of the estimators, in the order of [`names`], with the smallest errors over the common ticks, the best first. Neither the oracle
-/// nor an estimator without vision is one of them.
+/// Ends of the interval of the MAPE.
+fn interval(of: &EstimatorMetrics) -> String {
+    or_dash(of.intervals.map(|ends| {
+        let [low, high] = ends.mape_pct.map(|end| format!("{end:.3}"));
+        format!("{low} to {high}")
+    }))
+}
+
+/// Numbers of the competitors, in the order of [`names`], with the smallest errors over the common ticks, the best first.
 pub(in crate::evaluation) fn best(estimators: &ByEstimator, most: usize) -> Vec<usize> {
     let shown = shown(estimators).into_iter().enumerate();
     let competitors = shown.filter(|(_, shown)| shown.standing() == Standing::Competitor);
@@ -209,31 +160,71 @@ pub(in crate::evaluation) fn best(estimators: &ByEstimator, most: usize) -> Vec<
     errors.into_iter().take(most).map(|one| one.1).collect()
 }
 
-/// All estimators.
-pub(in crate::evaluation) fn headline(estimators: &ByEstimator) -> Vec<HeadlineRow> {
-    let row = |shown: Shown| {
+/// Errors of all estimators. `best` is the highlighted one, with the reason; `interval_share` is the share of the intervals.
+pub(in crate::evaluation) fn headline(
+    estimators: &ByEstimator,
+    (best, best_is): (&str, &str),
+    interval_share: f64,
+    has_dual: bool,
+) -> Table {
+    let of_interval = format!("its {:.0} % interval", 100.0 * interval_share);
+    let all = ["MAPE", &of_interval, "median", "95 %", "SD", "95 %, m"];
+    let mut table = Table::new("Errors of all estimators")
+        .words(["Estimator"])
+        .numbers("Error of all answers, % unless in metres", all)
+        .numbers("Coverage, %", ["all", "in sight"])
+        .numbers("Common ticks", ["MAPE, %"]);
+    if has_dual {
+        table = table.numbers("Dual", ["MAPE, %", "ticks"]);
+    }
+    for shown in shown(estimators) {
         let of = shown.of;
-        let overall = &of.overall;
-        HeadlineRow {
-            name: shown.name.to_owned(),
-            title: shown.own.map_or("", |own| own.description().title),
-            standing: shown.standing(),
-            all: cells(&overall.all),
-            interval: interval(Some(of)),
-            in_sight: share(overall.all.coverage_in_sight),
-            common: cells(&of.common),
-            dual: overall.dual.as_ref().map(cells),
-            stated: of.stated_intervals.map(|stated| {
-                let [least, most] = stated.held_by_flight.map(|held| share(Some(held)));
-                let held = share(Some(stated.held));
-                StatedCells { held, least, most }
-            }),
+        let (all, dual) = (&of.overall.all, of.overall.dual.as_ref());
+        let title = shown.own.map_or("", |own| own.description().title);
+        let note = if shown.name == best && !title.is_empty() {
+            format!("{title}, {best_is}")
+        } else {
+            title.to_owned()
+        };
+        let mut row: Vec<Cell> = vec![Cell::code(shown.name).with_note(note)];
+        row.extend(
+            [
+                error(all.mape_pct),
+                interval(of),
+                error(all.median_pct),
+                error(all.p95_pct),
+                error(all.sd_pct),
+                optional(all.p95_m, 1),
+                percent(all.coverage, 1),
+                percent(all.coverage_in_sight, 1),
+                error(of.common.mape_pct),
+            ]
+            .map(Cell::from),
+        );
+        if has_dual {
+            row.push(error(dual.and_then(|dual| dual.mape_pct)).into());
+            row.push(or_dash(dual.map(|dual| dual.samples.to_string())).into());
         }
-    };
-    shown(estimators).into_iter().map(row).collect()
+        table.row(row).class = shown.class(best);
+    }
+    table
 }
 
-/// The methods of a run's estimators.
+/// The estimators that state intervals.
+pub(in crate::evaluation) fn stated_intervals(estimators: &ByEstimator) -> Vec<StatedIntervals> {
+    let stated = |shown: Shown<'_>| {
+        let stated = shown.of.stated_intervals?;
+        let [least, most] = stated.held_by_flight.map(|held| percent(Some(held), 1));
+        Some(StatedIntervals {
+            name: shown.name.to_owned(),
+            held: percent(Some(stated.held), 1),
+            least,
+            most,
+        })
+    };
+    shown(estimators).into_iter().filter_map(stated).collect()
+}
+
 pub(super) fn methods(metrics: &Metrics) -> Vec<Method> {
     let own = shown(&metrics.estimators)
         .into_iter()
@@ -260,124 +251,123 @@ fn faithfulness(metrics: &Metrics) -> String {
 }
 
 /// The paper's table 3 for `paper_lstm`, with the paper's own figures where it has the condition.
-pub(super) fn conditions(metrics: &Metrics) -> Vec<ConditionRow> {
+pub(super) fn conditions(metrics: &Metrics) -> Table {
+    let figures = ["MAPE %", "SD %", "samples", "paper", "its SD"];
+    let mut table = Table::new("Errors beside the paper's")
+        .words(["By", "Condition"])
+        .numbers("Dual", figures)
+        .numbers("Combination", figures);
     let Some(ours) = metrics.estimators.get(Estimator::PaperLstm.name()) else {
-        return Vec::new();
+        return table;
     };
-    let row = |kind, (name, figures): (&String, &SplitFigures)| ConditionRow {
-        kind,
-        name: name.clone(),
-        dual: figures.dual.as_ref().map(cells),
-        combination: figures.combination.as_ref().map(cells),
-        paper: TABLE_3
-            .iter()
-            .find(|condition| condition.name == name)
-            .map(|condition| {
-                let [[dual, dual_sd], [combination, combination_sd]] =
-                    [condition.dual_pct, condition.combination_pct];
-                [dual, dual_sd, combination, combination_sd].map(|figure| format!("{figure:.2}"))
-            }),
-    };
-    let weathers = ours.by_weather.iter().map(|entry| row("Weather", entry));
-    weathers
-        .chain(ours.by_time.iter().map(|entry| row("Time", entry)))
-        .collect()
+    let weathers = ours.by_weather.iter().map(|entry| ("Weather", entry));
+    let times = ours.by_time.iter().map(|entry| ("Time", entry));
+    for (kind, (name, figures)) in weathers.chain(times) {
+        let of_paper = TABLE_3.iter().find(|condition| condition.name == name);
+        let mut row: Vec<Cell> = vec![kind.into(), name.as_str().into()];
+        for (ours, paper) in [
+            (figures.dual, of_paper.map(|paper| paper.dual_pct)),
+            (
+                figures.combination,
+                of_paper.map(|paper| paper.combination_pct),
+            ),
+        ] {
+            row.push(error(ours.and_then(|ours| ours.mape_pct)).into());
+            row.push(error(ours.and_then(|ours| ours.sd_pct)).into());
+            row.push(or_dash(ours.map(|ours| ours.samples.to_string())).into());
+            for place in 0..2 {
+                row.push(Cell::quoted(optional(paper.map(|paper| paper[place]), 2)));
+            }
+        }
+        table.row(row);
+    }
+    table
 }
 
-/// A monoscopic network.
-#[derive(Serialize)]
-pub(super) struct OneViewRow<'a> {
-    name: &'a str,
-    inputs: &'a str,
-    /// By view, as text.
-    by_view: Vec<(&'a str, String)>,
-    mean: String,
-    reduction: String,
-}
-
-/// `paper_lstm` against networks that see one view.
-pub(super) fn against_one_view(metrics: &Metrics) -> Vec<OneViewRow<'_>> {
-    let rows = metrics.against_one_view.iter();
-    rows.map(|row| OneViewRow {
-        name: &row.estimator,
-        inputs: &row.inputs,
-        by_view: (row.mape_by_view_pct.iter())
-            .map(|(view, mape_pct)| (view.as_str(), percent(*mape_pct)))
-            .collect(),
-        mean: percent(row.mean_pct),
-        reduction: row
-            .reduction_pct
-            .map_or(NONE.into(), |part| format!("{part:.0}")),
-    })
-    .collect()
-}
-
-/// A stage of the training.
-#[derive(Serialize)]
-pub(super) struct StageRow<'a> {
-    network: &'a str,
-    view: Option<&'a str>,
-    steps: usize,
-    kept_step: usize,
-    batch_size: usize,
-    passes: String,
-    ended_by: &'static str,
-    /// Validation errors at the ends of its cycles.
-    cycles: String,
+/// `paper_lstm` against networks that see one view; `None` without such networks.
+pub(super) fn against_one_view(metrics: &Metrics) -> Option<Table> {
+    let views = metrics.against_one_view.first()?.mape_by_view_pct.iter();
+    let mut table = Table::new("Errors of single views")
+        .words(["Estimator", "Inputs"])
+        .numbers(
+            "MAPE, %",
+            views.map(|(view, _)| view.as_str()).chain(["mean"]),
+        )
+        .numbers("", ["paper_lstm has less, %"]);
+    for row in &metrics.against_one_view {
+        let by_view = row.mape_by_view_pct.iter();
+        let cells = [Cell::code(&row.estimator), row.inputs.as_str().into()]
+            .into_iter()
+            .chain(by_view.map(|(_, mape_pct)| error(*mape_pct).into()))
+            .chain([error(row.mean_pct), optional(row.reduction_pct, 0)].map(Cell::from));
+        table.row(cells);
+    }
+    Some(table)
 }
 
 /// The stages of the training.
-pub(super) fn stages(metrics: &Metrics) -> Vec<StageRow<'_>> {
+pub(super) fn stages(metrics: &Metrics) -> Table {
+    let cycles = "Validation MAPE at the ends of its cycles, %";
+    let mut table = Table::new("Stages of the training")
+        .words(["Networks", "View"])
+        .numbers("", ["Steps", "kept after", "batch", "passes"])
+        .words(["Ended by", cycles]);
     let errors = |cycle: &Cycle| {
         let errors = cycle.validation_mape_pct.iter();
-        errors
-            .map(|error| percent(*error))
-            .collect::<Vec<_>>()
-            .join(" / ")
+        errors.map(|of| error(*of)).collect::<Vec<_>>().join(" / ")
     };
-    let stages = metrics.training.stages.iter();
-    stages
-        .map(|stage| StageRow {
-            network: &stage.network,
-            view: stage.view.as_deref(),
-            steps: stage.steps,
-            kept_step: stage.kept_step,
-            batch_size: stage.batch_size,
-            passes: format!("{:.0}", stage.passes),
-            ended_by: match stage.ended_by {
+    for stage in &metrics.training.stages {
+        let cycles: Vec<String> = stage.cycles.iter().map(errors).collect();
+        table.row([
+            stage.network.clone(),
+            stage.view.clone().unwrap_or_else(|| "all".to_owned()),
+            stage.steps.to_string(),
+            stage.kept_step.to_string(),
+            stage.batch_size.to_string(),
+            format!("{:.0}", stage.passes),
+            match stage.ended_by {
                 EndedBy::Plateau => "its plateau",
                 EndedBy::Steps => "the number of steps",
                 EndedBy::Patience => "early stopping",
-            },
-            cycles: stage
-                .cycles
-                .iter()
-                .map(errors)
-                .collect::<Vec<_>>()
-                .join(", "),
-        })
-        .collect()
+            }
+            .to_owned(),
+            cycles.join(", "),
+        ]);
+    }
+    table
 }
 
-/// All estimators while views fail.
-pub(super) fn removed(metrics: &Metrics) -> FiguresTable {
+/// All estimators while views fail; `None` if none was removed.
+pub(super) fn removed(metrics: &Metrics, best: &str) -> Option<Table> {
+    let all = metrics.estimators.values();
+    let is_any = all.into_iter().any(|of| !of.views_removed.is_empty());
     let by_removal = |of: &EstimatorMetrics| {
         let removals = of.views_removed.iter();
-        removals
-            .map(|(name, figures)| (name.clone(), figures.all))
-            .collect()
+        let of = removals.map(|(name, figures)| (name.clone(), figures.all));
+        of.collect()
     };
-    figures_table(&metrics.estimators, by_removal)
+    is_any.then(|| {
+        figures(
+            "Errors while views fail",
+            &metrics.estimators,
+            best,
+            by_removal,
+        )
+    })
 }
 
 /// All estimators by weather.
-pub(in crate::evaluation) fn by_weather(estimators: &ByEstimator) -> FiguresTable {
-    figures_table(estimators, |of| overall(&of.by_weather))
+pub(in crate::evaluation) fn by_weather(estimators: &ByEstimator, best: &str) -> Table {
+    figures("Errors by weather", estimators, best, |of| {
+        overall(&of.by_weather)
+    })
 }
 
 /// All estimators by local time.
-pub(in crate::evaluation) fn by_time(estimators: &ByEstimator) -> FiguresTable {
-    figures_table(estimators, |of| overall(&of.by_time))
+pub(in crate::evaluation) fn by_time(estimators: &ByEstimator, best: &str) -> Table {
+    figures("Errors by time of day", estimators, best, |of| {
+        overall(&of.by_time)
+    })
 }
 
 fn overall(figures: &BTreeMap<String, SplitFigures>) -> BTreeMap<String, ErrorFigures> {
@@ -385,37 +375,40 @@ fn overall(figures: &BTreeMap<String, SplitFigures>) -> BTreeMap<String, ErrorFi
     figures.iter().map(of).collect()
 }
 
-fn figures_table(
+fn figures(
+    label: &'static str,
     estimators: &ByEstimator,
+    best: &str,
     by: impl Fn(&EstimatorMetrics) -> BTreeMap<String, ErrorFigures>,
-) -> FiguresTable {
-    let shown: Vec<(Shown, BTreeMap<String, ErrorFigures>)> = (shown(estimators).into_iter())
-        .map(|shown| {
-            let figures = by(shown.of);
-            (shown, figures)
-        })
-        .collect();
-    let names = shown.iter().flat_map(|(_, figures)| figures.keys());
-    let mut columns: Vec<String> = names
-        .cloned()
-        .collect::<BTreeSet<_>>()
-        .into_iter()
-        .collect();
-    columns.sort_by(|one, other| by_number(one, other));
-    let row = |(shown, figures): &(Shown, BTreeMap<String, ErrorFigures>)| FiguresRow {
-        name: shown.name.to_owned(),
-        standing: shown.standing(),
-        figures: (columns.iter())
-            .map(|name| figures.get(name).map_or_else(Cells::none, cells))
-            .collect(),
-    };
-    FiguresTable {
-        rows: shown.iter().map(row).collect(),
-        columns,
+) -> Table {
+    let shown = shown(estimators).into_iter();
+    let shown: Vec<_> = shown.map(|shown| (by(shown.of), shown)).collect();
+    let names = shown.iter().flat_map(|(figures, _)| figures.keys());
+    let names: BTreeSet<&String> = names.collect();
+    let mut names: Vec<&String> = names.into_iter().collect();
+    names.sort_by(|one, other| by_number(one, other));
+    let mut table = Table::new(label).words(["Estimator"]);
+    for name in &names {
+        table = table.numbers(name, ["MAPE %", "coverage %"]);
     }
+    for (figures, shown) in &shown {
+        let note = match shown.standing() {
+            Standing::Competitor => "",
+            Standing::Oracle => "oracle",
+            Standing::NoVision => "no vision",
+        };
+        let of = names.iter().map(|name| figures.get(*name));
+        let cells = of.flat_map(|of| {
+            let mape = error(of.and_then(|of| of.mape_pct));
+            [mape, percent(of.and_then(|of| of.coverage), 1)].map(Cell::from)
+        });
+        let first = Cell::code(shown.name).with_note(note);
+        table.row([first].into_iter().chain(cells)).class = shown.class(best);
+    }
+    table
 }
 
-/// Sorts `bursts_5_s` before `bursts_20_s`: by what is before the first digit, by the number there, and by the rest.
+/// Sorts `bursts_5_s` before `bursts_20_s`: by the text before the first digit, by the number there, and by the rest.
 fn by_number(one: &str, other: &str) -> Ordering {
     let parts = |name: &str| -> (String, f64, String) {
         let is_digit = |c: char| c.is_ascii_digit() || c == '.';
@@ -437,61 +430,34 @@ fn by_number(one: &str, other: &str) -> Ordering {
 }
 
 /// MAPE by flight.
-pub(in crate::evaluation) fn flights(estimators: &ByEstimator) -> Vec<FlightRow> {
-    let shown: Vec<&EstimatorMetrics> = (shown(estimators).into_iter())
-        .map(|shown| shown.of)
-        .collect();
-    let first = shown.first().map_or(&[][..], |of| &of.by_flight);
-    let row = |(flight, of_first): (usize, &FlightFigures)| FlightRow {
-        scenario: of_first.scenario.clone(),
-        trajectory: of_first.trajectory.clone(),
-        ticks: of_first.figures.ticks,
-        mapes: (shown.iter())
-            .map(|of| percent(of.by_flight[flight].figures.mape_pct))
-            .collect(),
-    };
-    first.iter().enumerate().map(row).collect()
-}
-
-/// Stands where there is no figure.
-const NONE: &str = "–";
-
-fn percent(value: Option<f64>) -> String {
-    value.map_or(NONE.into(), |value| format!("{value:.3}"))
-}
-
-fn share(value: Option<f64>) -> String {
-    value.map_or(NONE.into(), |value| format!("{:.1}", 100.0 * value))
-}
-
-fn cells(figures: &ErrorFigures) -> Cells {
-    Cells {
-        mape: percent(figures.mape_pct),
-        median: percent(figures.median_pct),
-        p95: percent(figures.p95_pct),
-        sd: percent(figures.sd_pct),
-        p95_m: figures
-            .p95_m
-            .map_or(NONE.into(), |error_m| format!("{error_m:.1}")),
-        coverage: share(figures.coverage),
-        samples: figures.samples,
+pub(in crate::evaluation) fn flights(estimators: &ByEstimator) -> Table {
+    let shown = shown(estimators);
+    let mut table = Table::new("Errors by flight")
+        .words(["Scenario", "Trajectory"])
+        .numbers("", ["Ticks"])
+        .numbers("MAPE, %", shown.iter().map(|one| one.name));
+    let first = shown.first().map_or(&[][..], |one| &one.of.by_flight);
+    for (flight, of_first) in first.iter().enumerate() {
+        let FlightFigures {
+            scenario,
+            trajectory,
+            figures,
+            ..
+        } = of_first;
+        let cells = [
+            Cell::code(scenario),
+            trajectory.as_str().into(),
+            figures.ticks.into(),
+        ];
+        let of = |one: &Shown<'_>| error(one.of.by_flight[flight].figures.mape_pct).into();
+        table.row(cells.into_iter().chain(shown.iter().map(of)));
     }
+    table
 }
 
-impl Cells {
-    /// Cells of an estimator without figures.
-    fn none() -> Self {
-        let none = || NONE.to_owned();
-        Self {
-            mape: none(),
-            median: none(),
-            p95: none(),
-            sd: none(),
-            p95_m: none(),
-            coverage: none(),
-            samples: 0,
-        }
-    }
+/// A percentage error.
+fn error(error_pct: Option<f64>) -> String {
+    optional(error_pct, 3)
 }
 
 /// The test scenario with the most samples: the best one to plot.

@@ -2,14 +2,12 @@
 
 use dataset::corpus::detections::Detection;
 use dataset::tables::columns::TableWriter;
-use dataset::tables::frames::TickLabels;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use serde_json::Value;
 
 use crate::error::Result;
-use crate::scenarios::Source;
+use crate::scenarios::{FLOWN, LABELLED, Source};
 
-/// The row of a scenario.
 pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {
     let record = &source.record;
     let weather = &record.conditions.weather;
@@ -98,47 +96,19 @@ pub(crate) fn views(
 pub(crate) fn ticks(source: &Source<'_>) -> TableWriter {
     let rows: Vec<_> = source.rows().collect();
     let rows = || rows.iter();
-    let label = |get: fn(&TickLabels) -> f64| rows().map(move |row| row.labels.as_ref().map(get));
-    TableWriter::new()
+    let mut table = TableWriter::new()
         .text("scenario", rows().map(|_| &source.record.id))
         .u32("tick", rows().map(|row| row.tick))
-        .i64("time_ns", rows().map(|row| row.time_ns))
-        .f64("latitude_deg", rows().map(|row| row.pose.latitude_deg))
-        .f64("longitude_deg", rows().map(|row| row.pose.longitude_deg))
-        .f64("altitude_msl_m", rows().map(|row| row.pose.altitude_msl_m))
-        .f64(
-            "heading_true_deg",
-            rows().map(|row| row.pose.heading_true_deg),
-        )
-        .f64("pitch_deg", rows().map(|row| row.pose.pitch_deg))
-        .f64("roll_deg", rows().map(|row| row.pose.roll_deg))
-        .f64(
-            "velocity_north_mps",
-            rows().map(|row| row.velocity_ned_mps[0]),
-        )
-        .f64(
-            "velocity_east_mps",
-            rows().map(|row| row.velocity_ned_mps[1]),
-        )
-        .f64(
-            "velocity_down_mps",
-            rows().map(|row| row.velocity_ned_mps[2]),
-        )
-        .f64("true_airspeed_mps", rows().map(|row| row.true_airspeed_mps))
-        .f64("flap_ratio", rows().map(|row| row.controls.flap_ratio))
-        .f64("gear_ratio", rows().map(|row| row.controls.gear_ratio))
-        .bool("on_ground", rows().map(|row| row.on_ground))
-        .optional_f64("dtd_m", label(|labels| labels.dtd_m))
-        .optional_f64("along_track_m", label(|labels| labels.along_track_m))
-        .optional_f64("cross_track_m", label(|labels| labels.cross_track_m))
-        .optional_f64(
-            "height_over_target_m",
-            label(|labels| labels.height_over_target_m),
-        )
-        .optional_f64(
-            "time_to_touchdown_s",
-            rows().map(|row| row.labels.and_then(|labels| labels.time_to_touchdown_s)),
-        )
+        .i64("time_ns", rows().map(|row| row.time_ns));
+    for (name, value) in FLOWN {
+        table = table.f64(name, rows().map(|row| value(row)));
+    }
+    table = table.bool("on_ground", rows().map(|row| row.on_ground));
+    for (name, value) in LABELLED {
+        table = table.optional_f64(name, rows().map(|row| row.labels.as_ref().map(value)));
+    }
+    let times_s = rows().map(|row| row.labels.and_then(|labels| labels.time_to_touchdown_s));
+    table.optional_f64("time_to_touchdown_s", times_s)
 }
 
 /// The ground-truth boxes of the requested images.

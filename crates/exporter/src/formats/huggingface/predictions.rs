@@ -13,7 +13,7 @@ use crate::scenarios::Source;
 
 const FILE: &str = "predictions.parquet";
 
-/// The predictions of a run.
+/// A run's predictions.
 pub(crate) struct Predictions {
     run: String,
     blake3: String,
@@ -25,7 +25,7 @@ pub(crate) struct Predictions {
     estimators: Vec<Estimator>,
 }
 
-/// Answers of one of them, and what it says of their accuracy.
+/// Answers with their stated accuracy.
 struct Estimator {
     name: String,
     dtd_m: Vec<Option<f64>>,
@@ -37,8 +37,11 @@ struct Estimator {
 impl Predictions {
     /// Reads the predictions of the run in a folder, and checks them against its seal.
     pub(crate) fn read(run: &Path) -> Result<Self> {
-        let none = || Error::NoPredictions {
-            run: run.to_owned(),
+        let none = || {
+            Error::Request(format!(
+                "{} has no predictions; expected an evaluated run: run `dtd evaluate` on it first",
+                run.display()
+            ))
         };
         let sealed = Sealed::read(run)?.ok_or_else(none)?;
         let expected = sealed.hash_of(FILE).ok_or_else(none)?;
@@ -89,13 +92,13 @@ impl Predictions {
         &self.run
     }
 
-    /// Adds what decides what they are.
+    /// Adds the run's name and content to an export's identity.
     pub(crate) fn hash(&self, hasher: &mut blake3::Hasher) {
         hasher.update(self.run.as_bytes());
         hasher.update(self.blake3.as_bytes());
     }
 
-    /// Rejects predictions for another scenario of the same name, as in a corpus of another sweep. Returns true if there are predictions.
+    /// Rejects predictions for a different scenario with the same name, as from a second sweep. Returns true if there are predictions.
     pub(crate) fn check(&self, source: &Source<'_>) -> Result<bool> {
         let scenario = &source.record.id;
         let Some(rows) = self.scenarios.get(scenario) else {
@@ -106,10 +109,11 @@ impl Predictions {
             .map(|&row| (self.ticks[row], self.true_dtd_m[row]));
         match OtherFlight::find(answered, &source.frames.rows) {
             None => Ok(true),
-            Some(other) => Err(Error::OtherCorpus {
-                run: self.run.clone(),
-                difference: other.words(scenario),
-            }),
+            Some(other) => Err(Error::Request(format!(
+                "run {} {}",
+                self.run,
+                other.words(scenario)
+            ))),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Statistics of the numbers so far.
+/// Running statistics.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Moments {
     count: f64,
@@ -14,7 +14,6 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    /// Of one number.
     pub(crate) fn of(value: f64) -> Self {
         Self {
             count: 1.0,
@@ -25,7 +24,7 @@ impl Moments {
         }
     }
 
-    /// Of numbers of which each value from 0 on was counted.
+    /// Moments of counted values 0, 1, 2, ..
     pub(crate) fn of_counts(counts: &[u64], scale: f64) -> Option<Self> {
         let weighted = counts.iter().zip(0u32..).filter(|(count, _)| **count > 0);
         let all = weighted.map(|(count, value)| Self {
@@ -35,7 +34,7 @@ impl Moments {
         all.reduce(Self::and)
     }
 
-    /// Of these numbers and others.
+    /// Moments of both sets together.
     pub(crate) fn and(self, other: Self) -> Self {
         let count = self.count + other.count;
         let apart = other.mean - self.mean;

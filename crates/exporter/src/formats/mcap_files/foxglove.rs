@@ -1,206 +1,127 @@
-//! The messages of Foxglove's published Protobuf schemas that an MCAP file of an approach holds, limited to the fields that are known here.
+//! Messages of Foxglove's published Protobuf schemas, limited to the fields that an approach has.
 
 use prost::Message;
 
 /// The schemas, as Protobuf describes itself (`crates/exporter/foxglove/make.py`).
 pub(crate) const SCHEMAS: &[u8] = include_bytes!("../../../foxglove/schemas.bin");
+/// `PointsAnnotation.Type`: a closed line.
+pub(crate) const LINE_LOOP: i32 = 2;
 
-/// A message with its name.
+/// A channel's message.
 pub(crate) trait Named: Message {
-    /// Name of its schema.
+    /// Schema name.
     const SCHEMA: &'static str;
 }
 
 macro_rules! named {
-    ($($message:ident $schema:literal)*) => {
+    ($($message:ident)*) => {
         $(impl Named for $message {
-            const SCHEMA: &'static str = $schema;
+            const SCHEMA: &'static str = concat!("foxglove.", stringify!($message));
         })*
     };
 }
 
-named! {
-    CameraCalibration "foxglove.CameraCalibration"
-    CompressedVideo "foxglove.CompressedVideo"
-    FrameTransforms "foxglove.FrameTransforms"
-    ImageAnnotations "foxglove.ImageAnnotations"
-    LocationFix "foxglove.LocationFix"
-    PoseInFrame "foxglove.PoseInFrame"
+named! { CameraCalibration CompressedVideo FrameTransforms ImageAnnotations LocationFix PoseInFrame }
+
+/// Messages; a line is a field's tag, name, type in Rust and type in Protobuf.
+macro_rules! messages {
+    ($($message:ident $(($copy:ident))? {
+        $($tag:tt $field:ident: $rust:ty [$($proto:tt)*],)*
+    })*) => {
+        $(#[derive(Clone, $($copy,)? PartialEq, Message)]
+        pub(crate) struct $message {
+            $(#[prost($($proto)*, tag = $tag)]
+            pub(crate) $field: $rust,)*
+        })*
+    };
 }
 
-#[derive(Clone, Copy, PartialEq, Message)]
-pub(crate) struct Timestamp {
-    #[prost(int64, tag = 1)]
-    pub(crate) seconds: i64,
-    #[prost(int32, tag = 2)]
-    pub(crate) nanos: i32,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub(crate) struct Vector3 {
-    #[prost(double, tag = 1)]
-    pub(crate) x: f64,
-    #[prost(double, tag = 2)]
-    pub(crate) y: f64,
-    #[prost(double, tag = 3)]
-    pub(crate) z: f64,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub(crate) struct Quaternion {
-    #[prost(double, tag = 1)]
-    pub(crate) x: f64,
-    #[prost(double, tag = 2)]
-    pub(crate) y: f64,
-    #[prost(double, tag = 3)]
-    pub(crate) z: f64,
-    #[prost(double, tag = 4)]
-    pub(crate) w: f64,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub(crate) struct Pose {
-    #[prost(message, optional, tag = 1)]
-    pub(crate) position: Option<Vector3>,
-    #[prost(message, optional, tag = 2)]
-    pub(crate) orientation: Option<Quaternion>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct PoseInFrame {
-    #[prost(message, optional, tag = 1)]
-    pub(crate) timestamp: Option<Timestamp>,
-    #[prost(string, tag = 2)]
-    pub(crate) frame_id: String,
-    #[prost(message, optional, tag = 3)]
-    pub(crate) pose: Option<Pose>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct FrameTransform {
-    #[prost(message, optional, tag = 1)]
-    pub(crate) timestamp: Option<Timestamp>,
-    #[prost(string, tag = 2)]
-    pub(crate) parent_frame_id: String,
-    #[prost(string, tag = 3)]
-    pub(crate) child_frame_id: String,
-    #[prost(message, optional, tag = 4)]
-    pub(crate) translation: Option<Vector3>,
-    #[prost(message, optional, tag = 5)]
-    pub(crate) rotation: Option<Quaternion>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct FrameTransforms {
-    #[prost(message, repeated, tag = 1)]
-    pub(crate) transforms: Vec<FrameTransform>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct LocationFix {
-    #[prost(double, tag = 1)]
-    pub(crate) latitude: f64,
-    #[prost(double, tag = 2)]
-    pub(crate) longitude: f64,
-    #[prost(double, tag = 3)]
-    pub(crate) altitude: f64,
-    #[prost(message, optional, tag = 6)]
-    pub(crate) timestamp: Option<Timestamp>,
-    #[prost(string, tag = 7)]
-    pub(crate) frame_id: String,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct CompressedVideo {
-    #[prost(message, optional, tag = 1)]
-    pub(crate) timestamp: Option<Timestamp>,
-    #[prost(string, tag = 2)]
-    pub(crate) frame_id: String,
-    #[prost(bytes = "vec", tag = 3)]
-    pub(crate) data: Vec<u8>,
-    #[prost(string, tag = 4)]
-    pub(crate) format: String,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct CameraCalibration {
-    #[prost(message, optional, tag = 1)]
-    pub(crate) timestamp: Option<Timestamp>,
-    #[prost(fixed32, tag = 2)]
-    pub(crate) width: u32,
-    #[prost(fixed32, tag = 3)]
-    pub(crate) height: u32,
-    #[prost(string, tag = 4)]
-    pub(crate) distortion_model: String,
-    #[prost(double, repeated, tag = 5)]
-    pub(crate) d: Vec<f64>,
-    #[prost(double, repeated, tag = 6)]
-    pub(crate) k: Vec<f64>,
-    #[prost(double, repeated, tag = 7)]
-    pub(crate) r: Vec<f64>,
-    #[prost(double, repeated, tag = 8)]
-    pub(crate) p: Vec<f64>,
-    #[prost(string, tag = 9)]
-    pub(crate) frame_id: String,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub(crate) struct Point2 {
-    #[prost(double, tag = 1)]
-    pub(crate) x: f64,
-    #[prost(double, tag = 2)]
-    pub(crate) y: f64,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub(crate) struct Color {
-    #[prost(double, tag = 1)]
-    pub(crate) r: f64,
-    #[prost(double, tag = 2)]
-    pub(crate) g: f64,
-    #[prost(double, tag = 3)]
-    pub(crate) b: f64,
-    #[prost(double, tag = 4)]
-    pub(crate) a: f64,
-}
-
-/// `PointsAnnotation.Type`: a closed line.
-pub(crate) const LINE_LOOP: i32 = 2;
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct PointsAnnotation {
-    #[prost(message, optional, tag = 1)]
-    pub(crate) timestamp: Option<Timestamp>,
-    #[prost(int32, tag = 2)]
-    pub(crate) kind: i32,
-    #[prost(message, repeated, tag = 3)]
-    pub(crate) points: Vec<Point2>,
-    #[prost(message, optional, tag = 4)]
-    pub(crate) outline_color: Option<Color>,
-    #[prost(double, tag = 7)]
-    pub(crate) thickness: f64,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct TextAnnotation {
-    #[prost(message, optional, tag = 1)]
-    pub(crate) timestamp: Option<Timestamp>,
-    #[prost(message, optional, tag = 2)]
-    pub(crate) position: Option<Point2>,
-    #[prost(string, tag = 3)]
-    pub(crate) text: String,
-    #[prost(double, tag = 4)]
-    pub(crate) font_size: f64,
-    #[prost(message, optional, tag = 5)]
-    pub(crate) text_color: Option<Color>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub(crate) struct ImageAnnotations {
-    #[prost(message, repeated, tag = 2)]
-    pub(crate) points: Vec<PointsAnnotation>,
-    #[prost(message, repeated, tag = 3)]
-    pub(crate) texts: Vec<TextAnnotation>,
-    #[prost(message, optional, tag = 5)]
-    pub(crate) timestamp: Option<Timestamp>,
+messages! {
+    Timestamp (Copy) {
+        1 seconds: i64 [int64],
+        2 nanos: i32 [int32],
+    }
+    Vector3 (Copy) {
+        1 x: f64 [double],
+        2 y: f64 [double],
+        3 z: f64 [double],
+    }
+    Quaternion (Copy) {
+        1 x: f64 [double],
+        2 y: f64 [double],
+        3 z: f64 [double],
+        4 w: f64 [double],
+    }
+    Pose (Copy) {
+        1 position: Option<Vector3> [message, optional],
+        2 orientation: Option<Quaternion> [message, optional],
+    }
+    PoseInFrame {
+        1 timestamp: Option<Timestamp> [message, optional],
+        2 frame_id: String [string],
+        3 pose: Option<Pose> [message, optional],
+    }
+    FrameTransform {
+        1 timestamp: Option<Timestamp> [message, optional],
+        2 parent_frame_id: String [string],
+        3 child_frame_id: String [string],
+        4 translation: Option<Vector3> [message, optional],
+        5 rotation: Option<Quaternion> [message, optional],
+    }
+    FrameTransforms {
+        1 transforms: Vec<FrameTransform> [message, repeated],
+    }
+    LocationFix {
+        1 latitude: f64 [double],
+        2 longitude: f64 [double],
+        3 altitude: f64 [double],
+        6 timestamp: Option<Timestamp> [message, optional],
+        7 frame_id: String [string],
+    }
+    CompressedVideo {
+        1 timestamp: Option<Timestamp> [message, optional],
+        2 frame_id: String [string],
+        3 data: Vec<u8> [bytes = "vec"],
+        4 format: String [string],
+    }
+    CameraCalibration {
+        1 timestamp: Option<Timestamp> [message, optional],
+        2 width: u32 [fixed32],
+        3 height: u32 [fixed32],
+        4 distortion_model: String [string],
+        5 d: Vec<f64> [double, repeated],
+        6 k: Vec<f64> [double, repeated],
+        7 r: Vec<f64> [double, repeated],
+        8 p: Vec<f64> [double, repeated],
+        9 frame_id: String [string],
+    }
+    Point2 (Copy) {
+        1 x: f64 [double],
+        2 y: f64 [double],
+    }
+    Color (Copy) {
+        1 r: f64 [double],
+        2 g: f64 [double],
+        3 b: f64 [double],
+        4 a: f64 [double],
+    }
+    PointsAnnotation {
+        1 timestamp: Option<Timestamp> [message, optional],
+        2 kind: i32 [int32],
+        3 points: Vec<Point2> [message, repeated],
+        4 outline_color: Option<Color> [message, optional],
+        7 thickness: f64 [double],
+    }
+    TextAnnotation {
+        1 timestamp: Option<Timestamp> [message, optional],
+        2 position: Option<Point2> [message, optional],
+        3 text: String [string],
+        4 font_size: f64 [double],
+        5 text_color: Option<Color> [message, optional],
+    }
+    ImageAnnotations {
+        2 points: Vec<PointsAnnotation> [message, repeated],
+        3 texts: Vec<TextAnnotation> [message, repeated],
+        5 timestamp: Option<Timestamp> [message, optional],
+    }
 }

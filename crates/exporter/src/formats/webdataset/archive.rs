@@ -5,15 +5,15 @@ use std::mem;
 
 use tar::{Builder, EntryType, Header};
 
-/// Unit of an archive: the size of a header, and what contents are padded to.
+/// Archive unit: header size, and padding of contents.
 const BLOCK_BYTES: u64 = 512;
-/// End marker of an archive: two blocks of zeros.
+/// End marker: two blocks of zeros.
 pub(super) const END: [u8; 2 * BLOCK_BYTES as usize] = [0; 2 * BLOCK_BYTES as usize];
 
-/// A file of a sample: its name after the key, and its content.
+/// Name after the sample's key, and content.
 pub(super) type SampleFile = (String, Vec<u8>);
 
-/// The entries of a sample as they stand in an archive, one after the other. The names of its files begin with the key.
+/// A sample's archive entries. The names of its files begin with the key.
 pub(super) fn entries(key: &str, files: &[SampleFile]) -> io::Result<Vec<u8>> {
     let mut archive = Builder::new(Vec::new());
     for (name, content) in files {

@@ -7,14 +7,14 @@
 use dataset::corpus::calibration::CameraEntry;
 use dataset::tables::pixel_box::PixelBox;
 use serde::Serialize;
+use serde_json::Value;
 
 use super::mixed_shards::{self, Stored, Unmixed};
 use super::samples::{Decoded, LabelledCorners, Showing, each_sample};
-use crate::description::about::split_of;
-use crate::description::croissant::Contents;
+use crate::about::split_of;
 use crate::error::{Error, Result};
-use crate::export::{Export, ExportOutcome};
-use crate::formats::{FileFormat, Writing, Written};
+use crate::file_format::{Export, FileFormat, Writing, Written};
+use crate::request::{Abilities, BoxUse};
 use crate::scenarios::{LabelledBox, Source};
 
 /// The box that a crop is around: of several, the one with the best score.
@@ -31,7 +31,6 @@ fn target(boxes: &[LabelledBox]) -> Option<PixelBox> {
     Some(best.pixel_box)
 }
 
-/// Position of a crop in its image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 struct Crop {
     left_px: u32,
@@ -59,7 +58,7 @@ impl Crop {
         }
     }
 
-    /// Copies its pixels out of an image with rows of this width.
+    /// Copies the cropped pixels from an image with rows of this width.
     fn copy(self, picture: &[u8], picture_width_px: u32, to: &mut Vec<u8>) {
         to.clear();
         let row_bytes = 3 * self.width_px as usize;
@@ -70,14 +69,14 @@ impl Crop {
     }
 }
 
-/// Crops of a scenario.
+/// A scenario's crops.
 struct Cropped<'a> {
     source: &'a Source<'a>,
     size_px: [u32; 2],
     rgb: Vec<u8>,
 }
 
-/// Position, boxes and calibration of a crop. Boxes are in its pixels and may lie outside it.
+/// Boxes are in the crop's pixels and may lie outside it.
 #[derive(Serialize)]
 struct View<'a> {
     crop: Crop,
@@ -85,7 +84,7 @@ struct View<'a> {
     truth: Option<Vec<LabelledCorners>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     detections: Option<Vec<LabelledCorners>>,
-    /// Of the whole image.
+    /// Calibration for the whole image.
     calibration: &'a CameraEntry,
 }
 
@@ -99,7 +98,9 @@ impl<'a> Showing for Cropped<'a> {
         picture: Decoded<'p>,
     ) -> Result<(Decoded<'p>, View<'a>)> {
         let boxes = self.source.boxes_of(view, tick);
-        let target = target(boxes).ok_or(Error::NoCrops)?;
+        let Some(target) = target(boxes) else {
+            unreachable!("a sample has a box in each view");
+        };
         let crop = Crop::around(&target, self.size_px, picture.size_px);
         crop.copy(picture.rgb, picture.size_px[0], &mut self.rgb);
         let all = || boxes.iter().chain(self.source.beside(view, tick));
@@ -125,11 +126,15 @@ impl<'a> Showing for Cropped<'a> {
 }
 
 /// The format.
-#[derive(Default)]
 pub(in crate::formats) struct Crops;
 
 impl FileFormat for Crops {
-    type Part = Vec<Stored>;
+    fn abilities(&self) -> Abilities {
+        Abilities {
+            boxes: BoxUse::Crops,
+            ..Abilities::of_stills("crops")
+        }
+    }
 
     /// Refuses crops that are larger than an image.
     fn check(&mut self, source: &Source<'_>, export: &Export<'_>) -> Result<()> {
@@ -138,26 +143,19 @@ impl FileFormat for Crops {
             let camera = source.view(view)?.1;
             let picture_px = [camera.width_px, camera.height_px];
             if crop_px[0] > picture_px[0] || crop_px[1] > picture_px[1] {
-                return Err(Error::CropTooLarge {
-                    scenario: source.record.id.clone(),
-                    view: view.clone(),
-                    picture_px,
-                    crop_px,
-                });
+                let id = &source.record.id;
+                let ([width, height], [most_width, most_height]) = (crop_px, picture_px);
+                return Err(Error::Request(format!(
+                    "scenario {id}, view {view}: a crop of {width}x{height} px does not fit into images of {most_width}x{most_height} px; \
+                     choose a smaller one with --crop-px"
+                )));
             }
         }
         Ok(())
     }
 
-    fn check_all(&self, _: &Export<'_>, outcome: &mut ExportOutcome) -> Result<()> {
-        if outcome.pictures == 0 {
-            return Err(Error::NoCrops);
-        }
-        Ok(())
-    }
-
     /// Writes the samples, which are mixed with other scenarios later.
-    fn write(&self, scenario: &Writing<'_>) -> Result<Vec<Stored>> {
+    fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let source = &scenario.source;
         let mut unmixed = Unmixed::create(&scenario.folder, &source.record.id)?;
         let cropped = Cropped {
@@ -168,10 +166,10 @@ impl FileFormat for Crops {
         let path = unmixed.path().to_owned();
         let append = |tick, entries: Vec<u8>| unmixed.append(tick, &entries);
         each_sample(scenario, &path, cropped, append)?;
-        unmixed.finish()
+        scenario.part(&unmixed.finish()?)
     }
 
-    fn finish(&self, written: &Written<'_>) -> Result<Contents> {
+    fn finish(&self, written: &Written<'_>) -> Result<()> {
         let seed = written.export.request.seed.unwrap_or_default();
         let scenarios = written
             .export
@@ -182,8 +180,7 @@ impl FileFormat for Crops {
             let selected = &scenario.selected;
             Ok((selected.id(), split_of(selected.side), stored?))
         });
-        let shards = mixed_shards::mix(&written.folder(), seed, stored, written.watch)?;
-        Ok(super::contents(shards))
+        mixed_shards::mix(&written.folder(), seed, stored, written.watch)
     }
 }
 

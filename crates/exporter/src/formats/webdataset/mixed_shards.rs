@@ -22,20 +22,19 @@ use serde::{Deserialize, Serialize};
 use super::{archive, shard_name};
 use crate::error::Result;
 
-/// A shard is closed before the sample that would make it larger than this: about a thousand samples of two crops, so that a small
-/// corpus has a shard for each worker of a loader.
+/// Maximum shard size: about a thousand samples with two crops, so that a small corpus has a shard for each worker of a loader.
 const MAX_BYTES: u64 = 100_000_000;
 /// Samples of scenarios, before they are mixed.
 const UNMIXED: &str = "unmixed";
 
-/// A sample in the file of its scenario.
+/// A sample's place in its scenario's file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(in crate::formats) struct Stored {
     tick: u32,
     bytes: u64,
 }
 
-/// The file of a scenario while it is written.
+/// A scenario's file while it is written.
 pub(super) struct Unmixed {
     path: PathBuf,
     file: BufWriter<File>,
@@ -70,7 +69,7 @@ impl Unmixed {
         Ok(())
     }
 
-    /// Returns what it has once that is on disk.
+    /// Returns the samples once they are on disk.
     pub(super) fn finish(mut self) -> Result<Vec<Stored>> {
         let flushed = self.file.flush();
         flushed.map_err(dataset::Error::io("write", &self.path))?;
@@ -91,14 +90,13 @@ struct Entry {
     bytes: u64,
 }
 
-/// Copies the samples of all scenarios, which are given with their split and their stored samples, into shards. Returns the names of the
-/// shards.
+/// Copies the samples of all scenarios, which are given with their split and their stored samples, into shards.
 pub(super) fn mix(
     folder: &Path,
     seed: u64,
     scenarios: impl Iterator<Item = Result<(String, &'static str, Vec<Stored>)>>,
     watch: &dyn Watch,
-) -> Result<Vec<String>> {
+) -> Result<()> {
     let unmixed = folder.join(UNMIXED);
     let mut files = Vec::new();
     let mut splits: BTreeMap<&str, Vec<Entry>> = BTreeMap::new();
@@ -116,23 +114,20 @@ pub(super) fn mix(
         }
         files.push(unmixed.join(id));
     }
-    let mut names = Vec::new();
     for (split, mut entries) in splits {
         entries.sort();
         for (number, range) in (0..).zip(shards(&entries, MAX_BYTES)) {
             watch.check()?;
-            let name = shard_name(split, number);
-            let path = folder.join(&name);
+            let path = folder.join(shard_name(split, number));
             if !path.exists() {
                 write_shard(&path, &entries[range], &files)?;
             }
-            names.push(name);
         }
     }
     if unmixed.exists() {
         fs::remove_dir_all(&unmixed).map_err(dataset::Error::io("remove", &unmixed))?;
     }
-    Ok(names)
+    Ok(())
 }
 
 /// The samples of each shard.
@@ -166,7 +161,7 @@ fn write_shard(path: &Path, entries: &[Entry], files: &[PathBuf]) -> Result<()> 
     Ok(shard.commit()?)
 }
 
-/// Copies a sample. The inner result is about what is written.
+/// Copies a sample. The inner result is the write's.
 fn copy(from: &Path, entry: &Entry, to: &mut impl Write) -> Result<io::Result<()>> {
     let mut sample = vec![0; entry.bytes as usize];
     let read = File::open(from).and_then(|mut file| {
@@ -226,10 +221,11 @@ mod tests {
     fn each_sample_is_once_in_a_shard_of_its_side_among_those_of_other_scenarios() {
         let folder = tempfile::tempdir().unwrap();
         let stored = write(folder.path());
-        let shards = mix(folder.path(), SEED, stored.into_iter().map(Ok), &Silent).unwrap();
-        assert_eq!(shards, ["test-000000.tar", "train-000000.tar"]);
+        mix(folder.path(), SEED, stored.into_iter().map(Ok), &Silent).unwrap();
+        let shards = ["test-000000.tar", "train-000000.tar"];
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), shards.len());
         let mut all = Vec::new();
-        for shard in &shards {
+        for shard in shards {
             let names = names_in(&folder.path().join(shard));
             for name in &names {
                 let number: u32 = name[..4].parse().unwrap();

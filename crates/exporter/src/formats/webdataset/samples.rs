@@ -1,4 +1,4 @@
-//! The samples of a scenario: at a tick, an image of each view and a JSON file of what is known of it.
+//! A scenario's samples: at each tick an image per view, and a JSON file with their metadata.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -9,12 +9,12 @@ use dataset::tables::frames::TickRow;
 use serde::Serialize;
 
 use super::archive::{self, SampleFile};
-use crate::description::about::split_of;
+use crate::about::split_of;
 use crate::error::Result;
-use crate::formats::Writing;
+use crate::file_format::Writing;
 use crate::scenarios::{LabelledBox, Source, TruthFigures, ViewPictures};
 
-/// Metadata of a tick.
+/// Tick metadata.
 #[derive(Serialize)]
 struct Sample<'a, V> {
     scenario: &'a str,
@@ -64,7 +64,7 @@ pub(super) struct LabelledCorners {
 }
 
 impl LabelledCorners {
-    /// A box in the part of an image whose top-left pixel is this one.
+    /// The box relative to a crop's top-left pixel.
     pub(super) fn within([left_px, top_px]: [u32; 2], labelled: &LabelledBox) -> Self {
         let [left, top, width, height] = labelled.corner_and_size();
         Self {
@@ -88,12 +88,12 @@ pub(super) struct Decoded<'a> {
     pub(super) size_px: [u32; 2],
 }
 
-/// Form in which a format stores the images of its samples.
+/// Image form in a format's samples.
 pub(super) trait Showing {
-    /// Metadata of a view.
+    /// View metadata.
     type View: Serialize;
 
-    /// The pixels that a sample has of a view, with their width and height, and its metadata.
+    /// A view's pixels in a sample, with its metadata.
     fn show<'p>(
         &'p mut self,
         view: &str,
@@ -102,8 +102,7 @@ pub(super) trait Showing {
     ) -> Result<(Decoded<'p>, Self::View)>;
 }
 
-/// Makes the samples of a scenario in the order of the ticks, and gives each to `append` as entries of an archive. `path` names the file
-/// that they go to in messages.
+/// Makes a scenario's samples in tick order, and passes each to `append` as archive entries. `path` names their file in messages.
 pub(super) fn each_sample<S: Showing>(
     scenario: &Writing<'_>,
     path: &Path,

@@ -1,4 +1,4 @@
-//! Descriptions of a corpus as a whole, for dataset cards and `croissant.json`.
+//! Description of an exported corpus, for dataset cards.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::error::Result;
 
-/// Name of a side in the formats that have splits; scenarios without a side are for training.
+/// Split name of a side; scenarios without a side are for training.
 pub(crate) fn split_of(side: Option<Side>) -> &'static str {
     match side {
         None | Some(Side::Train) => "train",
@@ -19,7 +19,7 @@ pub(crate) fn split_of(side: Option<Side>) -> &'static str {
     }
 }
 
-/// The same in the formats that abbreviate it.
+/// Abbreviated split name.
 pub(crate) fn short_split_of(side: Option<Side>) -> &'static str {
     match side {
         Some(Side::Validation) => "val",
@@ -33,17 +33,15 @@ pub(crate) struct About {
     /// Name of the corpus.
     pub(crate) name: String,
     /// SPDX identifier or URL, as the user gave it.
-    pub(crate) license: Option<String>,
+    license: Option<String>,
     /// Simulators that drew the images.
-    pub(crate) simulators: BTreeSet<String>,
-    /// The splits that there are.
-    pub(crate) splits: BTreeSet<&'static str>,
+    simulators: BTreeSet<String>,
     /// Hashes of the models whose detections are there.
-    pub(crate) models: BTreeSet<String>,
+    models: BTreeSet<String>,
 }
 
 impl About {
-    /// A corpus of which no scenario was looked at yet.
+    /// The corpus, without scenarios.
     pub(crate) fn new(corpus: &Corpus, license: Option<String>) -> Result<Self> {
         let folder = corpus.root().canonicalize().ok();
         let folder = folder.as_deref().and_then(|folder| folder.file_name());
@@ -55,19 +53,17 @@ impl About {
             name,
             license,
             simulators: BTreeSet::new(),
-            splits: BTreeSet::new(),
             models: BTreeSet::new(),
         })
     }
 
-    /// Adds what a scenario says.
-    pub(crate) fn add(&mut self, record: &ScenarioRecord, side: Option<Side>) {
+    pub(crate) fn add(&mut self, record: &ScenarioRecord, model: Option<&str>) {
         self.simulators.insert(record.versions.simulator.clone());
-        self.splits.insert(split_of(side));
+        self.models.extend(model.map(str::to_owned));
     }
 
-    /// Its content, in a sentence.
-    pub(crate) fn description(&self) -> String {
+    /// The content in a sentence.
+    fn description(&self) -> String {
         format!(
             "{}: landing approaches of an aircraft, seen by synchronised, calibrated cameras, with its pose, its boxes in the images and \
              its distance to touchdown at every tick.",
@@ -75,7 +71,7 @@ impl About {
         )
     }
 
-    /// The licence, as a line of a dataset card.
+    /// Licence line for a dataset card.
     pub(crate) fn card_license(&self) -> String {
         match &self.license {
             Some(url) if url.contains("://") => {
@@ -86,7 +82,7 @@ impl About {
         }
     }
 
-    /// Heading and text with which a dataset card begins.
+    /// Opening text for a dataset card.
     pub(crate) fn introduction(&self) -> String {
         let Self { name, .. } = self;
         let (what, how, labels) = (self.description(), self.collection(), self.annotation());
@@ -94,7 +90,7 @@ impl About {
     }
 
     /// Description of the recording.
-    pub(crate) fn collection(&self) -> String {
+    fn collection(&self) -> String {
         let simulators: Vec<&str> = self.simulators.iter().map(String::as_str).collect();
         format!(
             "Recorded by dtd from the simulator {}, in lockstep: each image was drawn for the pose and the camera of its tick. The splits \
@@ -104,7 +100,7 @@ impl About {
     }
 
     /// Description of the labels' origin.
-    pub(crate) fn annotation(&self) -> String {
+    fn annotation(&self) -> String {
         let mut text = "Distances and ground-truth boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; \
                         nobody drew them."
             .to_owned();

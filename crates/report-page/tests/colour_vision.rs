@@ -1,8 +1,8 @@
-//! Colours of the style sheet as people with deficient colour vision see them (Machado, Oliveira and Fernandes 2009, severity 1).
+//! Style sheet colours as people with deficient colour vision see them (Machado, Oliveira and Fernandes 2009, severity 1).
 
-use crate::page::STYLE;
+use report_page::page::STYLE;
 
-/// Linear RGB as it is seen with normal vision, protanopia, deuteranopia and tritanopia.
+/// Linear RGB with normal vision, protanopia, deuteranopia and tritanopia.
 const VISIONS: [(&str, [[f64; 3]; 3]); 4] = [
     (
         "normal",
@@ -39,14 +39,14 @@ const XYZ: [[f64; 3]; 3] = [
     [0.2126, 0.7152, 0.0722],
     [0.0177, 0.1095, 0.8729],
 ];
-/// Smallest distance of two colours in CIE Lab at which adjacent lines in them can be distinguished.
+/// Minimum CIE Lab distance at which adjacent lines can be distinguished.
 const MIN_DISTANCE: f64 = 15.0;
 
 fn times(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum())
 }
 
-/// Linear RGB of a colour in the style sheet; `block` counts its definitions from the top: light, then dark.
+/// Linear RGB from the style sheet; `block` counts the definitions from the top: light, then dark.
 fn colour(name: &str, block: usize) -> [f64; 3] {
     let start = format!("--{name}: ");
     let (at, _) = STYLE.match_indices(&start).nth(block).unwrap();

@@ -26,7 +26,7 @@ use crate::error::{Error, Result};
 const BEGUN: &str = "begun.json";
 const PARTS: &str = "parts";
 
-/// Hash of the request and of the seals of its scenarios, which identifies an export.
+/// Hash of the request and its scenarios' seals, which identifies an export.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Begun {
     source_blake3: String,
@@ -34,30 +34,36 @@ struct Begun {
 
 /// An export that is being made; locked until this is dropped.
 #[derive(Debug)]
-pub(crate) struct Place {
+pub(crate) struct UnfinishedExport {
     workshop: Workshop,
     source_blake3: String,
 }
 
-/// The state of a destination.
-pub(crate) enum Found {
-    /// This very export is there, with files of this size.
+/// State of a destination.
+pub(crate) enum Destination {
+    /// Already complete, with files of this size.
     Complete { bytes: u64 },
-    /// It is to be made, or to be continued.
-    Place(Place),
+    /// The export is to be made or resumed.
+    Unfinished(UnfinishedExport),
 }
 
-impl Place {
+impl UnfinishedExport {
     /// Takes the destination for an export of this source.
-    pub(crate) fn take(out: &Path, source_blake3: &str) -> Result<Found> {
+    pub(crate) fn take(out: &Path, source_blake3: &str) -> Result<Destination> {
         let out = resolve(out)?;
         let enter = || Workshop::enter(&out, &[BEGUN, PARTS], Duration::ZERO);
         if let Some(sealed) = seal::read_seal(&out)? {
             if sealed.config_hash != source_blake3 {
-                return Err(Error::OtherFinished { out });
+                let out = out.display();
+                return Err(Error::Request(format!(
+                    "{out} is an export with other options or of other files; remove it, or export to another folder"
+                )));
             }
             if let Some(fault) = seal::faults(&out)?.into_iter().next() {
-                return Err(Error::Changed { out, fault });
+                let out = out.display();
+                return Err(Error::Request(format!(
+                    "{out} was exported, but then changed: {fault}; remove it to export again"
+                )));
             }
             let bytes = bytes_in(&out).map_err(dataset::Error::io("read the size of", &out))?;
             let partial = Workshop::beside(&out);
@@ -68,12 +74,12 @@ impl Place {
                     workshop => remove_notes(&workshop?)?,
                 }
             }
-            return Ok(Found::Complete { bytes });
+            return Ok(Destination::Complete { bytes });
         }
         refuse_strangers(&out, "is not empty:", |_| false)?;
         let workshop = enter()?;
         if !workshop.path(NEW).is_dir() {
-            // Killed after its files were moved: what is noted of them is no longer here.
+            // Killed after its files were moved: the notes on them are obsolete.
             workshop.remove(PARTS)?;
         }
         let begun = workshop.path(BEGUN);
@@ -84,7 +90,10 @@ impl Place {
             let found: Begun = read_json(&begun, "record of an export")?;
             if found != mine {
                 let partial = Workshop::beside(&out);
-                return Err(Error::OtherExport { partial });
+                return Err(Error::Request(format!(
+                    "{} is an unfinished export with other options or of other files; remove it, or export to another folder",
+                    partial.display()
+                )));
             }
         } else {
             write_json(&begun, &mine)?;
@@ -94,7 +103,7 @@ impl Place {
             fs::create_dir_all(&folder).map_err(dataset::Error::io("create", &folder))?;
             clear_leftovers(&folder);
         }
-        Ok(Found::Place(Self {
+        Ok(Destination::Unfinished(Self {
             workshop,
             source_blake3: source_blake3.to_owned(),
         }))
@@ -105,7 +114,6 @@ impl Place {
         self.workshop.path(NEW)
     }
 
-    /// True if the files of a scenario are all written.
     pub(crate) fn has_part(&self, scenario: &str) -> bool {
         self.part_path(scenario).exists()
     }
@@ -115,7 +123,7 @@ impl Place {
         Ok(read_json(&self.part_path(scenario), "part of an export")?)
     }
 
-    /// Notes that the files of a scenario are all written, with the data needed at the end.
+    /// Records a scenario as written, with the data needed at the end.
     pub(crate) fn note(&self, scenario: &str, part: &impl Serialize) -> Result<()> {
         Ok(write_json(&self.part_path(scenario), part)?)
     }
@@ -124,7 +132,7 @@ impl Place {
         self.workshop.path(PARTS).join(format!("{scenario}.json"))
     }
 
-    /// Removes what was made: of a corpus with faults, of which another export is made once they are mended.
+    /// Removes the unfinished files, so that a new export starts once the corpus is repaired.
     pub(crate) fn abandon(self) -> Result<()> {
         // The records of finished work are removed first, so that an export killed in between is not resumed.
         self.workshop.remove(PARTS)?;
@@ -143,7 +151,7 @@ impl Place {
     }
 }
 
-/// Removes what was noted of an export whose files are in their place.
+/// Removes the notes on an export whose files are in place.
 fn remove_notes(workshop: &Workshop) -> Result<()> {
     workshop.remove(PARTS)?;
     Ok(workshop.remove(BEGUN)?)
@@ -157,10 +165,11 @@ pub(crate) fn refuse_corpus(corpus: &Corpus, out: &Path) -> Result<()> {
         .iter()
         .any(|folder| corpus.starts_with(folder));
     if is_around || place.starts_with(&corpus) {
-        Err(Error::InCorpus {
-            out: out.to_owned(),
-            corpus,
-        })
+        Err(Error::Request(format!(
+            "{} is the corpus {}, in it, or around it; choose a folder elsewhere",
+            out.display(),
+            corpus.display()
+        )))
     } else {
         Ok(())
     }

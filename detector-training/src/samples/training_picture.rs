@@ -12,10 +12,10 @@ use crate::grid::targets::CropTruth;
 const MIN_VISIBLE_FRACTION: f64 = 0.4;
 /// Minimum contrast against a plane through the surroundings, grey levels of 255; less is lost in the codec's noise.
 const MIN_CONTRAST: f64 = 2.0;
-/// Minimum strength of an aircraft relative to a texture behind it.
+/// Minimum aircraft strength relative to the texture behind it.
 const MIN_PROMINENCE: f64 = 1.2;
 
-/// A piece of a frame.
+/// A frame or a piece of one.
 #[derive(Debug, Clone)]
 pub struct TrainingPicture {
     /// Interleaved RGB, row-major.
@@ -26,12 +26,12 @@ pub struct TrainingPicture {
     pub height_px: usize,
     /// The aircraft, pixels of this piece.
     pub aircraft: Option<CropTruth>,
-    /// Cover of its aircraft, if known.
+    /// The aircraft's cover, if known.
     pub cover: Option<Cover>,
 }
 
 impl TrainingPicture {
-    /// The piece of a frame that starts at pixel (`left`, `top`), without a cover.
+    /// Cuts the piece that starts at pixel (`left`, `top`), without a cover.
     pub fn piece(&self, left: usize, top: usize, width_px: usize, height_px: usize) -> Self {
         let mut rgb = Vec::with_capacity(width_px * height_px * 3);
         for y in top..top + height_px {
@@ -60,27 +60,27 @@ impl TrainingPicture {
     }
 }
 
-/// True if the aircraft of a ground-truth box is visible in a frame. Atmospheric transmission is not a criterion: landing lights are
-/// visible through fog that hides the aircraft itself.
+/// True if a ground-truth box's aircraft is visible in a frame. Atmospheric transmission is not a criterion: landing lights are visible
+/// through fog that hides the aircraft itself.
 pub(crate) fn is_visible(frame: &TrainingPicture, truth: &TruthBox) -> bool {
     may_be_visible(truth) && contrast(frame, &truth.pixel_box) >= MIN_CONTRAST
 }
 
-/// True if a large enough part of the aircraft is within the frame; how much of it haze and fog hide follows from the pixels alone.
+/// True if a large enough part is within the frame; haze and fog are judged from the pixels alone.
 pub(crate) fn may_be_visible(truth: &TruthBox) -> bool {
     truth.visible_fraction >= MIN_VISIBLE_FRACTION
 }
 
-/// Contrast of a box: departure of its strongest tenth of pixels from a plane through its surroundings, grey levels, minus half of the same
+/// Box contrast: departure of its strongest tenth of pixels from a plane through its surroundings, grey levels, minus half of the same
 /// figure for the surroundings themselves.
 pub fn contrast(frame: &TrainingPicture, pixel_box: &PixelBox) -> f64 {
     let size = [frame.width_px, frame.height_px];
     Strength::of(|x, y| frame.grey(x, y), size, pixel_box).contrast()
 }
 
-/// Signal-to-noise ratio of an aircraft in white noise of this many grey levels, for a filter matched to its pixels and place: the matched
-/// filter's output in standard deviations of the noise's (Turin, 1960). No linear filter does better. The departures of its surroundings
-/// from a plane are subtracted from the aircraft's energy.
+/// Signal-to-noise ratio in white noise with this many grey levels, for a filter matched to the aircraft's pixels and place: the filter's
+/// output in standard deviations (Turin, 1960). No linear filter does better. Departures of the surroundings from a plane are subtracted
+/// from the aircraft's energy.
 pub fn matched_filter_ratio(
     frame: &TrainingPicture,
     pixel_box: &PixelBox,
@@ -95,8 +95,8 @@ pub fn matched_filter_ratio(
     aircraft.max(0.0).sqrt() / noise_levels
 }
 
-/// Strength of an aircraft and of its surroundings: mean distance of the strongest tenth of pixels from a plane through the surroundings,
-/// grey levels.
+/// Strength of an aircraft and its surroundings: mean distance of the strongest tenth of pixels from a plane through the surroundings, grey
+/// levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Strength {
     inside: f64,
@@ -104,7 +104,7 @@ pub(crate) struct Strength {
 }
 
 impl Strength {
-    /// The strength of what a box of a crop holds; `pixels` are interleaved, 0 to 1.
+    /// Strength in a crop's box; `pixels` are interleaved, 0 to 1.
     pub(crate) fn in_crop(pixels: &[f32], side_px: usize, pixel_box: &PixelBox) -> Self {
         let grey = |x: usize, y: usize| {
             let pixel = &pixels[(y * side_px + x) * 3..][..3];
@@ -131,13 +131,13 @@ impl Strength {
         self.inside - 0.5 * self.outside
     }
 
-    /// True if an aircraft in front of a texture is stronger than the texture's own strongest spots.
+    /// True if the aircraft is stronger than the strongest spots of the texture behind it.
     pub(crate) fn stands_out(&self) -> bool {
         self.contrast() >= MIN_CONTRAST && self.inside >= MIN_PROMINENCE * self.outside
     }
 }
 
-/// Departures of the pixels of a box and of its surroundings from a plane through the surroundings, grey levels.
+/// Departures of a box's pixels and its surroundings from a plane through the surroundings, grey levels.
 struct Departures {
     inside: Vec<f64>,
     outside: Vec<f64>,
@@ -207,7 +207,10 @@ fn fitted_plane(samples: &[[f64; 3]]) -> [f64; 3] {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+pub(crate) use tests::sky_with_bar;
+
+#[cfg(test)]
+mod tests {
     use super::*;
 
     /// A sky that brightens downwards with a dark bar in it.
