@@ -115,8 +115,7 @@ pub enum FeatureScale {
 }
 
 /// Mini-batches and learning rate of one training; all three keys are required. The rate of Adam rises linearly over the first 2 % of the
-/// steps of a cycle, then falls along half a cosine to a thousandth. With a `patience`, all steps are one cycle, so the last weights are
-/// usually the best ones: early stopping ends overfitting; it does not make a short training.
+/// steps of a cycle, then falls along half a cosine to a thousandth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Optimisation {
@@ -148,23 +147,11 @@ pub struct CalibrationConfig {
     pub log_every: usize,
     /// `Min` of Algorithm 1: steps before the set of optimised views may change (again), if no plateau ends the stage; 1500 in the paper.
     pub min_steps: usize,
-    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, and fall of its error over a cycle, percentage points
-    /// of MAPE; 0.01 in the paper.
+    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, and in all stages fall of an error over a cycle,
+    /// percentage points of MAPE; 0.01 in the paper.
     pub plateau_threshold_pct: f64,
     /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
-    /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, `ends` decides.
-    pub patience: Option<usize>,
-}
-
-impl CalibrationConfig {
-    /// The plateau that ends the stage, if one does.
-    pub(crate) fn plateau(&self) -> Option<Plateau> {
-        let threshold_pct = self.plateau_threshold_pct;
-        self.ends
-            .plateau(self.first_cycle, threshold_pct, self.patience)
-    }
 }
 
 impl Default for CalibrationConfig {
@@ -184,7 +171,6 @@ impl Default for CalibrationConfig {
             min_steps: 1_500,
             plateau_threshold_pct: 0.01,
             gap_threshold_pct: 0.01,
-            patience: None,
         }
     }
 }
@@ -203,8 +189,6 @@ pub struct EstimatorConfig {
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends the stage.
     pub first_cycle: usize,
-    /// Fall of the validation error over a cycle below which the stage is on its plateau, percentage points of MAPE.
-    pub plateau_threshold_pct: f64,
     /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
     /// Share of the steps of the first cycle, from the first on, in which all batches use all views; after it, views are dropped at random.
@@ -214,18 +198,6 @@ pub struct EstimatorConfig {
     /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
     /// training cannot remove, ten times two views' floor; at equal weights it drowns them out.
     pub alone_weight: f64,
-    /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, `ends` decides.
-    pub patience: Option<usize>,
-}
-
-impl EstimatorConfig {
-    /// The plateau that ends the stage, if one does.
-    pub(crate) fn plateau(&self) -> Option<Plateau> {
-        let threshold_pct = self.plateau_threshold_pct;
-        self.ends
-            .plateau(self.first_cycle, threshold_pct, self.patience)
-    }
 }
 
 impl Default for EstimatorConfig {
@@ -240,11 +212,9 @@ impl Default for EstimatorConfig {
             },
             ends: StageEnd::Plateau,
             first_cycle: 20_000,
-            plateau_threshold_pct: 0.01,
             log_every: 250,
             together_first: 0.0,
             alone_weight: 1.0,
-            patience: None,
         }
     }
 }
@@ -261,16 +231,6 @@ pub struct MonoConfig {
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends it.
     pub first_cycle: usize,
-    /// Fall of the validation error over a cycle below which a network is on its plateau, percentage points of MAPE.
-    pub plateau_threshold_pct: f64,
-}
-
-impl MonoConfig {
-    /// The plateau that ends the training of a network, if one does.
-    pub(crate) fn plateau(&self) -> Option<Plateau> {
-        self.ends
-            .plateau(self.first_cycle, self.plateau_threshold_pct, None)
-    }
 }
 
 impl Default for MonoConfig {
@@ -284,7 +244,6 @@ impl Default for MonoConfig {
             },
             ends: StageEnd::Plateau,
             first_cycle: 2_000,
-            plateau_threshold_pct: 0.01,
         }
     }
 }

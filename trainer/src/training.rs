@@ -163,7 +163,7 @@ pub(crate) fn train_unless(
             model: samples.detections.model.clone(),
             model_hash: samples.detections.hash.clone(),
             rig: samples.rig.name.clone(),
-            runway: samples.scenarios.first().map(|of| of.runway.clone()),
+            runway: samples.scenarios[0].runway.clone(),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
             registered_with: samples.registered_with().cloned(),

@@ -154,7 +154,7 @@ fn a_training_to_its_plateau_makes_no_more_cycles_than_help_and_records_them() {
     config.estimator.optimisation.steps = limit;
     config.estimator.first_cycle = limit / 16;
     // No cycle is better by so much.
-    config.estimator.plateau_threshold_pct = 1e5;
+    config.calibration.plateau_threshold_pct = 1e5;
     let run = trained(folder.path(), "run", &corpus, &config);
     let stages = &json_of(&run, "run.json")["stages"];
     let stage = |network: &str| {

@@ -181,39 +181,36 @@ pub struct TensorProto {
 impl TensorProto {
     /// Floats of a shape.
     pub fn floats(name: &str, dims: &[i64], values: &[f32]) -> Self {
-        debug_assert_eq!(
-            dims.iter().product::<i64>() as usize,
-            values.len(),
-            "{name}"
-        );
-        let raw_data = values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
-        Self {
-            dims: dims.to_vec(),
-            data_type: FLOAT,
-            name: name.into(),
-            raw_data,
-        }
+        Self::of(name, FLOAT, dims, values.iter().map(|x| x.to_le_bytes()))
     }
 
     /// Double-precision numbers of a shape.
     pub fn doubles(name: &str, dims: &[i64], values: &[f64]) -> Self {
+        Self::of(name, DOUBLE, dims, values.iter().map(|x| x.to_le_bytes()))
+    }
+
+    /// A list of whole numbers.
+    pub fn integers(name: &str, values: &[i64]) -> Self {
+        let dims = [values.len() as i64];
+        Self::of(name, INT64, &dims, values.iter().map(|x| x.to_le_bytes()))
+    }
+
+    fn of<const N: usize>(
+        name: &str,
+        data_type: i32,
+        dims: &[i64],
+        elements: impl ExactSizeIterator<Item = [u8; N]>,
+    ) -> Self {
         debug_assert_eq!(
             dims.iter().product::<i64>() as usize,
-            values.len(),
+            elements.len(),
             "{name}"
         );
-        let raw_data = values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
         Self {
             dims: dims.to_vec(),
-            data_type: DOUBLE,
+            data_type,
             name: name.into(),
-            raw_data,
+            raw_data: elements.flatten().collect(),
         }
     }
 
@@ -226,20 +223,6 @@ impl TensorProto {
                 .map(|&bytes| f32::from_le_bytes(bytes))
                 .collect()
         })
-    }
-
-    /// A list of whole numbers.
-    pub fn integers(name: &str, values: &[i64]) -> Self {
-        let raw_data = values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
-        Self {
-            dims: vec![values.len() as i64],
-            data_type: INT64,
-            name: name.into(),
-            raw_data,
-        }
     }
 }
 

@@ -83,7 +83,6 @@ impl TrainConfig {
         optimisation("calibration", &c.optimisation)?;
         whole("calibration.first_cycle", c.first_cycle, STEPS)?;
         log_every("calibration.log_every", c.log_every, &c.optimisation)?;
-        patience("calibration.patience", c.patience)?;
         let e = &self.estimator;
         layers("estimator.lstm", &e.lstm, 1)?;
         layers("estimator.head_hidden", &e.head_hidden, 0)?;
@@ -91,13 +90,7 @@ impl TrainConfig {
         number("estimator.together_first", e.together_first, 0.0..=1.0)?;
         optimisation("estimator", &e.optimisation)?;
         whole("estimator.first_cycle", e.first_cycle, STEPS)?;
-        number(
-            "estimator.plateau_threshold_pct",
-            e.plateau_threshold_pct,
-            0.0..=MAX_RATIO,
-        )?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
-        patience("estimator.patience", e.patience)?;
         let s = &self.self_calibration;
         for (setting, sd, most) in [
             (
@@ -113,11 +106,6 @@ impl TrainConfig {
         let m = &self.mono;
         layers("mono.hidden", &m.hidden, 0)?;
         whole("mono.first_cycle", m.first_cycle, STEPS)?;
-        number(
-            "mono.plateau_threshold_pct",
-            m.plateau_threshold_pct,
-            0.0..=MAX_RATIO,
-        )?;
         optimisation("mono", &m.optimisation)
     }
 }
@@ -176,10 +164,6 @@ fn optimisation(stage: &str, found: &Optimisation) -> Result<()> {
     })
 }
 
-fn patience(setting: &str, found: Option<usize>) -> Result<()> {
-    found.map_or(Ok(()), |entries| whole(setting, entries, 1..=MAX_ENTRIES))
-}
-
 fn log_every(setting: &str, found: usize, training: &Optimisation) -> Result<()> {
     let least = training.steps.div_ceil(MAX_ENTRIES);
     if found >= least {
@@ -231,10 +215,6 @@ mod tests {
             (
                 r#"{"estimator": {"log_every": 0}}"#,
                 ["estimator.log_every", "is 0", "at least 3"],
-            ),
-            (
-                r#"{"estimator": {"patience": 0}}"#,
-                ["estimator.patience", "is 0", "1 to 100000"],
             ),
             (
                 r#"{"estimator": {"lstm": []}}"#,

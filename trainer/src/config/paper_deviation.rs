@@ -20,7 +20,7 @@ pub enum PaperDeviation {
     Loss,
     /// `only_true_boxes`: false boxes are removed from the training side by the labels.
     OnlyTrueBoxes,
-    /// `calibration.min_steps`, a threshold of Algorithm 1, or `estimator.plateau_threshold_pct`.
+    /// `calibration.min_steps`, or a threshold of Algorithm 1.
     AlgorithmThresholds,
     /// `estimator.together_first` or `.alone_weight`: views are not dropped in equal shares of equal weight.
     ViewDropout,
@@ -28,8 +28,6 @@ pub enum PaperDeviation {
     Scales,
     /// Widths of the calibration networks, the LSTM or their heads.
     LayerWidths,
-    /// `calibration.patience` or `estimator.patience`: the networks with the lowest validation error are kept, not the last ones.
-    Patience,
     /// `align_backgrounds`: boxes are corrected by what stands still in the images.
     AlignedBackgrounds,
     /// `dtd refit`: a calibration network was trained again, with the estimator's error in its loss.
@@ -46,7 +44,6 @@ impl fmt::Display for PaperDeviation {
             Self::ViewDropout => "view dropout in unequal shares",
             Self::Scales => "scales of features or distances",
             Self::LayerWidths => "layer widths",
-            Self::Patience => "networks of the lowest validation error",
             Self::AlignedBackgrounds => "boxes aligned by backgrounds",
             Self::RefittedView => "a view fitted again",
         })
@@ -70,8 +67,7 @@ impl TrainConfig {
             (PaperDeviation::OnlyTrueBoxes, self.only_true_boxes),
             (
                 PaperDeviation::AlgorithmThresholds,
-                algorithm(c) != algorithm(&paper_c)
-                    || e.plateau_threshold_pct != paper_e.plateau_threshold_pct,
+                algorithm(c) != algorithm(&paper_c),
             ),
             (
                 PaperDeviation::ViewDropout,
@@ -84,10 +80,6 @@ impl TrainConfig {
             (
                 PaperDeviation::LayerWidths,
                 widths(c, e) != widths(&paper_c, &paper_e),
-            ),
-            (
-                PaperDeviation::Patience,
-                c.patience.is_some() || e.patience.is_some(),
             ),
             (PaperDeviation::AlignedBackgrounds, self.align_backgrounds),
         ];
@@ -143,7 +135,7 @@ mod tests {
                 PaperDeviation::ViewDropout,
             ),
             (
-                r#"{"estimator": {"plateau_threshold_pct": 0.1}}"#,
+                r#"{"calibration": {"plateau_threshold_pct": 0.1}}"#,
                 PaperDeviation::AlgorithmThresholds,
             ),
             (r#"{"feature_scale": "picture"}"#, PaperDeviation::Scales),
@@ -151,10 +143,6 @@ mod tests {
             (
                 r#"{"estimator": {"lstm": [96, 96]}}"#,
                 PaperDeviation::LayerWidths,
-            ),
-            (
-                r#"{"estimator": {"patience": 5}}"#,
-                PaperDeviation::Patience,
             ),
             (
                 r#"{"align_backgrounds": true}"#,

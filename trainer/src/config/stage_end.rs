@@ -8,26 +8,11 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 pub enum StageEnd {
     /// The stage trains in cycles, each twice as long as the one before, over each of which the learning rate rises and falls. It ends when
-    /// a whole cycle lowers no validation error by more than `plateau_threshold_pct`, and keeps the last weights. `optimisation.steps` is a
-    /// limit. With a `patience`, that alone decides.
+    /// a whole cycle lowers no validation error by more than `calibration.plateau_threshold_pct`, and keeps the last weights.
+    /// `optimisation.steps` is a limit.
     Plateau,
     /// All `optimisation.steps` are made, as one cycle.
     Steps,
-}
-
-impl StageEnd {
-    /// The plateau that ends a stage, if one does.
-    pub(crate) fn plateau(
-        self,
-        first_cycle: usize,
-        threshold_pct: f64,
-        patience: Option<usize>,
-    ) -> Option<Plateau> {
-        (self == Self::Plateau && patience.is_none()).then_some(Plateau {
-            first_cycle,
-            threshold_pct,
-        })
-    }
 }
 
 /// The plateau that ends a stage.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use burn::store::{RecordError, SafetensorsStoreError};
+use burn::store::SafetensorsStoreError;
 use dataset::corpus::seal::{DONE, MANIFEST};
 use dataset::numbers::limits::{FieldOutOfLimits, MAX_VIEWS};
 
@@ -66,16 +66,11 @@ pub enum RunFault {
         "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each, 1 to {MAX_VIEWS}"
     )]
     Lengths { views: usize, lengths: [usize; 5] },
-    /// The fits of `inverse_range` are not of its views.
+    /// A formula for other views.
     #[error(
-        "inverse_range has a fit of other views than the {views} of the run, or with another number of coefficients; train again"
+        "{formula} does not fit the {views} views of the run, or lacks some of its numbers; train again"
     )]
-    InverseRange { views: usize },
-    /// The cameras of `self_calibrated` do not match its views.
-    #[error(
-        "self_calibrated has another number of cameras than the {views} views of the run; train again"
-    )]
-    FittedCameras { views: usize },
+    OtherFormula { formula: &'static str, views: usize },
     /// A run without `self_calibrated`.
     #[error(
         "has fitted no cameras, because fewer than two views saw the aircraft often enough; name a run that was trained on more flights"
@@ -86,19 +81,6 @@ pub enum RunFault {
         "was trained on cameras that differ from scenario to scenario, so its fitted cameras are an average; name a run of cameras that stand still"
     )]
     CamerasVary,
-    /// The filter is not of these fits.
-    #[error(
-        "flight_filter has not one error of positive size for each fit of inverse_range; train again"
-    )]
-    FlightFilter,
-    /// The relations of the views are not between these views, or have no deviation.
-    #[error(
-        "paired_views has relations of other views than the {views} of the run, in another order, or without positive deviations; train again"
-    )]
-    PairedViews { views: usize },
-    /// Mean distances without their times, or the other way round.
-    #[error("mean_by_time has not as many distances as times; train again")]
-    MeanByTime,
     /// A number that makes every answer meaningless.
     #[error("{0}; train again")]
     OutOfLimits(FieldOutOfLimits),
@@ -182,12 +164,9 @@ pub enum RunFault {
         here: Vec<(String, u32, u32)>,
         there: Vec<(String, u32, u32)>,
     },
-    /// A checkpoint whose weights do not fit the networks.
+    /// A checkpoint with a state or weights that do not fit the training.
     #[error("is damaged: {0}; remove it, and the training starts from the beginning")]
-    CheckpointWeights(RecordError),
-    /// The same of what belongs to the numbers.
-    #[error("is damaged: {0}; remove it, and the training starts from the beginning")]
-    CheckpointState(serde_json::Error),
+    DamagedCheckpoint(Box<dyn std::error::Error + Send + Sync>),
     /// The numbers cannot be written.
     #[error("weights cannot be written: {0}")]
     NotWritten(SafetensorsStoreError),

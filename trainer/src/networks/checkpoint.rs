@@ -24,8 +24,8 @@ use serde_json::Value;
 
 use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
-use crate::networks::stage::{Cycle, EndedBy};
-use crate::networks::training_loop::Task;
+use crate::networks::stage::Cycle;
+use crate::networks::training_loop::{Learned, Task};
 use crate::samples::json_differences::json_differences;
 
 /// The weights of the largest networks, three times, in base 64.
@@ -62,7 +62,7 @@ struct Stage {
     network: String,
     /// Place in the random numbers.
     random_words: u128,
-    /// [`Task::State`].
+    /// [`Task::state`].
     state: Value,
     reached: Reached,
 }
@@ -73,8 +73,8 @@ struct Stage {
 pub(crate) enum Reached {
     /// Between two steps.
     Step(RunningWeights),
-    /// It is done.
-    End(EndedStage),
+    /// Done.
+    End(Learned<Base64>),
 }
 
 /// A network in training.
@@ -82,44 +82,16 @@ pub(crate) enum Reached {
 pub(crate) struct RunningWeights {
     /// Steps done.
     pub(crate) step: usize,
-    /// Its numbers.
+    /// Weights.
     pub(crate) weights: Base64,
     /// State of the optimiser.
     pub(crate) optimiser: Base64,
-    /// The network with the lowest error so far.
-    pub(crate) best: Option<KeptWeights>,
-    /// Judgements since then.
-    pub(crate) since_best: usize,
     /// Finished cycles.
     pub(crate) cycles: Vec<Cycle>,
 }
 
-/// A network that is trained.
-#[derive(Clone, Serialize, Deserialize)]
-pub(crate) struct EndedStage {
-    /// The network.
-    pub(crate) kept: KeptWeights,
-    /// Steps done.
-    pub(crate) steps: usize,
-    /// Cause of its end.
-    pub(crate) ended_by: EndedBy,
-    /// Its cycles.
-    pub(crate) cycles: Vec<Cycle>,
-}
-
-/// A network that is kept.
-#[derive(Clone, Serialize, Deserialize)]
-pub(crate) struct KeptWeights {
-    /// Steps that made it.
-    pub(crate) step: usize,
-    /// Its error, percent.
-    pub(crate) error_pct: f64,
-    /// Its numbers.
-    pub(crate) weights: Base64,
-}
-
 /// Bytes, as text in base 64.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub(crate) struct Base64(Vec<u8>);
 
@@ -206,10 +178,9 @@ impl Checkpoints {
         let Some(stage) = stage else {
             return Ok(None);
         };
-        let state = T::State::deserialize(&stage.state);
-        let state = state.map_err(|error| self.unusable(RunFault::CheckpointState(error)))?;
-        task.restore(state);
-        task.random().set_word_pos(stage.random_words);
+        task.restore(&stage.state)
+            .map_err(|error| self.damaged(error))?;
+        task.setup().random.set_word_pos(stage.random_words);
         Ok(Some(stage.reached.clone()))
     }
 
@@ -230,9 +201,8 @@ impl Checkpoints {
         let began = Instant::now();
         let stage = Stage {
             network: T::NAME.into(),
-            random_words: task.random().get_word_pos(),
-            state: serde_json::to_value(task.state())
-                .map_err(|error| self.unusable(RunFault::CheckpointState(error)))?,
+            random_words: task.setup().random.get_word_pos(),
+            state: (task.state()).map_err(|error| self.damaged(error))?,
             reached: reached(self)?,
         };
         self.saved.stages.truncate(self.begun - 1);
@@ -273,11 +243,12 @@ impl Checkpoints {
     }
 
     fn sound<V>(&self, value: std::result::Result<V, RecordError>) -> Result<V> {
-        value.map_err(|error| self.unusable(RunFault::CheckpointWeights(error)))
+        value.map_err(|error| self.damaged(error))
     }
 
-    fn unusable(&self, fault: RunFault) -> Error {
-        Error::run(self.path.as_deref().unwrap_or(Path::new("")), fault)
+    fn damaged(&self, error: impl std::error::Error + Send + Sync + 'static) -> Error {
+        let path = self.path.as_deref().unwrap_or(Path::new(""));
+        Error::run(path, RunFault::DamagedCheckpoint(Box::new(error)))
     }
 }
 

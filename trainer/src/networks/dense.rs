@@ -3,8 +3,6 @@
 //! Initial weights come from the caller's generator, not from burn's global one, so that a seed gives the same network whatever
 //! else runs in the process.
 
-mod gradients;
-
 use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::leaky_relu;
@@ -15,8 +13,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
 use crate::networks::encoded::numbers;
-
-pub(crate) use gradients::{DenseTrace, LinearGradients};
 
 /// Slope of LeakyReLU below zero, as in PyTorch.
 pub(crate) const LEAKY_SLOPE: f64 = 0.01;

@@ -2,9 +2,7 @@
 //!
 //! burn's own `nn::Lstm` multiplies by a hidden state that is zero at the first step, which with two steps is a quarter of all
 //! work, and has no mask. Gates have separate weights, as saved runs have them, and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster
-//! here. On the processor it is trained by [`gradients`], on a GPU by autodiff.
-
-mod gradients;
+//! here.
 
 use burn::module::Module;
 use burn::nn::Linear;

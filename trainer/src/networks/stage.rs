@@ -62,8 +62,6 @@ pub enum EndedBy {
     Plateau,
     /// It made all steps that its settings allow.
     Steps,
-    /// Early stopping: its error had not fallen for the entries of its `patience`.
-    Patience,
 }
 
 /// A stage of a training, as `run.json` has it.
@@ -72,7 +70,7 @@ pub struct StageSummary {
     /// The networks that it trained.
     pub network: String,
     /// The view whose network it trained, if it is one view's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub view: Option<String>,
     /// Mini-batches.
     pub steps: usize,

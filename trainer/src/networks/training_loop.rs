@@ -13,12 +13,12 @@ use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
 use dataset::work::watch::Watch;
 use rand_chacha::ChaCha12Rng;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::config::{Optimisation, Plateau, Target};
 use crate::error::{Error, Result};
-use crate::networks::checkpoint::{Checkpoints, EndedStage, KeptWeights, Reached, RunningWeights};
+use crate::networks::checkpoint::{Checkpoints, Reached, RunningWeights};
 use crate::networks::stage::{Cycle, EndedBy, StageSummary, cycle_of, is_reached};
 
 /// Share of the steps of a cycle over which the rate rises.
@@ -46,17 +46,14 @@ pub(crate) struct Setup {
     pub(crate) device: Device,
     /// Draws first weights and batches.
     pub(crate) random: ChaCha12Rng,
+    /// Ends the training before all steps are made.
+    pub(crate) plateau: Option<Plateau>,
 }
 
 impl Setup {
     /// The device without autodiff, for judging.
     pub(crate) fn plain_device(&self) -> Device {
         self.device.clone().inner()
-    }
-
-    /// True if the device is the CPU.
-    pub(crate) fn is_on_processor(&self) -> bool {
-        self.device == Device::flex()
     }
 }
 
@@ -72,35 +69,32 @@ pub(crate) struct Companions<'a> {
 pub(crate) trait Task {
     /// The network.
     type Network: Module;
-    /// State from the steps so far, apart from the position in the random numbers.
-    type State: Serialize + DeserializeOwned;
-    /// Its name in errors.
+    /// Name in errors.
     const NAME: &'static str;
-    /// Its name in the display of progress.
+    /// Name in the display of progress.
     const STAGE: &'static str;
+    /// Inputs, with the random numbers that draw the batches.
+    fn setup(&mut self) -> &mut Setup;
     /// Steps between two judgements. The last step of a cycle is always judged.
     fn judged_every(&self) -> usize;
-    /// Judgements in a row without a new lowest error that end the training. With patience, the network with the lowest error is kept, even
-    /// if it is the initial one; without, the network after the last step.
-    fn patience(&self) -> Option<usize> {
-        None
+    /// True if the network with the lowest error is kept, even if it is the initial one, instead of the last network.
+    fn keeps_best(&self) -> bool {
+        false
     }
-    /// The plateau that ends the training before all steps are made.
-    fn plateau(&self) -> Option<Plateau> {
-        None
-    }
-    /// Takes note of the errors at the end of a cycle that lowered none of them. It may change what trains on.
+    /// Notes the errors at the end of a cycle that lowered none of them. The task may then train other parts.
     fn observe_plateau(&mut self, _errors_pct: &[Option<f64>]) {}
     /// True if such a plateau ends the training.
     fn is_settled(&self) -> bool {
         true
     }
-    /// Random numbers that draw its batches.
-    fn random(&mut self) -> &mut ChaCha12Rng;
-    /// State for a checkpoint.
-    fn state(&self) -> Self::State;
-    /// Goes back to such a state.
-    fn restore(&mut self, state: Self::State);
+    /// State for a checkpoint, apart from weights and random numbers.
+    fn state(&self) -> serde_json::Result<Value> {
+        Ok(Value::Null)
+    }
+    /// Goes back to a state from a checkpoint.
+    fn restore(&mut self, _state: &Value) -> serde_json::Result<()> {
+        Ok(())
+    }
     /// Gradients of the loss of the next batch.
     fn gradients(&mut self, network: &Self::Network, step: usize) -> GradientsParams;
     /// The errors that it is judged by, percent; `None` for what cannot be measured.
@@ -110,26 +104,26 @@ pub(crate) trait Task {
 }
 
 /// A network that is kept.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Kept<N> {
-    /// The network.
+    /// Weights.
     pub(crate) network: N,
     /// Steps that made it.
     pub(crate) step: usize,
-    /// Mean of its errors, percent.
+    /// Mean error, percent.
     pub(crate) error_pct: f64,
 }
 
-/// A network that is trained.
-#[derive(Debug)]
+/// A trained network.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Learned<N> {
-    /// The network.
+    /// Result.
     pub(crate) kept: Kept<N>,
     /// Steps done.
     pub(crate) steps: usize,
-    /// Cause of its end.
+    /// Cause of the end.
     pub(crate) ended_by: EndedBy,
-    /// Its cycles.
+    /// Finished cycles.
     pub(crate) cycles: Vec<Cycle>,
 }
 
@@ -154,6 +148,20 @@ impl<N> Learned<N> {
             cycles: self.cycles.clone(),
         }
     }
+
+    /// The same training with its network in a different form.
+    fn with_network<M>(&self, form: impl FnOnce(&N) -> Result<M>) -> Result<Learned<M>> {
+        Ok(Learned {
+            kept: Kept {
+                network: form(&self.kept.network)?,
+                step: self.kept.step,
+                error_pct: self.kept.error_pct,
+            },
+            steps: self.steps,
+            ended_by: self.ended_by,
+            cycles: self.cycles.clone(),
+        })
+    }
 }
 
 /// A training between two steps.
@@ -162,10 +170,8 @@ struct Position<N> {
     optimiser: ModuleOptimizer,
     /// Steps done.
     step: usize,
-    /// The network with the lowest error so far, if there is patience.
+    /// The network with the lowest error, if the task keeps it. Such trainings have no checkpoint.
     best: Option<Kept<N>>,
-    /// Judgements since then.
-    since_best: usize,
     /// Finished cycles.
     cycles: Vec<Cycle>,
 }
@@ -178,6 +184,9 @@ pub(crate) fn learn<T: Task>(
     Companions { checkpoints, watch }: &mut Companions,
 ) -> Result<Learned<T::Network>> {
     watch.begin(T::STAGE, settings.steps as u64);
+    let plateau = task.setup().plateau;
+    let is_on_plateau =
+        |cycles: &[Cycle]| plateau.is_some_and(|plateau| is_reached(plateau, cycles));
     let reached = checkpoints.next_stage(task)?;
     if let Some(reached) = &reached {
         let done = match reached {
@@ -187,15 +196,20 @@ pub(crate) fn learn<T: Task>(
         watch.resume(done as u64);
     }
     let mut at = match reached {
-        Some(Reached::End(ended)) => return Learned::restored(ended, network, checkpoints),
+        Some(Reached::End(ended)) => {
+            return ended.with_network(|weights| checkpoints.network(weights, network));
+        }
         Some(Reached::Step(running)) => Position::restored(&running, network, checkpoints)?,
         None => Position::first(task, network)?,
     };
     let ended_by = loop {
-        if let Some(ended_by) = at.ended_by(task, settings) {
-            break ended_by;
+        if is_on_plateau(&at.cycles) && task.is_settled() {
+            break EndedBy::Plateau;
         }
-        let cycle = cycle_of(at.step, settings.steps, task.plateau());
+        if at.step >= settings.steps {
+            break EndedBy::Steps;
+        }
+        let cycle = cycle_of(at.step, settings.steps, plateau);
         let gradients = task.gradients(&at.network, at.step);
         let rate = learning_rate(settings.learning_rate, &cycle, at.step);
         at.network = at.optimiser.step(rate, at.network, gradients);
@@ -203,7 +217,7 @@ pub(crate) fn learn<T: Task>(
         let ends_cycle = at.step == cycle.end;
         if ends_cycle || at.step.is_multiple_of(task.judged_every()) {
             let errors_pct = judge(task, &at.network, at.step)?;
-            if task.patience().is_some() {
+            if task.keeps_best() {
                 at.compare_with_best(mean(&errors_pct));
             }
             if ends_cycle {
@@ -211,8 +225,7 @@ pub(crate) fn learn<T: Task>(
                     steps: at.step,
                     validation_mape_pct: errors_pct.clone(),
                 });
-                let plateau = task.plateau();
-                if plateau.is_some_and(|plateau| is_reached(plateau, &at.cycles)) {
+                if is_on_plateau(&at.cycles) {
                     task.observe_plateau(&errors_pct);
                 }
             }
@@ -232,48 +245,37 @@ pub(crate) fn learn<T: Task>(
     } = learned.kept;
     let note = format!("kept step {step}, MAPE {error_pct:.3} %");
     watch.advance(settings.steps as u64, &note);
-    let reached = |checkpoints: &Checkpoints| Ok(Reached::End(learned.saved(checkpoints)?));
+    let reached = |checkpoints: &Checkpoints| {
+        let saved = learned.with_network(|network| checkpoints.network_bytes(network));
+        Ok(Reached::End(saved?))
+    };
     checkpoints.save(task, reached)?;
     Ok(learned)
 }
 
 impl<N: Module> Position<N> {
     fn first<T: Task<Network = N>>(task: &T, network: N) -> Result<Self> {
-        let best = match task.patience() {
-            None => None,
-            Some(_) => Some(Kept {
+        let best = if task.keeps_best() {
+            Some(Kept {
                 error_pct: mean(&judge(task, &network, 0)?),
                 network: network.clone(),
                 step: 0,
-            }),
+            })
+        } else {
+            None
         };
         Ok(Self {
             network,
             optimiser: adam(),
             step: 0,
             best,
-            since_best: 0,
             cycles: Vec::new(),
         })
     }
 
-    /// Cause of the end, if no more steps are made.
-    fn ended_by<T: Task<Network = N>>(&self, task: &T, settings: &Optimisation) -> Option<EndedBy> {
-        let plateau = task.plateau();
-        if plateau.is_some_and(|plateau| is_reached(plateau, &self.cycles)) && task.is_settled() {
-            Some(EndedBy::Plateau)
-        } else if task.patience().is_some_and(|most| self.since_best >= most) {
-            Some(EndedBy::Patience)
-        } else {
-            (self.step >= settings.steps).then_some(EndedBy::Steps)
-        }
-    }
-
     fn compare_with_best(&mut self, error_pct: f64) {
-        self.since_best += 1;
         let best = self.best.as_ref();
         if best.is_none_or(|best| error_pct < best.error_pct) {
-            self.since_best = 0;
             self.best = Some(Kept {
                 network: self.network.clone(),
                 step: self.step,
@@ -301,65 +303,21 @@ impl<N: Module> Position<N> {
     }
 
     fn saved(&self, checkpoints: &Checkpoints) -> Result<RunningWeights> {
-        let best = self.best.as_ref();
         Ok(RunningWeights {
             step: self.step,
             weights: checkpoints.network_bytes(&self.network)?,
             optimiser: checkpoints.optimiser_bytes(&self.optimiser)?,
-            best: best.map(|best| best.saved(checkpoints)).transpose()?,
-            since_best: self.since_best,
             cycles: self.cycles.clone(),
         })
     }
 
     fn restored(from: &RunningWeights, network: N, checkpoints: &Checkpoints) -> Result<Self> {
-        let best = from.best.as_ref();
-        let best = best.map(|best| Kept::restored(best, network.clone(), checkpoints));
         Ok(Self {
-            best: best.transpose()?,
             network: checkpoints.network(&from.weights, network)?,
             optimiser: checkpoints.optimiser(&from.optimiser, adam())?,
             step: from.step,
-            since_best: from.since_best,
+            best: None,
             cycles: from.cycles.clone(),
-        })
-    }
-}
-
-impl<N: Module> Learned<N> {
-    fn saved(&self, checkpoints: &Checkpoints) -> Result<EndedStage> {
-        Ok(EndedStage {
-            kept: self.kept.saved(checkpoints)?,
-            steps: self.steps,
-            ended_by: self.ended_by,
-            cycles: self.cycles.clone(),
-        })
-    }
-
-    fn restored(from: EndedStage, network: N, checkpoints: &Checkpoints) -> Result<Self> {
-        Ok(Self {
-            kept: Kept::restored(&from.kept, network, checkpoints)?,
-            steps: from.steps,
-            ended_by: from.ended_by,
-            cycles: from.cycles,
-        })
-    }
-}
-
-impl<N: Module> Kept<N> {
-    fn saved(&self, checkpoints: &Checkpoints) -> Result<KeptWeights> {
-        Ok(KeptWeights {
-            step: self.step,
-            error_pct: self.error_pct,
-            weights: checkpoints.network_bytes(&self.network)?,
-        })
-    }
-
-    fn restored(from: &KeptWeights, network: N, checkpoints: &Checkpoints) -> Result<Self> {
-        Ok(Self {
-            network: checkpoints.network(&from.weights, network)?,
-            step: from.step,
-            error_pct: from.error_pct,
         })
     }
 }

@@ -16,8 +16,7 @@ impl TrainedRun {
             return self;
         }
         let to = samples.scenarios.first().map(|scenario| &scenario.runway);
-        let runways = self.summary.runway.as_ref().zip(to);
-        let Some(motion) = runways.and_then(|(from, to)| Move::between(from, to)) else {
+        let Some(motion) = to.and_then(|to| Move::between(&self.summary.runway, to)) else {
             return self;
         };
         let summary = &mut self.summary;

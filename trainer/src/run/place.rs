@@ -168,12 +168,7 @@ impl RunPlace {
             there => there,
         };
         let replaces = new.join(RunFolder::REPLACES);
-        let expected = match read_json::<Replaces>(&replaces, "note of what a run replaces") {
-            Ok(Replaces { run }) => run,
-            // Of an earlier version, or foreign.
-            Err(error) if error.is_not_found() => None,
-            Err(error) => return Err(error.into()),
-        };
+        let Replaces { run: expected } = read_json(&replaces, "note of what a run replaces")?;
         if there.is_some() && there != expected {
             return Err(Error::run(run, RunFault::OtherRun { new }));
         }

@@ -42,13 +42,11 @@ use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 9;
+pub(crate) const RUN_FORMAT: u32 = 10;
 
 /// Version information that shows whether a run can be read.
 #[derive(Deserialize)]
 struct FormatStamp {
-    /// Missing in runs written before formats were numbered.
-    #[serde(default)]
     format: u32,
     dtd: String,
 }
@@ -66,18 +64,17 @@ pub(crate) struct RunSummary {
     pub model_hash: String,
     /// Name of the rig.
     pub rig: String,
-    /// The runway of the training; missing in older runs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub runway: Option<Runway>,
+    /// The runway of the training.
+    pub runway: Runway,
     /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
     pub cameras: Cameras,
     /// True if other scenarios had cameras of the rig in other positions or directions.
     pub cameras_vary: bool,
     /// The cameras as planned, before scenarios misplace or aim them; missing without a plan.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub planned_cameras: Option<Cameras>,
-    /// The cameras that the views of the training were registered with; missing if they were not, and in older runs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The cameras that the views of the training were registered with; missing if they were not.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub registered_with: Option<RegisteredWith>,
     /// Trajectories on the training side.
     pub training_trajectories: BTreeSet<String>,
@@ -88,7 +85,7 @@ pub(crate) struct RunSummary {
     /// The same of the validation side.
     pub validation_flights: BTreeSet<String>,
     /// The split by scenario, if there is one: its sides share flights.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub scenario_split: Option<ScenarioSplit>,
     /// Scenarios on the training side.
     pub training_scenarios: usize,
@@ -110,7 +107,7 @@ pub(crate) struct RunSummary {
     /// The recommended estimator.
     pub choice: Choice,
     /// BLAKE3 of the weights that the training started from, if they were not random.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub started_from_blake3: Option<String>,
     /// Views that were fitted again after the training, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -210,7 +207,7 @@ pub(crate) struct Baselines {
     /// `no_vision_time` and `no_vision_time_weather`.
     pub mean_by_time: MeanByTime,
     /// Content of `backgrounds.png`; missing without it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub backgrounds: Option<Vec<StoredView>>,
 }
 
@@ -425,24 +422,23 @@ impl TrainedRun {
             let fault = RunFault::Lengths { views, lengths };
             return Err(sealed.refused(RunFolder::NORMALISATION, fault));
         }
-        if !baselines.inverse_range.is_of(views) {
-            let fault = RunFault::InverseRange { views };
-            return Err(sealed.refused(RunFolder::BASELINES, fault));
-        }
         let fitted = baselines.self_calibrated.as_ref();
-        if fitted.is_some_and(|fitted| !fitted.is_of(views)) {
-            let fault = RunFault::FittedCameras { views };
+        let formulas = [
+            ("inverse_range", baselines.inverse_range.is_of(views)),
+            (
+                "self_calibrated",
+                fitted.is_none_or(|fitted| fitted.is_of(views)),
+            ),
+            (
+                "flight_filter",
+                baselines.flight_filter.is_of(&baselines.inverse_range),
+            ),
+            ("paired_views", baselines.paired_views.is_of(views)),
+            ("mean_by_time", baselines.mean_by_time.is_whole()),
+        ];
+        if let Some((formula, _)) = formulas.into_iter().find(|(_, is_fit)| !is_fit) {
+            let fault = RunFault::OtherFormula { formula, views };
             return Err(sealed.refused(RunFolder::BASELINES, fault));
-        }
-        if !baselines.flight_filter.is_of(&baselines.inverse_range) {
-            return Err(sealed.refused(RunFolder::BASELINES, RunFault::FlightFilter));
-        }
-        if !baselines.paired_views.is_of(views) {
-            let fault = RunFault::PairedViews { views };
-            return Err(sealed.refused(RunFolder::BASELINES, fault));
-        }
-        if !baselines.mean_by_time.is_whole() {
-            return Err(sealed.refused(RunFolder::BASELINES, RunFault::MeanByTime));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
         let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();

@@ -23,7 +23,6 @@ use dataset::work::watch::Watch;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
-use crate::config::TrainConfig;
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::estimators::geometry::self_calibration::{MIN_TICKS, SelfCalibrated};
 use crate::estimators::geometry::triangulation::CentreOffset;
@@ -269,11 +268,6 @@ fn fit_formulas(
     Ok(())
 }
 
-/// Random numbers for the batches of a network.
-fn random(config: &TrainConfig) -> ChaCha12Rng {
-    ChaCha12Rng::seed_from_u64(config.seed)
-}
-
 /// Trains the calibration network of the view.
 fn fit_network(
     run: &mut TrainedRun,
@@ -298,7 +292,8 @@ fn fit_network(
     let setup = Setup {
         loss: run.config.target(),
         device: Device::flex().autodiff(),
-        random: random(&run.config),
+        random: ChaCha12Rng::seed_from_u64(run.config.seed),
+        plateau: None,
     };
     run.networks.calibration = refit_network(
         view,

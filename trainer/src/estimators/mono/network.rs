@@ -8,12 +8,13 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{MonoConfig, Plateau, Target};
+use crate::config::{MonoConfig, Target};
 use crate::error::Result;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, EncodedSides, draw, mape_pct, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::normalisation::BOX_FEATURES;
+use crate::networks::row_parts::loss_of_parts;
 use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 
 /// Steps between two judgements.
@@ -177,7 +178,6 @@ struct MonoTask<'a> {
 
 impl Task for MonoTask<'_> {
     type Network = Dense;
-    type State = ();
     const NAME: &'static str = "mono_network";
     const STAGE: &'static str = "monoscopic network";
 
@@ -185,27 +185,23 @@ impl Task for MonoTask<'_> {
         JUDGED_EVERY
     }
 
-    fn plateau(&self) -> Option<Plateau> {
-        self.config.plateau()
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
-
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.setup.random
-    }
-
-    fn state(&self) {}
-
-    fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, network: &Dense, _step: usize) -> GradientsParams {
         let batch_size = self.config.optimisation.batch_size;
         let batch = draw(&self.seen, batch_size, &mut self.setup.random);
         let Setup { loss, device, .. } = &self.setup;
-        let inputs = self.training.inputs(&batch, self.view, device);
-        let predicted = network.forward(self.inputs.of(inputs));
         let size = batch.len() as f32;
-        let error = (self.training).squared_error(predicted, &batch, size, *loss, device);
-        GradientsParams::from_grads(error.backward(), network)
+        let loss = loss_of_parts(network, batch.len(), device, |network, rows| {
+            let batch = &batch[rows];
+            let inputs = self.training.inputs(batch, self.view, device);
+            let predicted = network.forward(self.inputs.of(inputs));
+            let error = (self.training).squared_error(predicted, batch, size, *loss, device);
+            (error, ())
+        });
+        loss.gradients
     }
 
     fn errors_pct(&self, network: &Dense) -> Vec<Option<f64>> {

@@ -2,25 +2,27 @@
 //!
 //! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same tick
 //! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The paper's
-//! full-batch epochs are mini-batches here. Gradients come from [`gradients`] on the processor; on a GPU, and in a refit, from autodiff.
+//! full-batch epochs are mini-batches here.
 //! The stage ends on its plateau ([`crate::networks::stage`]): with every view within the gap threshold of the best, or with the gap that
 //! is left after a cycle of the lagging views alone.
 
-mod gradients;
+use std::ops::Range;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, Gradients, Tensor};
+use burn::tensor::{Device, Tensor};
 use onnx_graph::Graph;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use crate::config::{CalibrationConfig, Plateau, Target};
+use crate::config::{CalibrationConfig, Target};
 use crate::error::Result;
 use crate::estimators::paper_lstm::gap_balance::GapBalance;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::normalisation::BOX_FEATURES;
+use crate::networks::row_parts::{BatchLoss, loss_of_parts};
 use crate::networks::running_mean::RunningMean;
 use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 
@@ -99,26 +101,12 @@ impl CalibrationNetworks {
         }
     }
 
-    /// The gradients of the parameters that are being trained: the head only together with all views. A parameter without a gradient stays
-    /// as it is.
-    fn gradients(&self, mut all: Gradients, balance: &GapBalance) -> GradientsParams {
-        let mut selected = GradientsParams::new();
-        for (network, optimised) in self.views.iter().zip(balance.optimised()) {
-            if *optimised {
-                take_gradients(&mut all, network, &mut selected);
-            }
+    /// The same networks with a head that gets no gradients.
+    pub(crate) fn with_frozen_head(self) -> Self {
+        Self {
+            head: self.head.no_grad(),
+            ..self
         }
-        if balance.all_optimised() {
-            take_gradients(&mut all, &self.head, &mut selected);
-        }
-        selected
-    }
-
-    /// The gradients of one view's network.
-    pub(crate) fn gradients_of_view(&self, view: usize, mut all: Gradients) -> GradientsParams {
-        let mut of_view = GradientsParams::new();
-        take_gradients(&mut all, &self.views[view], &mut of_view);
-        of_view
     }
 }
 
@@ -207,14 +195,16 @@ impl SinceEntry {
     fn add(
         &mut self,
         loss_value: f32,
-        predictions: &[Tensor<2>],
+        predictions: &[Vec<Vec<f32>>],
         samples: &Encoded,
         batch: &[usize],
         loss: Target,
     ) {
         self.loss.add(loss_value.into());
-        for (view, (mean, predicted)) in self.errors_pct.iter_mut().zip(predictions).enumerate() {
-            let predicted = numbers(predicted.clone());
+        for (view, mean) in self.errors_pct.iter_mut().enumerate() {
+            let predicted = predictions
+                .iter()
+                .flat_map(|part| part[view].iter().copied());
             let seen = batch.iter().zip(predicted);
             let seen = seen.filter(|(sample, _)| samples.seen(**sample, view));
             let pairs = seen.map(|(&s, p)| (loss.distance(p), samples.distance(s)));
@@ -227,7 +217,6 @@ impl SinceEntry {
 
 impl Task for Calibration<'_> {
     type Network = CalibrationNetworks;
-    type State = CalibrationState;
     const NAME: &'static str = "calibration networks";
     const STAGE: &'static str = "calibration networks";
 
@@ -235,12 +224,8 @@ impl Task for Calibration<'_> {
         self.config.log_every
     }
 
-    fn patience(&self) -> Option<usize> {
-        self.config.patience
-    }
-
-    fn plateau(&self) -> Option<Plateau> {
-        self.config.plateau()
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
 
     fn observe_plateau(&mut self, errors_pct: &[Option<f64>]) {
@@ -251,16 +236,13 @@ impl Task for Calibration<'_> {
         self.state.balance.is_settled()
     }
 
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.setup.random
+    fn state(&self) -> serde_json::Result<Value> {
+        serde_json::to_value(&self.state)
     }
 
-    fn state(&self) -> CalibrationState {
-        self.state.clone()
-    }
-
-    fn restore(&mut self, state: CalibrationState) {
-        self.state = state;
+    fn restore(&mut self, state: &Value) -> serde_json::Result<()> {
+        self.state = CalibrationState::deserialize(state)?;
+        Ok(())
     }
 
     fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
@@ -276,18 +258,29 @@ impl Task for Calibration<'_> {
         } = &mut self.state;
         let Setup { loss, device, .. } = &self.setup;
         let samples = self.training;
-        let (predictions, value, gradients) = if self.setup.is_on_processor() {
-            let plain = networks.valid();
-            traced_gradients(&plain, samples, &batch, balance, *loss, device)
-        } else {
-            let optimised = balance.optimised();
-            let predictions = predictions_of(networks, samples, &batch, optimised, device);
-            let total = loss_of(&predictions, samples, &batch, optimised, *loss, device);
-            let value = total.clone().into_scalar();
-            let gradients = networks.gradients(total.backward(), balance);
-            let plain = predictions.into_iter().map(Tensor::inner);
-            (plain.collect(), value, gradients)
-        };
+        // The head trains only together with all views.
+        let head_trains = balance.all_optimised();
+        let BatchLoss {
+            value,
+            gradients,
+            predictions,
+        } = loss_of_parts(networks, batch.len(), device, |networks, rows| {
+            let trained = networks.clone();
+            let trained = if head_trains {
+                trained
+            } else {
+                trained.with_frozen_head()
+            };
+            batch_loss(
+                &trained,
+                samples,
+                &batch,
+                rows,
+                balance.optimised(),
+                *loss,
+                device,
+            )
+        });
         since_entry.add(value, &predictions, samples, &batch, *loss);
         gradients
     }
@@ -308,7 +301,7 @@ impl Task for Calibration<'_> {
             log,
         } = &mut self.state;
         let before = log.last().map_or(0, |entry| entry.step);
-        if self.config.plateau().is_none() {
+        if self.setup.plateau.is_none() {
             balance.observe(done - before, &errors_pct);
         }
         let note = errors_pct
@@ -330,53 +323,20 @@ impl Task for Calibration<'_> {
     }
 }
 
-/// Predictions of all views, the loss, and the gradients of those that train, by hand. Networks must be without autodiff, the device with
-/// it.
-fn traced_gradients(
-    networks: &CalibrationNetworks,
-    samples: &Encoded,
-    batch: &[usize],
-    balance: &GapBalance,
-    loss: Target,
-    device: &Device,
-) -> (Vec<Tensor<2>>, f32, GradientsParams) {
-    let optimised = balance.optimised();
-    let traced = networks.trace(samples, batch, optimised, &device.clone().inner());
-    let plain = traced.predictions();
-    let predictions: Vec<Tensor<2>> = (plain.iter().cloned().zip(optimised))
-        .map(|(prediction, &optimised)| {
-            if optimised {
-                Tensor::from_inner(prediction).require_grad()
-            } else {
-                Tensor::from_inner(prediction)
-            }
-        })
-        .collect();
-    let total = loss_of(&predictions, samples, batch, optimised, loss, device);
-    let value = total.clone().into_scalar();
-    let mut gradients = total.backward();
-    let of_predictions: Vec<_> = (predictions.iter().zip(optimised))
-        .map(|(prediction, &optimised)| {
-            optimised
-                .then(|| prediction.grad_remove(&mut gradients))
-                .flatten()
-        })
-        .collect();
-    let gradients = traced.gradients(&of_predictions, balance.all_optimised());
-    (plain, value, gradients)
-}
-
-/// Sum of the losses of the optimised views.
+/// Sum of the losses of the optimised views over some rows of a batch, and the predictions from each view.
 pub(crate) fn batch_loss(
     networks: &CalibrationNetworks,
     samples: &Encoded,
     batch: &[usize],
+    rows: Range<usize>,
     optimised: &[bool],
     loss: Target,
     device: &Device,
-) -> Tensor<1> {
-    let predictions = predictions_of(networks, samples, batch, optimised, device);
-    loss_of(&predictions, samples, batch, optimised, loss, device)
+) -> (Tensor<1>, Vec<Vec<f32>>) {
+    let predictions = predictions_of(networks, samples, &batch[rows.clone()], optimised, device);
+    let total = loss_of(&predictions, samples, batch, rows, optimised, loss, device);
+    let predictions = predictions.into_iter();
+    (total, predictions.map(|p| numbers(p.inner())).collect())
 }
 
 /// Predictions from each view, with autodiff for those that are optimised.
@@ -402,50 +362,46 @@ fn predictions_of(
         .collect()
 }
 
-/// The same of the predictions from each view.
+/// Sum of the losses of the optimised views over `rows` of a batch, from the predictions for these rows.
 fn loss_of(
     predictions: &[Tensor<2>],
     samples: &Encoded,
     batch: &[usize],
+    rows: Range<usize>,
     optimised: &[bool],
     loss: Target,
     device: &Device,
 ) -> Tensor<1> {
     let views = samples.views();
-    let targets = samples.target_column(batch, loss, device);
+    let targets = samples.target_column(&batch[rows.clone()], loss, device);
     let masks: Vec<Vec<f32>> = (0..views).map(|view| samples.mask(batch, view)).collect();
     let mut total = Tensor::<1>::zeros([1], device);
     for view in (0..views).filter(|&view| optimised[view]) {
-        let weights = |other_seen: &dyn Fn(usize) -> bool| {
-            let raw: Vec<f32> = (0..batch.len())
-                .map(|row| {
-                    if other_seen(row) {
-                        masks[view][row] * loss.weight(samples.distance(batch[row]))
-                    } else {
-                        0.0
-                    }
-                })
-                .collect();
-            let count = (0..batch.len())
-                .filter(|&row| masks[view][row] > 0.0 && other_seen(row))
-                .count()
-                .max(1);
-            column(raw.into_iter().map(|w| w / count as f32).collect(), device)
+        // Each mean is over the rows of the whole batch.
+        let weights = |counts: &dyn Fn(usize) -> bool| {
+            let counts = |row: usize| masks[view][row] > 0.0 && counts(row);
+            let count = (0..batch.len()).filter(|&row| counts(row)).count().max(1);
+            let weight = |row: usize| {
+                if counts(row) {
+                    loss.weight(samples.distance(batch[row])) / count as f32
+                } else {
+                    0.0
+                }
+            };
+            column(rows.clone().map(weight).collect(), device)
         };
         let truth = (predictions[view].clone() - targets.clone()).square() * weights(&|_| true);
         total = total + truth.sum();
         let others: Vec<usize> = (0..views).filter(|&other| other != view).collect();
         let seen_by_others =
             |row: usize| others.iter().map(|&other| masks[other][row]).sum::<f32>();
-        if (0..batch.len()).any(|row| masks[view][row] > 0.0 && seen_by_others(row) > 0.0) {
-            let mut mean = Tensor::<2>::zeros([batch.len(), 1], device);
+        if (rows.clone()).any(|row| masks[view][row] > 0.0 && seen_by_others(row) > 0.0) {
+            let mut mean = Tensor::<2>::zeros([rows.len(), 1], device);
             for &other in &others {
-                let share = (0..batch.len())
-                    .map(|row| masks[other][row] / seen_by_others(row).max(1.0))
-                    .collect();
+                let share = |row: usize| masks[other][row] / seen_by_others(row).max(1.0);
                 mean = mean
                     + Tensor::from_inner(predictions[other].clone().inner())
-                        * column(share, device);
+                        * column(rows.clone().map(share).collect(), device);
             }
             let apart = (predictions[view].clone() - mean).square()
                 * weights(&|row| seen_by_others(row) > 0.0);
@@ -453,23 +409,6 @@ fn loss_of(
         }
     }
     total
-}
-
-/// The gradients of one part of a module.
-fn take_gradients<M: Module>(gradients: &mut Gradients, module: &M, into: &mut GradientsParams) {
-    struct Mover<'a> {
-        from: GradientsParams,
-        into: &'a mut GradientsParams,
-    }
-    impl burn::module::ModuleVisitor for Mover<'_> {
-        fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<Tensor<D>>) {
-            if let Some(gradient) = self.from.remove::<D>(param.id) {
-                self.into.register(param.id, gradient);
-            }
-        }
-    }
-    let from = GradientsParams::from_module(gradients, module);
-    module.visit(&mut Mover { from, into });
 }
 
 fn validation_errors(

@@ -21,7 +21,6 @@ pub(crate) struct GapBalance {
     optimised: Vec<bool>,
     steps_since_change: usize,
     log: Vec<Vec<Option<f64>>>,
-    #[serde(default)]
     is_settled: bool,
 }
 

@@ -347,7 +347,6 @@ pub(super) fn stages(metrics: &Metrics) -> Vec<StageRow<'_>> {
             ended_by: match stage.ended_by {
                 EndedBy::Plateau => "its plateau",
                 EndedBy::Steps => "the number of steps",
-                EndedBy::Patience => "early stopping",
             },
             cycles: stage
                 .cycles

@@ -8,7 +8,6 @@ use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
 use dataset::work::watch::Watch;
-use rand_chacha::ChaCha12Rng;
 
 use crate::config::{Optimisation, TrainConfig};
 use crate::error::Result;
@@ -111,7 +110,6 @@ impl NetworkRefit<'_> {
 
 impl Task for NetworkRefit<'_> {
     type Network = CalibrationNetworks;
-    type State = ();
     const NAME: &'static str = "calibration network";
     const STAGE: &'static str = "calibration network";
 
@@ -119,27 +117,32 @@ impl Task for NetworkRefit<'_> {
         JUDGED_EVERY
     }
 
-    /// All steps, and then the best of them.
-    fn patience(&self) -> Option<usize> {
-        Some(STEPS)
+    fn keeps_best(&self) -> bool {
+        true
     }
 
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.setup.random
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
-
-    fn state(&self) {}
-
-    fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
         let batch = draw(&self.seen, self.batch_size, &mut self.setup.random);
         let Setup { loss, device, .. } = &self.setup;
         let samples = self.samples.training;
-        let alone = batch_loss(networks, samples, &batch, &self.optimised, *loss, device);
+        let rows = 0..batch.len();
+        let frozen = networks.clone().with_frozen_head();
+        let (alone, _) = batch_loss(
+            &frozen,
+            samples,
+            &batch,
+            rows,
+            &self.optimised,
+            *loss,
+            device,
+        );
         let answer = self.estimator.forward(&self.features(networks, &batch));
         let together = samples.squared_error(answer, &batch, batch.len() as f32, *loss, device);
-        networks.gradients_of_view(self.view, (alone + together).backward())
+        GradientsParams::from_grads((alone + together).backward(), networks)
     }
 
     fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
