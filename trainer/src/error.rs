@@ -13,7 +13,7 @@ pub(crate) use corpus_fault::RigKind;
 pub use predictions_fault::PredictionsFault;
 pub use run_fault::RunFault;
 
-/// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
+/// Error of this crate. Every message states the expected and the actual value and, if the user can act, a remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A corpus cannot be read, or a result not written.
@@ -22,7 +22,7 @@ pub enum Error {
     /// The corpus cannot be used for training or evaluation as it is.
     #[error("corpus {}: {fault}", path.display())]
     Corpus {
-        /// Folder of the corpus, or of one of its scenarios.
+        /// Corpus or scenario folder.
         path: PathBuf,
         /// Fault of the corpus.
         fault: Box<CorpusFault>,
@@ -32,7 +32,7 @@ pub enum Error {
     Setting {
         /// Name of the setting with its section.
         setting: String,
-        /// Its value.
+        /// Invalid value.
         found: String,
         /// Allowed values.
         expected: String,
@@ -77,7 +77,7 @@ pub enum Error {
     Diverged {
         /// Name of the network.
         network: &'static str,
-        /// Step at which this was noticed.
+        /// Step when this was noticed.
         step: usize,
     },
     /// Results would replace a file.

@@ -1,4 +1,4 @@
-//! A training from corpus to run folder.
+//! Training, from corpus to run folder.
 
 pub(crate) mod choice;
 mod flights;
@@ -38,20 +38,20 @@ use crate::training::flights::Flights;
 use crate::training::network_training::train_networks;
 use crate::training::start::Start;
 
-/// The result of a training.
+/// Result of a training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainOutcome {
     /// The run folder.
     pub run: RunFolder,
-    /// Error of `paper_lstm` on the validation side, percent.
+    /// Validation error of `paper_lstm`, percent.
     pub validation_mape_pct: f64,
     /// The recommended estimator.
     pub choice: Choice,
 }
 
 /// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`, as a
-/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights, also if the
-/// training was stopped or killed and starts again from its checkpoint.
+/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights, even if the
+/// training was interrupted and resumed from the checkpoint.
 pub fn train(
     corpus: &Corpus,
     out: &Path,
@@ -61,7 +61,7 @@ pub fn train(
     train_on_all(slice::from_ref(corpus), out, config, watch)
 }
 
-/// The same on several corpora of one rig. A flight that their splits have on different sides does not train.
+/// [`train`] on several corpora with the same rig. Flights on different sides in different corpora do not train.
 pub fn train_on_all(
     corpora: &[Corpus],
     out: &Path,
@@ -71,7 +71,7 @@ pub fn train_on_all(
     train_unless(Finished::IsReplaced, corpora, out, config, watch)
 }
 
-/// The same, but a finished run of the same settings, samples and version stays.
+/// [`train_on_all`], except that a finished run with the same settings, samples and version stays.
 pub fn train_unless_done(
     corpora: &[Corpus],
     out: &Path,
@@ -81,16 +81,15 @@ pub fn train_unless_done(
     train_unless(Finished::Stays, corpora, out, config, watch)
 }
 
-/// Treatment of a run that already exists at the destination.
+/// Treatment of a finished run at the destination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Finished {
-    /// It is made again.
+    /// Train again.
     IsReplaced,
-    /// It is the result.
+    /// Return it if settings, samples and version are the same.
     Stays,
 }
 
-/// The same, unless it is done already.
 pub(crate) fn train_unless(
     finished: Finished,
     corpora: &[Corpus],
@@ -104,7 +103,7 @@ pub(crate) fn train_unless(
     let place = RunPlace::take(&RunFolder::at(out))?;
     let flights = Flights::read(corpora, config, watch)?;
     let samples = &flights.samples;
-    // Errors about all of them name the first.
+    // Errors about all corpora name the first.
     let corpus = &corpora[0];
     let training = flights.training(config);
     let start = Start::of(config, corpus, samples)?;
@@ -203,7 +202,6 @@ pub(crate) fn train_unless(
     })
 }
 
-/// Fits all formulas.
 fn fit_formulas(
     flights: &Flights,
     normalisation: &Normalisation,
@@ -230,7 +228,7 @@ fn fit_formulas(
     }
 }
 
-/// The result of the run that is there, if a training of this origin made it.
+/// Result of the existing run, if it has this origin.
 fn outcome_of(run: &RunFolder, origin: &Origin) -> Option<TrainOutcome> {
     let sealed = SealedRun::read(run).ok()?;
     let summary = RunSummary::of(&sealed).ok()?;

@@ -1,5 +1,4 @@
-//! The ranges of all settings. A settings file may contain any number that TOML supports; values outside of these ranges are
-//! rejected before anything is computed from them.
+//! Ranges of all settings. Values outside are rejected before anything is computed from them.
 
 use std::ops::RangeInclusive;
 
@@ -8,27 +7,27 @@ use crate::error::{Error, Result};
 use crate::samples::FARTHEST_NM;
 use crate::samples::sides::leave_out::LeftOut;
 
-/// Units of a layer, and layers of a stack: four times as wide and deep as in the paper. With layers at these limits, a training on two
-/// views takes 2 GiB, and 3.5 MB per sample of a batch.
+/// Layer widths and depths: up to four times the paper's. With layers at these limits, a training on two views takes 2 GiB, plus 3.5 MB per
+/// sample in a batch.
 const WIDTHS: RangeInclusive<usize> = 1..=1_024;
 const MAX_LAYERS: usize = 8;
 const STEPS: RangeInclusive<usize> = 1..=100_000_000;
 const BATCH_SIZES: RangeInclusive<usize> = 1..=8_192;
-/// Maximum number of entries of a convergence log.
+/// Maximum length of the convergence logs.
 const MAX_ENTRIES: usize = 100_000;
 const MAX_LEARNING_RATE: f64 = 10.0;
-/// Beyond this, shares, weights and percentages are meaningless.
+/// Maximum of weights and percentage points.
 const MAX_RATIO: f64 = 1e6;
-/// Of the scenarios, for test or validation: half of them remain at least.
+/// Maximum share of scenarios for test and for validation: a tenth is left for training.
 const MAX_SHARE: f64 = 0.45;
-/// Units in which single-precision networks still learn.
+/// Target units within the range of single-precision networks.
 const UNITS_NM: RangeInclusive<f64> = 0.01..=10_000.0;
 const MAX_DEVIATION_M: f64 = 100_000.0;
-/// Smallest accepted standard deviation of a camera's prior: a smaller one is numerically indistinguishable from certainty.
+/// Minimum standard deviation of the camera prior: smaller values are numerically indistinguishable from certainty.
 const MIN_SD: f64 = 1e-6;
 
 impl TrainConfig {
-    /// Checks that every setting is in its range.
+    /// Checks all settings.
     pub fn check(&self) -> Result<()> {
         number("min_dtd_nm", self.min_dtd_nm, 0.0..=FARTHEST_NM)?;
         if let Some(max) = self.max_dtd_nm {

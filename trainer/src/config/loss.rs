@@ -1,16 +1,16 @@
-//! The loss of a regression, and the unit of what networks predict.
+//! Regression loss, and the unit of network outputs.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Loss of a regression. The figure of merit is a percentage, while the paper's squared error is satisfied with 18 m everywhere, which is
-/// 0.1 % at 10 NM but 1 % at 1 NM.
+/// Regression loss. The figure of merit is a percentage, whereas the paper's squared error treats 18 m alike everywhere, which is 0.1 % at
+/// 10 NM but 1 % at 1 NM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
     /// Networks predict distances in units of 10 NM; mean squared error, as in equation (1) of the paper.
     Squared,
-    /// The same with each sample divided by its squared distance.
+    /// Mean squared error, each sample divided by its squared distance.
     Relative,
     /// Networks predict the natural logarithm of the distance in units of 10 NM; mean squared error of that, which for small errors
     /// is the relative error.
@@ -51,7 +51,7 @@ impl Loss {
 /// Unit of all distances of the networks, nautical miles.
 pub(super) const UNIT_NM: f64 = 10.0;
 
-/// A loss, and the unit of what networks predict.
+/// Loss and output unit of networks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Target {
     /// The loss.

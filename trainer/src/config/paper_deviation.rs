@@ -1,4 +1,4 @@
-//! Deviations of a training from the paper, derived from its settings and refits, so that no other method passes for the paper's.
+//! Deviations from the paper, derived from settings and refits, so that no other method passes for the paper's.
 
 use std::fmt;
 
@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig, UNIT_NM};
 
-/// A part of the method of `paper_lstm` that is not the paper's. How long and in which batches networks train is not among them: the
-/// paper leaves it open, except for the most epochs of the calibration networks.
+/// A part of `paper_lstm` that differs from the paper. Steps and batch sizes do not count: the paper leaves them open, except for the maximum
+/// number of calibration epochs.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum PaperDeviation {
-    /// `start_from`: the networks start from those of another run.
+    /// `start_from`: the networks start from the weights of an earlier run.
     Start,
     /// `loss` is not `squared`.
     Loss,
@@ -51,7 +51,7 @@ impl fmt::Display for PaperDeviation {
 }
 
 impl TrainConfig {
-    /// Deviations of these settings from the paper; empty for the defaults.
+    /// Deviations of the settings from the paper; empty for the defaults.
     pub fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
         let (c, e) = (&self.calibration, &self.estimator);
         let (paper_c, paper_e) = (CalibrationConfig::default(), EstimatorConfig::default());

@@ -1,14 +1,14 @@
-//! The end of a stage of a training: a number of steps, or its plateau.
+//! Ends of training stages: a number of steps, or a plateau.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The end of a stage of a training.
+/// End of a training stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum StageEnd {
-    /// The stage trains in cycles, each twice as long as the one before, over each of which the learning rate rises and falls. It ends when
-    /// a whole cycle lowers no validation error by more than `calibration.plateau_threshold_pct`, and keeps the last weights.
+    /// The stage trains in cycles, each twice as long as the one before. The learning rate rises and falls once per cycle. The stage ends
+    /// when a whole cycle lowers no validation error by more than `calibration.plateau_threshold_pct`, and keeps the last weights.
     /// `optimisation.steps` is a limit.
     Plateau,
     /// All `optimisation.steps` are made, as one cycle.
@@ -20,6 +20,6 @@ pub enum StageEnd {
 pub(crate) struct Plateau {
     /// Steps of the first cycle.
     pub(crate) first_cycle: usize,
-    /// Least fall of an error over a cycle that counts, percentage points.
+    /// Minimum fall of the errors over a cycle, percentage points.
     pub(crate) threshold_pct: f64,
 }

@@ -1,4 +1,4 @@
-//! Stage two, `paper_lstm`: a stacked LSTM over the views' feature vectors, and a regression of its last output.
+//! Stage two, `paper_lstm`: a stacked LSTM over the views' feature vectors, and a regression on the last output.
 //!
 //! The sequence runs over views, not over time: its length is the number of views that saw the aircraft. The calibration networks
 //! are frozen. Whole views are dropped at random per mini-batch (see [`crate::networks::view_dropout`]).
@@ -75,7 +75,7 @@ impl PaperLstm {
     }
 }
 
-/// One entry of the convergence log.
+/// Entry of the convergence log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct EstimatorLogEntry {
     /// Steps done.
@@ -228,7 +228,7 @@ impl Task for EstimatorTask<'_> {
     }
 }
 
-/// Weight of a batch's loss.
+/// Loss weight by kind of batch.
 fn kind_weight(selection: ViewSelection, config: &EstimatorConfig) -> f32 {
     match selection {
         ViewSelection::Only(_) => config.alone_weight as f32,

@@ -1,11 +1,11 @@
 //! Training checkpoints: a killed run resumes where it stopped.
 //!
-//! A training is a sequence of stages, each a network that [`crate::networks::training_loop`] trains. `checkpoint.json` contains all stages
-//! so far, with steps, weights, optimiser, position in the random numbers and log. It is replaced atomically, while the training runs and
+//! A training is a sequence of stages, each a network that [`crate::networks::training_loop`] trains. `checkpoint.json` contains all begun
+//! stages, with steps, weights, optimiser, position in the random numbers and log. It is replaced atomically, while the training runs and
 //! after each stage.
 //!
-//! The result of a training depends on its [`Origin`] alone. So a training with the same origin continues from the checkpoint to the same
-//! numbers, and one with another origin starts afresh: it would replace a finished run as well.
+//! The result depends on the [`Origin`] alone. A training with the same origin continues from the checkpoint to the same numbers; with a
+//! different origin it starts afresh, as it would replace a finished run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,21 +28,20 @@ use crate::networks::stage::Cycle;
 use crate::networks::training_loop::{Learned, Task};
 use crate::samples::json_differences::json_differences;
 
-/// The weights of the largest networks, three times, in base 64.
+/// Limit: the weights of the largest networks, three times, in base 64.
 const CHECKPOINT: FileKind = FileKind::new("checkpoint", 16 << 30).unlinked();
-/// Saving takes at most one part in this many of the time.
+/// Divisor: saving takes at most a fiftieth of the time.
 const SHARE_OF_TIME: u32 = 50;
 
-/// All that determines the numbers of a training.
+/// Everything that determines the result.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Origin {
-    /// Version of this software.
+    /// Version of dtd.
     pub(crate) dtd: String,
-    /// The settings.
     pub(crate) config: TrainConfig,
-    /// BLAKE3 of the weights that it starts from, if they are not random.
+    /// BLAKE3 of the initial weights, unless they are random.
     pub(crate) start_blake3: Option<String>,
-    /// BLAKE3 of what networks and formulas learn from and are judged by ([`crate::samples::Samples::hash`]).
+    /// BLAKE3 of the training and validation samples ([`crate::samples::Samples::hash`]).
     pub(crate) samples_blake3: String,
 }
 
@@ -50,24 +49,24 @@ pub(crate) struct Origin {
 #[derive(Default, Serialize, Deserialize)]
 struct Saved {
     origin: Origin,
-    /// Time that the training has taken, seconds.
+    /// Training time, seconds.
     spent_s: f64,
     stages: Vec<Stage>,
 }
 
-/// A network, in training or done.
+/// Training stage, running or done.
 #[derive(Serialize, Deserialize)]
 struct Stage {
     /// [`Task::NAME`].
     network: String,
-    /// Place in the random numbers.
+    /// Position in the random numbers.
     random_words: u128,
     /// [`Task::state`].
     state: Value,
     reached: Reached,
 }
 
-/// Progress of a stage.
+/// Stage progress.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Reached {
@@ -77,7 +76,7 @@ pub(crate) enum Reached {
     End(Learned<Base64>),
 }
 
-/// A network in training.
+/// Weights of a network in training.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct RunningWeights {
     /// Steps done.
@@ -109,14 +108,14 @@ impl TryFrom<String> for Base64 {
     }
 }
 
-/// The checkpoint of a training that is at work.
+/// Checkpoint of a running training.
 pub(crate) struct Checkpoints {
-    /// `None` for a training that is not kept.
+    /// `None` without a checkpoint file.
     path: Option<PathBuf>,
     saved: Saved,
-    /// Stages that this process has begun or skipped.
+    /// Number of stages that this process has begun or skipped.
     begun: usize,
-    /// When this process began to train, and what others had spent before, seconds.
+    /// Start of this process, and the training time of earlier processes, seconds.
     began: Instant,
     before_s: f64,
     last_save: Instant,
@@ -124,7 +123,7 @@ pub(crate) struct Checkpoints {
 }
 
 impl Checkpoints {
-    /// Goes on from the checkpoint at `path` if it has the same origin.
+    /// Resumes from the checkpoint at `path` if its origin is the same.
     pub(crate) fn open(path: &Path, origin: Origin, began: Instant, watch: &dyn Watch) -> Self {
         let saved = read(path, &origin).unwrap_or_else(|| Saved {
             origin,
@@ -147,7 +146,7 @@ impl Checkpoints {
         }
     }
 
-    /// For a training that is too short to be kept.
+    /// Writes no checkpoint: for short trainings.
     pub(crate) fn none() -> Self {
         Self::new(None, Saved::default())
     }
@@ -165,13 +164,12 @@ impl Checkpoints {
         }
     }
 
-    /// Time that the training has taken, by all processes, seconds.
+    /// Training time of all processes, seconds.
     pub(crate) fn spent_s(&self) -> f64 {
         self.before_s + self.began.elapsed().as_secs_f64()
     }
 
-    /// Starts the next stage: from the checkpoint, with the task restored to its saved state. `None` if the checkpoint does not contain the
-    /// stage.
+    /// Starts the next stage from the checkpoint and restores the task's state. `None` if the checkpoint does not contain the stage.
     pub(crate) fn next_stage<T: Task>(&mut self, task: &mut T) -> Result<Option<Reached>> {
         let stage = self.saved.stages.get(self.begun);
         self.begun += 1;
@@ -184,7 +182,6 @@ impl Checkpoints {
         Ok(Some(stage.reached.clone()))
     }
 
-    /// True if it is time to save.
     pub(crate) fn is_due(&self) -> bool {
         self.path.is_some() && self.last_save.elapsed() >= SHARE_OF_TIME * self.last_save_took
     }
@@ -215,25 +212,21 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// The numbers of a network.
     pub(crate) fn network_bytes<N: Module>(&self, network: &N) -> Result<Base64> {
         let bytes = network.clone().into_record().into_bytes();
         self.sound(bytes.map(|bytes| Base64(bytes.to_vec())))
     }
 
-    /// The network with such numbers.
     pub(crate) fn network<N: Module>(&self, bytes: &Base64, network: N) -> Result<N> {
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes.0.clone()));
         self.sound(record.and_then(|record| network.try_load_record(record)))
     }
 
-    /// The numbers of an optimiser.
     pub(crate) fn optimiser_bytes(&self, optimiser: &ModuleOptimizer) -> Result<Base64> {
         let bytes = optimiser.into_bytes();
         self.sound(bytes.map(|bytes| Base64(bytes.to_vec())))
     }
 
-    /// The optimiser with such numbers.
     pub(crate) fn optimiser(
         &self,
         bytes: &Base64,
@@ -252,7 +245,7 @@ impl Checkpoints {
     }
 }
 
-/// The checkpoint at `path`; `None` if there is none, or if it is of another training.
+/// The checkpoint at `path`; `None` if it is missing or its origin differs.
 fn read(path: &Path, origin: &Origin) -> Option<Saved> {
     let shown = path.display();
     let bytes = match outside_file::read(path, CHECKPOINT) {

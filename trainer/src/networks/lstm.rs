@@ -1,4 +1,4 @@
-//! Stacked LSTM that runs over views and keeps its state at an empty view.
+//! Stacked LSTM over views; an empty view leaves the state unchanged.
 //!
 //! burn's own `nn::Lstm` multiplies by a hidden state that is zero at the first step, which with two steps is a quarter of all
 //! work, and has no mask. Gates have separate weights, as saved runs have them, and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster
@@ -13,7 +13,7 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::networks::dense::{linear, linear_to_onnx};
 
-/// One gate: the input part (with bias) and the part from the last output.
+/// Gate: the input part (with bias) and the recurrent part.
 #[derive(Module, Debug)]
 struct Gate {
     input: Linear,
@@ -56,7 +56,7 @@ impl Gate {
     }
 }
 
-/// One layer.
+/// LSTM layer.
 #[derive(Module, Debug)]
 struct Layer {
     input_gate: Gate,
@@ -65,7 +65,7 @@ struct Layer {
     output_gate: Gate,
 }
 
-/// Output and cell of a layer, `[batch, width]` each.
+/// Layer state, `[batch, width]` each.
 #[derive(Clone)]
 struct State {
     hidden: Tensor<2>,
@@ -83,7 +83,7 @@ impl Layer {
         }
     }
 
-    /// One step; rows masked out by `present` (1 or 0, `[batch, 1]`) keep their state.
+    /// Advances by a view; rows masked out by `present` (1 or 0, `[batch, 1]`) keep their state.
     fn step(&self, input: Tensor<2>, state: Option<State>, present: Option<&Tensor<2>>) -> State {
         let last = state.as_ref().map(|state| state.hidden.clone());
         let write = sigmoid(self.input_gate.forward(input.clone(), last.clone()))
@@ -110,7 +110,7 @@ impl Layer {
     }
 }
 
-/// Output and cell of a layer in an ONNX graph.
+/// Layer state in an ONNX graph.
 #[derive(Clone)]
 struct OnnxState {
     hidden: String,
@@ -118,7 +118,7 @@ struct OnnxState {
 }
 
 impl Layer {
-    /// The same as [`Layer::step`] in an ONNX graph.
+    /// [`Layer::step`] as an ONNX graph.
     fn to_onnx(
         &self,
         graph: &mut Graph,
@@ -164,7 +164,7 @@ fn tanh(x: Tensor<2>) -> Tensor<2> {
     sigmoid(x.mul_scalar(2.0)).mul_scalar(2.0).sub_scalar(1.0)
 }
 
-/// The features of one view for a batch.
+/// Features per view for a batch.
 #[derive(Clone)]
 pub(crate) struct ViewFeatures {
     /// `[batch, features]`.
@@ -174,7 +174,7 @@ pub(crate) struct ViewFeatures {
 }
 
 impl ViewFeatures {
-    /// The same for a network with autodiff. They get no gradients themselves.
+    /// Constants for a network with autodiff.
     pub(crate) fn with_autodiff(self) -> Self {
         Self {
             features: Tensor::from_inner(self.features),
@@ -190,7 +190,7 @@ pub(crate) struct StackedLstm {
 }
 
 impl StackedLstm {
-    /// Layers of these widths over `inputs` features.
+    /// Untrained layers over `inputs` features.
     pub(crate) fn new(
         inputs: usize,
         widths: &[usize],
@@ -223,7 +223,7 @@ impl StackedLstm {
         output.expect("a sequence has at least one view")
     }
 
-    /// The same in an ONNX graph, of the features of each view and its presence, 1 or 0.
+    /// [`StackedLstm::forward`] as an ONNX graph; `views` are pairs of features and presence (1 or 0).
     pub(crate) fn to_onnx(&self, graph: &mut Graph, views: &[[String; 2]]) -> String {
         let mut states: Vec<Option<OnnxState>> = vec![None; self.layers.len()];
         let mut output = String::new();

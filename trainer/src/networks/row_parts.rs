@@ -1,4 +1,4 @@
-//! Gradients of a batch's loss by autodiff, with the rows of the batch divided among the cores.
+//! Loss gradients by autodiff, with the rows of a batch divided among the cores.
 //!
 //! The division depends on the batch alone, so that the same seed gives the same weights on any number of cores.
 
@@ -9,21 +9,21 @@ use burn::optim::{GradientsAccumulator, GradientsParams};
 use burn::tensor::{Device, Tensor};
 use rayon::prelude::*;
 
-/// Maximum rows of a part: its intermediate results stay in a core's cache.
+/// Maximum rows per part: its intermediate results stay in a core's cache.
 const MAX_ROWS: usize = 256;
-/// Minimum parts of a batch.
+/// Minimum number of parts per batch, for two cores.
 const MIN_PARTS: usize = 2;
 
-/// Loss of a batch, which is the sum over its parts.
+/// Batch loss, the sum over the parts.
 pub(crate) struct BatchLoss<P> {
     pub(crate) value: f32,
     pub(crate) gradients: GradientsParams,
-    /// Predictions of each part.
+    /// Predictions by part.
     pub(crate) predictions: Vec<P>,
 }
 
-/// Loss and gradients of `network` for a batch of `rows`; `part` returns the loss of some rows, and their predictions. On a GPU all rows are
-/// one part.
+/// Loss and gradients of `network` for a batch of `rows`; `part` returns loss and predictions for some rows. On a GPU all rows form a single
+/// part.
 pub(crate) fn loss_of_parts<N: Module, P: Send>(
     network: &N,
     rows: usize,
@@ -62,7 +62,7 @@ pub(crate) fn loss_of_parts<N: Module, P: Send>(
     loss
 }
 
-/// The parts of a batch, in their order: two, and more if it has more than 512 rows.
+/// Two parts, or more above 512 rows.
 fn row_parts(rows: usize) -> Vec<Range<usize>> {
     let parts = rows.div_ceil(MAX_ROWS).max(MIN_PARTS).min(rows);
     (0..parts)

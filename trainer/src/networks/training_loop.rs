@@ -1,10 +1,9 @@
-//! The loop that trains every network of this crate: batch after batch, judged now and then.
+//! Training loop of all networks in this crate.
 //!
-//! Calibration networks, distance estimator and monoscopic networks differ in their batches and losses and in what they make of their
-//! errors: a [`Task`]. Optimiser, learning rate, judging, early stopping, checkpoints and the end of a training that diverges are the same.
+//! Calibration networks, distance estimator and monoscopic networks differ in batches, losses and reactions to errors: a [`Task`]. Optimiser,
+//! learning rate, judging, checkpoints and the handling of divergence are the same.
 //!
-//! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, trains two halves of a batch in
-//! parallel, and remembers the background that it took for aircraft.
+//! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, and collects hard backgrounds.
 
 use std::ops::Range;
 
@@ -21,12 +20,12 @@ use crate::error::{Error, Result};
 use crate::networks::checkpoint::{Checkpoints, Reached, RunningWeights};
 use crate::networks::stage::{Cycle, EndedBy, StageSummary, cycle_of, is_reached};
 
-/// Share of the steps of a cycle over which the rate rises.
+/// Share of a cycle's steps during which the rate rises.
 const WARM_UP: f64 = 0.02;
-/// Share of the highest rate that remains at the end.
+/// Final rate as a share of the highest.
 const FINAL: f64 = 1e-3;
 
-/// Learning rate of a step of a cycle: a linear rise, then half a cosine.
+/// Learning rate within a cycle: a linear rise, then half a cosine.
 fn learning_rate(highest: f64, cycle: &Range<usize>, step: usize) -> f64 {
     let part = ((step - cycle.start) as f64 + 0.5) / cycle.len() as f64;
     let factor = if part < WARM_UP {
@@ -38,11 +37,10 @@ fn learning_rate(highest: f64, cycle: &Range<usize>, step: usize) -> f64 {
     highest * factor
 }
 
-/// Inputs of every task besides samples and settings.
+/// Task inputs besides samples and settings.
 pub(crate) struct Setup {
-    /// Loss that is minimised.
     pub(crate) loss: Target,
-    /// With autodiff.
+    /// Device with autodiff.
     pub(crate) device: Device,
     /// Draws first weights and batches.
     pub(crate) random: ChaCha12Rng,
@@ -57,17 +55,15 @@ impl Setup {
     }
 }
 
-/// Companions of a training.
+/// Checkpoints and observer of a training.
 pub(crate) struct Companions<'a> {
-    /// Keeps it on disk.
     pub(crate) checkpoints: &'a mut Checkpoints,
-    /// Shows it, and may stop it.
+    /// Shows progress, and may stop the training.
     pub(crate) watch: &'a dyn Watch,
 }
 
-/// Training task of a network.
+/// Training task.
 pub(crate) trait Task {
-    /// The network.
     type Network: Module;
     /// Name in errors.
     const NAME: &'static str;
@@ -75,13 +71,13 @@ pub(crate) trait Task {
     const STAGE: &'static str;
     /// Inputs, with the random numbers that draw the batches.
     fn setup(&mut self) -> &mut Setup;
-    /// Steps between two judgements. The last step of a cycle is always judged.
+    /// Steps between judgements. The last step of every cycle is always judged.
     fn judged_every(&self) -> usize;
     /// True if the network with the lowest error is kept, even if it is the initial one, instead of the last network.
     fn keeps_best(&self) -> bool {
         false
     }
-    /// Notes the errors at the end of a cycle that lowered none of them. The task may then train other parts.
+    /// Receives the errors after a cycle that lowered no error. The task may then train other parts.
     fn observe_plateau(&mut self, _errors_pct: &[Option<f64>]) {}
     /// True if such a plateau ends the training.
     fn is_settled(&self) -> bool {
@@ -97,16 +93,15 @@ pub(crate) trait Task {
     }
     /// Gradients of the loss of the next batch.
     fn gradients(&mut self, network: &Self::Network, step: usize) -> GradientsParams;
-    /// The errors that it is judged by, percent; `None` for what cannot be measured.
+    /// Validation errors, percent; `None` if unmeasurable.
     fn errors_pct(&self, network: &Self::Network) -> Vec<Option<f64>>;
-    /// Takes note of the errors after `done` steps, and returns a few words about them.
+    /// Records the errors after `done` steps, and returns a note for the display.
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String;
 }
 
-/// A network that is kept.
+/// Kept network.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Kept<N> {
-    /// Weights.
     pub(crate) network: N,
     /// Steps that made it.
     pub(crate) step: usize,
@@ -114,10 +109,9 @@ pub(crate) struct Kept<N> {
     pub(crate) error_pct: f64,
 }
 
-/// A trained network.
+/// Result of a training.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Learned<N> {
-    /// Result.
     pub(crate) kept: Kept<N>,
     /// Steps done.
     pub(crate) steps: usize,
@@ -128,7 +122,7 @@ pub(crate) struct Learned<N> {
 }
 
 impl<N> Learned<N> {
-    /// Summary of the stage, which trained on this many samples.
+    /// Summary of a stage with `samples` training samples.
     pub(crate) fn summary(
         &self,
         network: &str,
@@ -164,7 +158,7 @@ impl<N> Learned<N> {
     }
 }
 
-/// A training between two steps.
+/// Training between two steps.
 struct Position<N> {
     network: N,
     optimiser: ModuleOptimizer,
@@ -176,7 +170,7 @@ struct Position<N> {
     cycles: Vec<Cycle>,
 }
 
-/// Trains a network, from its beginning or from where a checkpoint has it. If the training is stopped, the checkpoint has its last step.
+/// Trains a network from the start or from a checkpoint. If the training is stopped, the checkpoint contains the last step.
 pub(crate) fn learn<T: Task>(
     task: &mut T,
     network: T::Network,
@@ -284,7 +278,6 @@ impl<N: Module> Position<N> {
         }
     }
 
-    /// The trained network.
     fn end<T: Task<Network = N>>(self, task: &T, ended_by: EndedBy) -> Result<Learned<N>> {
         let kept = match self.best {
             Some(best) => best,
@@ -322,7 +315,7 @@ impl<N: Module> Position<N> {
     }
 }
 
-/// The errors of a network, all of them finite.
+/// Errors of `network`; an error if they are not finite.
 fn judge<T: Task>(task: &T, network: &T::Network, step: usize) -> Result<Vec<Option<f64>>> {
     let errors_pct = task.errors_pct(network);
     if errors_pct.iter().flatten().all(|error| error.is_finite()) {
@@ -335,7 +328,7 @@ fn judge<T: Task>(task: &T, network: &T::Network, step: usize) -> Result<Vec<Opt
     }
 }
 
-/// The mean of those that could be measured.
+/// Mean over the measurable errors.
 fn mean(errors_pct: &[Option<f64>]) -> f64 {
     let measured = || errors_pct.iter().flatten();
     measured().sum::<f64>() / measured().count().max(1) as f64

@@ -1,4 +1,4 @@
-//! Results of a training: in memory, and as files of a run folder.
+//! Training results, in memory and as run files.
 
 use std::collections::BTreeSet;
 
@@ -41,83 +41,73 @@ use crate::samples::rig::{Cameras, Rig};
 use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
-/// Format of a run, increased whenever its numbers change their meaning or new ones are added.
+/// Run format, increased whenever numbers change their meaning or are added or removed.
 pub(crate) const RUN_FORMAT: u32 = 10;
 
-/// Version information that shows whether a run can be read.
+/// Version information, which decides whether a run can be read.
 #[derive(Deserialize)]
 struct FormatStamp {
     format: u32,
     dtd: String,
 }
 
-/// The inputs of a training (`run.json`).
+/// Training inputs (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RunSummary {
     /// [`RUN_FORMAT`].
     pub format: u32,
-    /// Version of this software.
+    /// Version of dtd.
     pub dtd: String,
-    /// File name of the detection model whose boxes were used for training, if it has one.
+    /// File name of the detection model, if it has one.
     pub model: Option<String>,
-    /// Name of its detections, the start of the hash of the model and the settings next to it.
+    /// Name of the detections: the start of the hash over model and settings.
     pub model_hash: String,
-    /// Name of the rig.
     pub rig: String,
-    /// The runway of the training.
     pub runway: Runway,
-    /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
+    /// Cameras by view; those of the first scenario if they vary. The networks apply only to these cameras.
     pub cameras: Cameras,
-    /// True if other scenarios had cameras of the rig in other positions or directions.
+    /// True if camera positions or directions differ between scenarios.
     pub cameras_vary: bool,
-    /// The cameras as planned, before scenarios misplace or aim them; missing without a plan.
+    /// Planned cameras, before scenarios misplace or aim them; missing without a plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planned_cameras: Option<Cameras>,
-    /// The cameras that the views of the training were registered with; missing if they were not.
+    /// Cameras that the views were registered with; missing without registration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub registered_with: Option<RegisteredWith>,
-    /// Trajectories on the training side.
     pub training_trajectories: BTreeSet<String>,
-    /// Trajectories on the validation side.
     pub validation_trajectories: BTreeSet<String>,
-    /// Identities of these trajectories, independent of their names.
+    /// Flight identities, independent of trajectory names.
     pub training_flights: BTreeSet<String>,
-    /// The same of the validation side.
     pub validation_flights: BTreeSet<String>,
-    /// The split by scenario, if there is one: its sides share flights.
+    /// Split by scenario, if the settings ask for it: both sides share flights.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scenario_split: Option<ScenarioSplit>,
-    /// Scenarios on the training side.
     pub training_scenarios: usize,
-    /// Scenarios on the validation side.
     pub validation_scenarios: usize,
-    /// Samples on the training side that the networks learned from, as recorded.
+    /// Training samples of the networks.
     pub training_samples: usize,
-    /// By view, boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them
-    /// unless the settings remove them.
+    /// Training boxes that do not contain the aircraft, by view. Formulas are fitted without them; networks learn from them unless the settings
+    /// remove them.
     pub dropped_training_boxes: DroppedByView,
-    /// Samples on the validation side.
     pub validation_samples: usize,
-    /// BLAKE3 of all that networks and formulas learned from and were judged by.
+    /// BLAKE3 of the training and validation samples.
     pub samples_blake3: String,
-    /// Error of `paper_lstm` on the validation side, percent.
+    /// Validation error of `paper_lstm`, percent.
     pub validation_mape_pct: f64,
-    /// Stages of the training, in their order.
     pub stages: Vec<StageSummary>,
-    /// The recommended estimator.
     pub choice: Choice,
-    /// BLAKE3 of the weights that the training started from, if they were not random.
+    /// BLAKE3 of the initial weights, unless they were random.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub started_from_blake3: Option<String>,
-    /// Views that were fitted again after the training, in order.
+    /// Refits, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refits: Vec<Refit>,
-    /// Wall-clock time of the training, seconds.
+    /// Wall-clock time, seconds.
     pub training_s: f64,
 }
 
 impl RunSummary {
-    /// The summary in these files; an error if they have another format.
+    /// Reads the summary; an error if the format differs.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
         const WHAT: &str = "run summary";
         let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, WHAT)?;
@@ -133,7 +123,7 @@ impl RunSummary {
         sealed.json(RunFolder::SUMMARY, WHAT)
     }
 
-    /// With the flights of the run that the training started from, which its networks know.
+    /// Adds the flights of the run that the training started from, because the networks know them.
     pub(crate) fn with_flights_of(mut self, start: Option<&Self>) -> Self {
         if let Some(before) = start {
             let pairs = [
@@ -155,8 +145,7 @@ impl RunSummary {
         self
     }
 
-    /// The cameras of a corpus and of the run that must be the same; `None` if a sweep jitters or turns them and one of the two has no
-    /// plan.
+    /// Corpus cameras and run cameras that must be the same; `None` if a sweep jitters or turns them and a plan is missing.
     pub(crate) fn comparable<'a>(&'a self, rig: &'a Rig) -> Option<[&'a Cameras; 2]> {
         if !self.cameras_vary && !rig.cameras_vary {
             return Some([&rig.cameras, &self.cameras]);
@@ -164,7 +153,7 @@ impl RunSummary {
         Some([rig.planned()?, self.planned_cameras.as_ref()?])
     }
 
-    /// True if a flight was used for training or for its decisions.
+    /// True if the training used the flight, for learning or for decisions.
     pub(crate) fn knows(&self, scenario: &ScenarioSummary) -> bool {
         [&self.training_flights, &self.validation_flights]
             .iter()
@@ -172,22 +161,22 @@ impl RunSummary {
     }
 }
 
-/// Both convergence logs (`convergence.json`): errors of training and validation by step.
+/// Convergence logs of both stages (`convergence.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Convergence {
     /// Identifiers of the views.
     pub views: Vec<String>,
     /// Stage one.
     pub calibration: Vec<CalibrationLogEntry>,
-    /// Steps that made the calibration networks of the run.
+    /// Steps of the kept calibration networks.
     pub calibration_kept_step: usize,
     /// Stage two.
     pub estimator: Vec<EstimatorLogEntry>,
-    /// Steps that made the estimator of the run.
+    /// Steps of the kept estimator.
     pub estimator_kept_step: usize,
 }
 
-/// The fitted formulas (`baselines.json`).
+/// Fitted formulas (`baselines.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Baselines {
     /// Identifiers of the views.
@@ -202,7 +191,7 @@ pub(crate) struct Baselines {
     pub self_calibrated: Option<SelfCalibrated>,
     /// `inverse_range_filtered` and `inverse_range_smoothed`.
     pub flight_filter: FlightFilter,
-    /// The boxes that all estimators get.
+    /// Box selection of all estimators.
     pub paired_views: PairedViews,
     /// `no_vision_time` and `no_vision_time_weather`.
     pub mean_by_time: MeanByTime,
@@ -211,7 +200,7 @@ pub(crate) struct Baselines {
     pub backgrounds: Option<Vec<StoredView>>,
 }
 
-/// All networks of a run.
+/// All networks.
 #[derive(Module, Debug)]
 pub(crate) struct Networks {
     /// Stage one.
@@ -246,12 +235,12 @@ impl Networks {
     }
 }
 
-/// No training produces such a number in a network.
+/// Limit of network weights, beyond everything that a training produces.
 const MAX_WEIGHT: f32 = 1e6;
-/// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
+/// Limit of formula coefficients, such as pixels times metres of an airliner's span, or metres to the target.
 const MAX_OF_A_FORMULA: f64 = 1e12;
 
-/// Rejects numbers that make every answer meaningless: NaN, infinities, and those that no training produces.
+/// Rejects NaN, infinities and numbers that no training produces.
 fn check_numbers(
     sealed: &SealedRun,
     normalisation: &Normalisation,
@@ -325,7 +314,7 @@ fn check_numbers(
     }
 }
 
-/// An impossible weight, if there is one.
+/// First impossible weight.
 struct WorstWeight(Option<f32>);
 
 impl ModuleVisitor for WorstWeight {
@@ -338,24 +327,18 @@ impl ModuleVisitor for WorstWeight {
     }
 }
 
-/// A trained run in memory. Its networks are on a device without autodiff.
+/// Run in memory, with networks on a device without autodiff.
 #[derive(Debug, Clone)]
 pub(crate) struct TrainedRun {
-    /// Settings.
     pub config: TrainConfig,
-    /// Its inputs.
     pub summary: RunSummary,
-    /// Features.
     pub normalisation: Normalisation,
-    /// Formulas.
     pub baselines: Baselines,
-    /// Networks.
     pub networks: Networks,
-    /// Logs.
     pub convergence: Convergence,
     /// References for aligning cameras, if the settings ask for it.
     pub backgrounds: Option<Backgrounds>,
-    /// True if its cameras were moved to another runway.
+    /// True if the cameras were moved to a different runway.
     pub is_elsewhere: bool,
 }
 
@@ -382,7 +365,7 @@ impl TrainedRun {
         Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
     }
 
-    /// Puts the run into a place that we hold, as a whole.
+    /// Writes the run and moves it into place, as a whole.
     pub(crate) fn commit(&self, place: &RunPlace) -> Result<()> {
         let new = place.begin()?;
         self.write(&new)?;
@@ -390,8 +373,8 @@ impl TrainedRun {
         place.commit(&config_hash)
     }
 
-    /// All networks in the format of Safetensors. The same numbers give the same bytes: with several entries, the library writes
-    /// the metadata in an order that varies between processes.
+    /// Networks in Safetensors format. The same numbers give the same bytes, because the metadata has a single entry: with several, their order
+    /// varies between processes.
     pub(crate) fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
         let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
         let mut store = SafetensorsStore::from_bytes(None)
@@ -401,7 +384,6 @@ impl TrainedRun {
         store.get_bytes().map_err(failed)
     }
 
-    /// The run in these files.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
         let summary = RunSummary::of(sealed)?;
         let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;

@@ -1,4 +1,4 @@
-//! Choice of the estimator that a training recommends, and its reason.
+//! Choice of the recommended estimator.
 //!
 //! `inverse_range` learns everything that the images show from the training flights, including effects outside any camera model, but only
 //! near these flights: `docs/estimators.md` has figures. Fitted cameras also apply away from the flights. So flights that keep closely to
@@ -10,7 +10,7 @@ use crate::run::trained::Baselines;
 use crate::samples::Sample;
 use crate::samples::lateral_spread::lateral_spread_m;
 
-/// Least spread for `inverse_range`: flights 60 m off the usual path at 10 NM then cost it a quarter of its precision.
+/// Minimum lateral spread for `inverse_range`: flights 60 m off the usual path at 10 NM then cost a quarter of the precision.
 const MIN_SPREAD_M: f64 = 2.0;
 
 impl Choice {

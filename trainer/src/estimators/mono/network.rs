@@ -19,7 +19,7 @@ use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 
 /// Steps between two judgements.
 const JUDGED_EVERY: usize = 500;
-/// Features of a box that are its centre: the first.
+/// Number of centre features, which come first.
 const CENTRE: usize = 2;
 
 /// Box features that the network sees.
@@ -34,7 +34,7 @@ pub(crate) enum MonoInputs {
 }
 
 impl MonoInputs {
-    /// Its part of the features of a box.
+    /// Range of the network's inputs among the box features.
     fn columns(self) -> Range<usize> {
         match self {
             Self::Size => CENTRE..BOX_FEATURES,
@@ -49,7 +49,7 @@ impl MonoInputs {
     }
 }
 
-/// One network per view.
+/// Monoscopic networks, one per view.
 #[derive(Module, Debug)]
 pub(crate) struct MonoNetworks {
     views: Vec<Dense>,
@@ -137,7 +137,7 @@ impl MonoNetworks {
 }
 
 impl MonoNetworks {
-    /// The mean in metres, in an ONNX graph.
+    /// Adds the mean to an ONNX graph, metres.
     pub(crate) fn to_onnx(
         &self,
         inputs: MonoInputs,
@@ -164,7 +164,7 @@ impl MonoNetworks {
     }
 }
 
-/// The network of one view.
+/// Training of a single view's network.
 struct MonoTask<'a> {
     inputs: MonoInputs,
     training: &'a Encoded,

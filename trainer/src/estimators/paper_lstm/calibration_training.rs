@@ -1,6 +1,6 @@
 //! Stage one: a calibration network per camera and one shared auxiliary head, trained by Algorithm 1.
 //!
-//! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same tick
+//! The loss of view i is its prediction error plus the distance from the mean prediction of the other views at the same tick
 //! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The paper's
 //! full-batch epochs are mini-batches here.
 //! The stage ends on its plateau ([`crate::networks::stage`]): with every view within the gap threshold of the best, or with the gap that
@@ -29,7 +29,7 @@ use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 /// The networks of stage one.
 #[derive(Module, Debug)]
 pub(crate) struct CalibrationNetworks {
-    /// One network per view, box features to feature vector.
+    /// Networks from box features to feature vectors, one per view.
     views: Vec<Dense>,
     /// The shared auxiliary head, feature vector to distance.
     head: Dense,
@@ -75,12 +75,12 @@ impl CalibrationNetworks {
         Self::new(2, &config, &mut ChaCha12Rng::seed_from_u64(0), device)
     }
 
-    /// Feature vectors of one view's boxes, `[batch, 4]` to `[batch, features]`.
+    /// Feature vectors for boxes in a single view, `[batch, 4]` to `[batch, features]`.
     pub(crate) fn features(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
         self.views[view].forward(boxes)
     }
 
-    /// The same in an ONNX graph.
+    /// Adds the feature vectors of a view to an ONNX graph.
     pub(crate) fn features_to_onnx(&self, graph: &mut Graph, view: usize, boxes: &str) -> String {
         self.views[view].to_onnx(graph, boxes)
     }
@@ -90,7 +90,7 @@ impl CalibrationNetworks {
         self.head.forward(self.features(view, boxes))
     }
 
-    /// The same predictions from features that are less their means and divided by their deviations.
+    /// Equivalent networks with centred and scaled features.
     pub(crate) fn with_scaled_features(self, means: &[f32], deviations: &[f32]) -> Self {
         let views = self.views.into_iter();
         Self {
@@ -101,7 +101,7 @@ impl CalibrationNetworks {
         }
     }
 
-    /// The same networks with a head that gets no gradients.
+    /// Shares all weights; the head gets no gradients.
     pub(crate) fn with_frozen_head(self) -> Self {
         Self {
             head: self.head.no_grad(),
@@ -110,7 +110,7 @@ impl CalibrationNetworks {
     }
 }
 
-/// One entry of the convergence log.
+/// Entry of the convergence log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CalibrationLogEntry {
     /// Steps done.
@@ -191,7 +191,7 @@ impl SinceEntry {
         }
     }
 
-    /// Takes note of a batch: its loss, and what each view predicted.
+    /// Adds the loss and the predictions of a batch.
     fn add(
         &mut self,
         loss_value: f32,
@@ -323,7 +323,7 @@ impl Task for Calibration<'_> {
     }
 }
 
-/// Sum of the losses of the optimised views over some rows of a batch, and the predictions from each view.
+/// Sum of the optimised views' losses over some rows of `batch`, and each view's predictions.
 pub(crate) fn batch_loss(
     networks: &CalibrationNetworks,
     samples: &Encoded,
@@ -362,7 +362,7 @@ fn predictions_of(
         .collect()
 }
 
-/// Sum of the losses of the optimised views over `rows` of a batch, from the predictions for these rows.
+/// Sum of the optimised views' losses over `rows` of `batch`; `predictions` are for these rows only.
 fn loss_of(
     predictions: &[Tensor<2>],
     samples: &Encoded,

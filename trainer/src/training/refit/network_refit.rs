@@ -1,8 +1,8 @@
-//! Training of one view's calibration network; the shared head, the other networks and the estimator stay as they are.
+//! Training of a single calibration network; the shared head, the other networks and the estimator are frozen.
 //!
-//! The loss is the loss of stage one for this view, plus the error of the estimator's answer: an estimator that compares views needs
-//! features that keep their meaning to a fraction of a pixel, which the head alone does not require. The networks with the lowest error on
-//! the judged approaches are kept, even if they are the initial ones.
+//! The loss is the view's loss of stage one plus the error of the estimator's answer: an estimator that compares views needs features that
+//! keep their meaning to subpixel precision, which the head alone does not require. The networks with the lowest error on the judged
+//! approaches are kept, even if they are the initial ones.
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
@@ -21,16 +21,15 @@ use crate::networks::training_loop::{Companions, Setup, Task, learn};
 /// Steps: about a minute of the default networks on two cores.
 const STEPS: usize = 200;
 const JUDGED_EVERY: usize = 20;
-/// Part of the learning rate of a training from the start: the network is nearly right.
+/// Learning rate relative to a training from random weights: the network is nearly right.
 const RATE: f64 = 0.1;
 
-/// Samples of the new camera's approaches.
 pub(super) struct RefitSamples<'a> {
     pub(super) training: &'a Encoded,
     pub(super) judged: &'a Encoded,
 }
 
-/// The calibration networks after training the network of `view`.
+/// Trains the network of `view`.
 pub(super) fn refit_network(
     view: usize,
     networks: &CalibrationNetworks,
@@ -72,7 +71,7 @@ pub(super) fn refit_network(
 
 struct NetworkRefit<'a> {
     view: usize,
-    /// By view.
+    /// True for the refitted view.
     optimised: Vec<bool>,
     /// Samples that the view saw.
     seen: Vec<usize>,
@@ -84,7 +83,7 @@ struct NetworkRefit<'a> {
 }
 
 impl NetworkRefit<'_> {
-    /// Features of all views, with a gradient for this view alone.
+    /// Features of all views; only the refitted view gets gradients.
     fn features(&self, networks: &CalibrationNetworks, batch: &[usize]) -> Vec<ViewFeatures> {
         let device = &self.setup.device;
         let plain_device = self.setup.plain_device();
