@@ -83,7 +83,7 @@ pub struct Agreement {
     pub answered: usize,
     /// Maximum relative difference, as in [`TOLERANCE`]; infinite where only one side answers.
     pub largest: f64,
-    /// Both answers at this maximum, the runtime's first, metres; NaN for no answer.
+    /// Pair of answers at this maximum, the runtime's first, metres; NaN for no answer.
     pub worst_m: [f64; 2],
 }
 

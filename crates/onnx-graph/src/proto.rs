@@ -40,7 +40,7 @@ pub struct OperatorSetIdProto {
     /// Empty for ONNX's own operators.
     #[prost(string, tag = "1")]
     pub domain: String,
-    /// Its version.
+    /// Version.
     #[prost(int64, tag = "2")]
     pub version: i64,
 }
@@ -85,7 +85,7 @@ pub struct NodeProto {
     /// Names of the outputs.
     #[prost(string, repeated, tag = "2")]
     pub output: Vec<String>,
-    /// Its own name.
+    /// Name.
     #[prost(string, tag = "3")]
     pub name: String,
     /// Operator.
@@ -96,7 +96,7 @@ pub struct NodeProto {
     pub attribute: Vec<AttributeProto>,
 }
 
-/// An attribute of an operation.
+/// Attribute.
 #[derive(Clone, PartialEq, Message)]
 pub struct AttributeProto {
     /// Name.
@@ -179,17 +179,17 @@ pub struct TensorProto {
 }
 
 impl TensorProto {
-    /// Floats of a shape.
+    /// Single-precision tensor.
     pub fn floats(name: &str, dims: &[i64], values: &[f32]) -> Self {
         Self::of(name, FLOAT, dims, values.iter().map(|x| x.to_le_bytes()))
     }
 
-    /// Double-precision numbers of a shape.
+    /// Double-precision tensor.
     pub fn doubles(name: &str, dims: &[i64], values: &[f64]) -> Self {
         Self::of(name, DOUBLE, dims, values.iter().map(|x| x.to_le_bytes()))
     }
 
-    /// A list of whole numbers.
+    /// Integer list.
     pub fn integers(name: &str, values: &[i64]) -> Self {
         let dims = [values.len() as i64];
         Self::of(name, INT64, &dims, values.iter().map(|x| x.to_le_bytes()))
@@ -214,7 +214,7 @@ impl TensorProto {
         }
     }
 
-    /// The floats again; `None` if it holds something else.
+    /// Elements; `None` unless they are single-precision.
     pub fn float_values(&self) -> Option<Vec<f32>> {
         let (elements, rest) = self.raw_data.as_chunks::<4>();
         (self.data_type == FLOAT && rest.is_empty()).then(|| {
@@ -238,12 +238,12 @@ pub struct ValueInfoProto {
 }
 
 impl ValueInfoProto {
-    /// A tensor of floats.
+    /// Single-precision tensor.
     pub fn floats(name: &str, dims: &[Dimension]) -> Self {
         Self::of(name, FLOAT, dims)
     }
 
-    /// A tensor of double-precision numbers.
+    /// Double-precision tensor.
     pub fn doubles(name: &str, dims: &[Dimension]) -> Self {
         Self::of(name, DOUBLE, dims)
     }
@@ -270,7 +270,7 @@ impl ValueInfoProto {
     }
 }
 
-/// Type of a value.
+/// Value type.
 #[derive(Clone, PartialEq, Message)]
 pub struct TypeProto {
     /// A tensor.
@@ -278,7 +278,7 @@ pub struct TypeProto {
     pub tensor_type: Option<TensorTypeProto>,
 }
 
-/// Type of a tensor.
+/// Tensor type.
 #[derive(Clone, PartialEq, Message)]
 pub struct TensorTypeProto {
     /// Element type.
@@ -289,7 +289,7 @@ pub struct TensorTypeProto {
     pub shape: Option<TensorShapeProto>,
 }
 
-/// Shape of a tensor.
+/// Tensor shape.
 #[derive(Clone, PartialEq, Message)]
 pub struct TensorShapeProto {
     /// Dimensions.
@@ -305,7 +305,7 @@ pub struct DimensionProto {
     pub value: Option<Dimension>,
 }
 
-/// Length of a dimension.
+/// Dimension length.
 #[derive(Clone, PartialEq, Oneof)]
 pub enum Dimension {
     /// Always this long.

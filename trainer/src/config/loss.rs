@@ -51,7 +51,7 @@ impl Loss {
 /// Unit of all distances of the networks, nautical miles.
 pub(super) const UNIT_NM: f64 = 10.0;
 
-/// Loss and output unit of networks.
+/// Loss with the output unit of networks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Target {
     /// The loss.

@@ -76,7 +76,7 @@ pub(crate) enum Reached {
     End(Learned<Base64>),
 }
 
-/// Weights of a network in training.
+/// State between two steps.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct RunningWeights {
     /// Steps done.
@@ -108,7 +108,7 @@ impl TryFrom<String> for Base64 {
     }
 }
 
-/// Checkpoint of a running training.
+/// Checkpoint file of the running training.
 pub(crate) struct Checkpoints {
     /// `None` without a checkpoint file.
     path: Option<PathBuf>,

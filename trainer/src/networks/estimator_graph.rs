@@ -68,14 +68,14 @@ impl<'a> EstimatorGraph<'a> {
         self.normalisation.views.len()
     }
 
-    /// Slice of a value `[batch, views, ..]`.
+    /// Slice along `[batch, views, ..]`.
     pub(crate) fn of_view(&mut self, value: &str, view: usize) -> String {
         let view = self.graph.integer(view as i64);
         let axis = AttributeProto::int("axis", 1);
         self.graph.node("Gather", &[value, &view], vec![axis])
     }
 
-    /// Some views of a value `[batch, views, ..]`, or some columns of a value `[batch, columns]`.
+    /// Slices along the second axis: views in `[batch, views, ..]`, or columns in `[batch, columns]`.
     pub(crate) fn some_of(&mut self, value: &str, which: impl Iterator<Item = usize>) -> String {
         let which: Vec<i64> = which.map(|index| index as i64).collect();
         let which = self.graph.integers(&which);

@@ -22,7 +22,7 @@ struct Gate {
 
 impl Gate {
     fn new(inputs: usize, width: usize, random: &mut ChaCha12Rng, device: &Device) -> Self {
-        // PyTorch bounds all weights of an LSTM by the width of its output.
+        // PyTorch bounds all LSTM weights by the output width.
         let gain = (inputs as f64 / width as f64).sqrt();
         let hidden = Linear {
             bias: None,

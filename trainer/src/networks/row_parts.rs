@@ -1,4 +1,4 @@
-//! Loss gradients by autodiff, with the rows of a batch divided among the cores.
+//! Loss gradients by autodiff, with batches divided among the cores by rows.
 //!
 //! The division depends on the batch alone, so that the same seed gives the same weights on any number of cores.
 

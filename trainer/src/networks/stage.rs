@@ -54,7 +54,7 @@ pub(crate) fn is_reached(plateau: Plateau, cycles: &[Cycle]) -> bool {
     !before.is_empty() && falls_pct.all(|fall_pct| fall_pct <= plateau.threshold_pct)
 }
 
-/// Cause of a stage's end.
+/// Reason why a stage ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EndedBy {
@@ -64,7 +64,7 @@ pub enum EndedBy {
     Steps,
 }
 
-/// Record of a training stage (`run.json`).
+/// Training stage, as recorded in `run.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageSummary {
     /// Name of the networks.

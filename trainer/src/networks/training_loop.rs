@@ -143,7 +143,7 @@ impl<N> Learned<N> {
         }
     }
 
-    /// The same training with its network in a different form.
+    /// Converts the network.
     fn with_network<M>(&self, form: impl FnOnce(&N) -> Result<M>) -> Result<Learned<M>> {
         Ok(Learned {
             kept: Kept {

@@ -1,4 +1,4 @@
-//! Run folder: output of a training, and source of its estimators.
+//! Run folder: the output of `dtd train`, from which estimators are loaded.
 //!
 //! ```text
 //! run/

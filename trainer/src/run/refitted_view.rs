@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Refit of a view.
+/// Record of one refit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refit {
     /// View.

@@ -1,4 +1,4 @@
-//! The networks of a run, trained one after the other.
+//! Training of all networks, one after the other.
 
 use burn::module::Module;
 use burn::tensor::Device;
@@ -18,13 +18,13 @@ use crate::training::stream::Stream;
 
 /// Result of training the networks.
 pub(crate) struct TrainedNetworks {
-    /// On the processor.
+    /// Networks, on the CPU.
     pub(crate) networks: Networks,
     /// Convergence logs.
     pub(crate) convergence: Convergence,
-    /// All stages, in their order.
+    /// Stages, in order.
     pub(crate) stages: Vec<StageSummary>,
-    /// Error of `paper_lstm` on the validation side, percent.
+    /// Validation error of `paper_lstm`, percent.
     pub(crate) validation_mape_pct: f64,
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn train_networks(
     let calibration_kept_step = calibration.kept.step;
     let calibration = calibration.kept.network.valid();
     let calibration = match start {
-        // The LSTM of a start knows its features as they are.
+        // The initial LSTM was trained on these features.
         Some(_) => calibration,
         None => with_unit_features(calibration, &sides.training, device),
     };

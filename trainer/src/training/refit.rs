@@ -1,11 +1,11 @@
 //! Refit for a new, moved or turned camera: everything that depends on it is fitted again to a few labelled approaches, and the rest stays
 //! untouched.
 //!
-//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the errors
-//! that the filter expects of them, its relations to the other views, its pinhole and centre offset, its calibration network (the paper's
-//! way), and the offset and scale of its features. Offset and scale follow from the old and the new fitted camera: they map a box in the
-//! new image to the features that the old camera would have given, so that the networks start where they were. The fingerprint of
-//! everything else ([`frozen`]) is compared and recorded.
+//! Fitted again for the view: the camera (`self_calibrated`), the fits of all view sets that contain the view (`inverse_range`) with their
+//! expected errors in the filter, the relations to the other views, pinhole and centre offset, the calibration network (as in the paper), and
+//! offset and scale of the features. Offset and scale follow from the old and the new fitted camera: they map a box in the new image to the
+//! features that the old camera would have given, so that the networks remain valid. The fingerprint of everything else ([`frozen`]) is
+//! compared and recorded.
 //!
 //! Networks, formulas and features are stored by view, so that everything else can be fingerprinted.
 
@@ -43,24 +43,24 @@ use crate::samples::{DistanceRange, Sample, Samples};
 
 use network_refit::{RefitSamples, refit_network};
 
-/// Approaches that a refit may use.
+/// Maximum number of approaches for a refit.
 pub const MAX_APPROACHES: usize = 10;
-/// Number of different flights below which errors are poorly known: with three, 90 % intervals contain less than two thirds of the true
+/// Minimum number of different flights for reliable error estimates: with three, 90 % intervals contain less than two thirds of the true
 /// values.
 const FEW_FLIGHTS: usize = 5;
-/// One approach of this many is for judging, if there are several.
+/// Divisor: a fifth of the approaches is for judging.
 const JUDGED_ONE_OF: usize = 5;
 
-/// Settings of a refit.
+/// Refit settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefitConfig {
-    /// The view of the camera.
+    /// View to refit.
     pub view: String,
     /// Number of approaches, the first of the training side; at most [`MAX_APPROACHES`].
     pub approaches: usize,
 }
 
-/// Fits one view of a run again to approaches of `corpus`, and writes the result to `out`, as a whole and only on success.
+/// Fits a view of `run` again to approaches in `corpus`, and writes the result to `out`, as a whole and only on success.
 pub fn refit(
     run: &RunFolder,
     corpus: &Corpus,
@@ -155,7 +155,7 @@ fn check_others(
     Err(Error::corpus(corpus.root(), fault))
 }
 
-/// Indices of the scenarios to fit to: the first on the training side.
+/// Indices of the chosen scenarios: the first on the training side.
 fn approaches(
     corpus: &Corpus,
     samples: &Samples,
@@ -200,7 +200,6 @@ fn ids(samples: &Samples, scenarios: &[usize]) -> Vec<String> {
     scenarios.iter().map(id).collect()
 }
 
-/// Fits camera, formulas and features of the view.
 fn fit_formulas(
     corpus: &Corpus,
     run: &mut TrainedRun,
@@ -268,7 +267,6 @@ fn fit_formulas(
     Ok(())
 }
 
-/// Trains the calibration network of the view.
 fn fit_network(
     run: &mut TrainedRun,
     view: usize,
@@ -310,7 +308,7 @@ fn fit_network(
     Ok(())
 }
 
-/// Makes the run one for the new camera, whose approaches it has now seen.
+/// Updates the summary: the new camera, and the approaches as training flights.
 fn adopt(run: &mut TrainedRun, samples: &Samples, approaches: &[usize], view: &str) {
     let summary = &mut run.summary;
     summary.rig.clone_from(&samples.rig.name);
