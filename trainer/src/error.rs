@@ -4,6 +4,7 @@ mod corpus_fault;
 mod predictions_fault;
 mod run_fault;
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use dataset::work::watch::Stopped;
@@ -98,6 +99,14 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
+    pub(crate) fn setting(setting: &str, found: impl Display, expected: impl Into<String>) -> Self {
+        Self::Setting {
+            setting: setting.to_owned(),
+            found: found.to_string(),
+            expected: expected.into(),
+        }
+    }
+
     pub(crate) fn corpus(path: &Path, fault: CorpusFault) -> Self {
         Self::Corpus {
             path: path.to_owned(),

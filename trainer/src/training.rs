@@ -68,7 +68,7 @@ pub fn train_on_all(
     config: &TrainConfig,
     watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
-    train_unless(Finished::IsReplaced, corpora, out, config, watch)
+    train_run(corpora, out, config, false, watch)
 }
 
 /// [`train_on_all`], except that a finished run with the same settings, samples and version stays.
@@ -78,23 +78,14 @@ pub fn train_unless_done(
     config: &TrainConfig,
     watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
-    train_unless(Finished::Stays, corpora, out, config, watch)
+    train_run(corpora, out, config, true, watch)
 }
 
-/// Treatment of a finished run at the destination.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Finished {
-    /// Train again.
-    IsReplaced,
-    /// Return it if settings, samples and version are the same.
-    Stays,
-}
-
-pub(crate) fn train_unless(
-    finished: Finished,
+fn train_run(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
+    reuses_finished: bool,
     watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
     let started = Instant::now();
@@ -134,9 +125,7 @@ pub(crate) fn train_unless(
         start_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
         samples_blake3: samples.hash(&[Side::Train, Side::Validation]),
     };
-    if finished == Finished::Stays
-        && let Some(outcome) = outcome_of(&place.run(), &origin)
-    {
+    if reuses_finished && let Some(outcome) = outcome_of(&place.run(), &origin) {
         return Ok(outcome);
     }
     let samples_blake3 = origin.samples_blake3.clone();
@@ -193,7 +182,7 @@ pub(crate) fn train_unless(
         networks: learned.networks,
         is_elsewhere: false,
     };
-    run.commit(&place)?;
+    run.commit(&place, &place.begin()?)?;
     place.remove_checkpoint()?;
     Ok(TrainOutcome {
         run: place.run(),

@@ -199,7 +199,7 @@ fn numbers_that_no_training_leaves_are_refused_by_file() {
         seal_again(run.root());
         let message = workshop.evaluate("run").unwrap_err().to_string();
         assert!(
-            message.contains("weights.safetensors: has the weight"),
+            message.contains("weights.safetensors: has the number"),
             "{message}"
         );
     }

@@ -17,68 +17,45 @@ pub enum Loss {
     Logarithmic,
 }
 
-impl Loss {
-    /// Distances below this (in units of 10 NM; 0.5 NM) are treated as this one: percentages explode at touchdown.
-    const NEAREST: f32 = 0.05;
-
-    /// Weight of a sample at `distance` (units of 10 NM).
-    pub(crate) fn weight(self, distance: f32) -> f32 {
-        match self {
-            Self::Squared => 1.0,
-            Self::Relative => distance.max(Self::NEAREST).powi(-2),
-            // The logarithm weighs every percent equally already; nearer than that its slope is limited.
-            Self::Logarithmic => (distance / Self::NEAREST).min(1.0).powi(2),
-        }
-    }
-
-    /// The number that a network should predict for `distance` (units of 10 NM).
-    pub(crate) fn target(self, distance: f32) -> f32 {
-        match self {
-            Self::Squared | Self::Relative => distance,
-            Self::Logarithmic => distance.ln(),
-        }
-    }
-
-    /// The distance (units of 10 NM) for a network's output.
-    pub(crate) fn distance(self, predicted: f32) -> f32 {
-        match self {
-            Self::Squared | Self::Relative => predicted,
-            Self::Logarithmic => predicted.exp(),
-        }
-    }
-}
-
-/// Unit of all distances of the networks, nautical miles.
+/// Unit of distances in networks' inputs and errors, nautical miles.
 pub(super) const UNIT_NM: f64 = 10.0;
 
 /// Loss with the output unit of networks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Target {
-    /// The loss.
+    /// Loss.
     pub(crate) loss: Loss,
     /// Predicted number for 10 NM.
     pub(crate) per_10_nm: f32,
 }
 
 impl Target {
-    /// Weight of a sample at `distance` (units of 10 NM).
-    pub(crate) fn weight(self, distance: f32) -> f32 {
-        self.loss.weight(distance)
-    }
+    /// Distances below this (in units of 10 NM; 0.5 NM) are treated as this one: percentages explode at touchdown.
+    const NEAREST: f32 = 0.05;
 
-    /// The number that a network should predict for `distance` (units of 10 NM).
-    pub(crate) fn target(self, distance: f32) -> f32 {
+    /// Sample weight at `distance` (units of 10 NM).
+    pub(crate) fn weight(self, distance: f32) -> f32 {
         match self.loss {
-            Loss::Logarithmic => self.loss.target(distance),
-            Loss::Squared | Loss::Relative => self.loss.target(distance) * self.per_10_nm,
+            Loss::Squared => 1.0,
+            Loss::Relative => distance.max(Self::NEAREST).powi(-2),
+            // The logarithm weighs every percent equally already; nearer than that its slope is limited.
+            Loss::Logarithmic => (distance / Self::NEAREST).min(1.0).powi(2),
         }
     }
 
-    /// The distance (units of 10 NM) for a network's output.
+    /// Ideal network output at `distance` (units of 10 NM).
+    pub(crate) fn target(self, distance: f32) -> f32 {
+        match self.loss {
+            Loss::Squared | Loss::Relative => distance * self.per_10_nm,
+            Loss::Logarithmic => distance.ln(),
+        }
+    }
+
+    /// Distance (units of 10 NM) for a network output.
     pub(crate) fn distance(self, predicted: f32) -> f32 {
         match self.loss {
-            Loss::Logarithmic => self.loss.distance(predicted),
-            Loss::Squared | Loss::Relative => self.loss.distance(predicted / self.per_10_nm),
+            Loss::Squared | Loss::Relative => predicted / self.per_10_nm,
+            Loss::Logarithmic => predicted.exp(),
         }
     }
 }
@@ -105,7 +82,12 @@ mod tests {
 
     #[test]
     fn one_percent_costs_the_same_at_every_distance_but_under_the_squared_loss() {
+        let target = |loss| Target {
+            loss,
+            per_10_nm: 1.0,
+        };
         let cost = |loss: Loss, distance: f32| {
+            let loss = target(loss);
             loss.weight(distance) * (loss.target(1.01 * distance) - loss.target(distance)).powi(2)
         };
         for loss in [Loss::Relative, Loss::Logarithmic] {
@@ -114,6 +96,7 @@ mod tests {
                 cost(loss, 0.01) < 0.1 * cost(loss, 0.1),
                 "the last 0.5 NM must not rule"
             );
+            let loss = target(loss);
             assert!((loss.distance(loss.target(0.3)) - 0.3).abs() < 1e-6);
         }
         assert!((cost(Loss::Squared, 0.1) / cost(Loss::Squared, 1.0) - 0.01).abs() < 1e-4);

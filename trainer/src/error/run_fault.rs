@@ -70,9 +70,7 @@ pub enum RunFault {
     #[error("{0}; train again")]
     OutOfLimits(FieldOutOfLimits),
     #[error("has the number {number:e}, expected one up to {most:e} in size; train again")]
-    Formula { number: f64, most: f64 },
-    #[error("has the weight {weight:e}, expected numbers up to {most:e} in size; train again")]
-    Weight { weight: f32, most: f32 },
+    ImpossibleNumber { number: f64, most: f64 },
     #[error("has no view {view:?}; its views are {}", views.join(", "))]
     NoSuchView { view: String, views: Vec<String> },
     #[error("do not match the backgrounds recorded in config.json and baselines.json; train again")]

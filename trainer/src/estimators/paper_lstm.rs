@@ -262,7 +262,8 @@ pub(crate) fn predict(
         .collect()
 }
 
-fn features_of(
+/// Features of the selected views; on an autodiff device, with gradients for the networks that train.
+pub(crate) fn features_of(
     calibration: &CalibrationNetworks,
     samples: &Encoded,
     batch: &[usize],

@@ -151,6 +151,26 @@ impl Encoded {
     }
 }
 
+impl Encoded {
+    /// Error of a single view's predictions, percent; `None` if the view never saw the aircraft. `predict` maps features to network
+    /// outputs.
+    pub(crate) fn view_error_pct(
+        &self,
+        view: usize,
+        loss: Target,
+        device: &Device,
+        predict: impl FnOnce(Tensor<2>) -> Tensor<2>,
+    ) -> Option<f64> {
+        let seen = self.seen_by(view);
+        if seen.is_empty() {
+            return None;
+        }
+        let predicted = numbers(predict(self.inputs(&seen, view, device)));
+        let pairs = predicted.into_iter().zip(seen);
+        mape_pct(pairs.map(|(p, sample)| (loss.distance(p), self.distance(sample))))
+    }
+}
+
 /// Tensor `[count, 1]`.
 pub(crate) fn column(values: Vec<f32>, device: &Device) -> Tensor<2> {
     let count = values.len();

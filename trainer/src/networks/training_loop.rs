@@ -99,9 +99,9 @@ pub(crate) trait Task {
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String;
 }
 
-/// Kept network.
+/// Network with the steps that made it and its error.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Kept<N> {
+pub(crate) struct KeptNetwork<N> {
     pub(crate) network: N,
     /// Steps that made it.
     pub(crate) step: usize,
@@ -112,7 +112,7 @@ pub(crate) struct Kept<N> {
 /// Result of a training.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Learned<N> {
-    pub(crate) kept: Kept<N>,
+    pub(crate) kept: KeptNetwork<N>,
     /// Steps done.
     pub(crate) steps: usize,
     /// Cause of the end.
@@ -146,7 +146,7 @@ impl<N> Learned<N> {
     /// Converts the network.
     fn with_network<M>(&self, form: impl FnOnce(&N) -> Result<M>) -> Result<Learned<M>> {
         Ok(Learned {
-            kept: Kept {
+            kept: KeptNetwork {
                 network: form(&self.kept.network)?,
                 step: self.kept.step,
                 error_pct: self.kept.error_pct,
@@ -165,7 +165,7 @@ struct Position<N> {
     /// Steps done.
     step: usize,
     /// The network with the lowest error, if the task keeps it. Such trainings have no checkpoint.
-    best: Option<Kept<N>>,
+    best: Option<KeptNetwork<N>>,
     /// Finished cycles.
     cycles: Vec<Cycle>,
 }
@@ -234,7 +234,7 @@ pub(crate) fn learn<T: Task>(
         stopped?;
     };
     let learned = at.end(task, ended_by)?;
-    let Kept {
+    let KeptNetwork {
         step, error_pct, ..
     } = learned.kept;
     let note = format!("kept step {step}, MAPE {error_pct:.3} %");
@@ -250,7 +250,7 @@ pub(crate) fn learn<T: Task>(
 impl<N: Module> Position<N> {
     fn first<T: Task<Network = N>>(task: &T, network: N) -> Result<Self> {
         let best = if task.keeps_best() {
-            Some(Kept {
+            Some(KeptNetwork {
                 error_pct: mean(&judge(task, &network, 0)?),
                 network: network.clone(),
                 step: 0,
@@ -270,7 +270,7 @@ impl<N: Module> Position<N> {
     fn compare_with_best(&mut self, error_pct: f64) {
         let best = self.best.as_ref();
         if best.is_none_or(|best| error_pct < best.error_pct) {
-            self.best = Some(Kept {
+            self.best = Some(KeptNetwork {
                 network: self.network.clone(),
                 step: self.step,
                 error_pct,
@@ -281,7 +281,7 @@ impl<N: Module> Position<N> {
     fn end<T: Task<Network = N>>(self, task: &T, ended_by: EndedBy) -> Result<Learned<N>> {
         let kept = match self.best {
             Some(best) => best,
-            None => Kept {
+            None => KeptNetwork {
                 error_pct: mean(&judge(task, &self.network, self.step)?),
                 network: self.network,
                 step: self.step,

@@ -104,11 +104,6 @@ impl RunFolder {
         Some(summary.model_hash)
     }
 
-    /// Path of `config.json`.
-    pub(crate) fn config_path(&self) -> PathBuf {
-        self.root.join(Self::CONFIG)
-    }
-
     /// Path of `run.json`.
     pub(crate) fn summary_path(&self) -> PathBuf {
         self.root.join(Self::SUMMARY)
@@ -127,16 +122,6 @@ impl RunFolder {
     /// Path of `weights.safetensors`.
     pub fn weights_path(&self) -> PathBuf {
         self.root.join(Self::WEIGHTS)
-    }
-
-    /// Path of `backgrounds.png`.
-    pub(crate) fn backgrounds_path(&self) -> PathBuf {
-        self.root.join(Self::BACKGROUNDS)
-    }
-
-    /// Path of `convergence.json`.
-    pub(crate) fn convergence_path(&self) -> PathBuf {
-        self.root.join(Self::CONVERGENCE)
     }
 
     /// Path of `evaluation.json`.

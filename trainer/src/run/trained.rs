@@ -235,10 +235,8 @@ impl Networks {
     }
 }
 
-/// Limit of network weights, beyond everything that a training produces.
-const MAX_WEIGHT: f32 = 1e6;
-/// Limit of formula coefficients, such as pixels times metres of an airliner's span, or metres to the target.
-const MAX_OF_A_FORMULA: f64 = 1e12;
+/// Limit of weights and formula coefficients, such as pixels times metres of an airliner's span.
+const MAX_NUMBER: f64 = 1e12;
 
 /// Rejects NaN, infinities and numbers that no training produces.
 fn check_numbers(
@@ -289,41 +287,30 @@ fn check_numbers(
         .chain(baselines.flight_filter.constants())
         .chain(baselines.paired_views.constants())
         .chain(baselines.mean_by_time.constants());
-    // NaN is not below.
-    if let Some(number) = formulas.find(|number| !(0.0..=MAX_OF_A_FORMULA).contains(&number.abs()))
-    {
-        return Err(sealed.refused(
-            RunFolder::BASELINES,
-            RunFault::Formula {
-                number,
-                most: MAX_OF_A_FORMULA,
-            },
-        ));
+    let refused = |file, number| {
+        let most = MAX_NUMBER;
+        sealed.refused(file, RunFault::ImpossibleNumber { number, most })
+    };
+    if let Some(number) = formulas.find(is_impossible) {
+        return Err(refused(RunFolder::BASELINES, number));
     }
-    let mut worst = WorstWeight(None);
-    networks.visit(&mut worst);
-    match worst.0 {
-        None => Ok(()),
-        Some(weight) => Err(sealed.refused(
-            RunFolder::WEIGHTS,
-            RunFault::Weight {
-                weight,
-                most: MAX_WEIGHT,
-            },
-        )),
-    }
+    let mut weight = ImpossibleWeight(None);
+    networks.visit(&mut weight);
+    (weight.0).map_or(Ok(()), |weight| Err(refused(RunFolder::WEIGHTS, weight)))
+}
+
+/// True beyond [`MAX_NUMBER`], and for NaN.
+fn is_impossible(number: &f64) -> bool {
+    !(0.0..=MAX_NUMBER).contains(&number.abs())
 }
 
 /// First impossible weight.
-struct WorstWeight(Option<f32>);
+struct ImpossibleWeight(Option<f64>);
 
-impl ModuleVisitor for WorstWeight {
+impl ModuleVisitor for ImpossibleWeight {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let data = param.val().into_data();
-        let bad = data
-            .iter::<f32>()
-            .find(|weight| !(0.0..=MAX_WEIGHT).contains(&weight.abs()));
-        self.0 = self.0.or(bad);
+        self.0 = self.0.or_else(|| data.iter::<f64>().find(is_impossible));
     }
 }
 
@@ -354,23 +341,25 @@ impl TrainedRun {
 
     /// Writes all files into an existing folder.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
-        write_json_unsynced(&folder.config_path(), &self.config)?;
-        write_json_unsynced(&folder.normalisation_path(), &self.normalisation)?;
-        write_json_unsynced(&folder.baselines_path(), &self.baselines)?;
-        write_json_unsynced(&folder.convergence_path(), &self.convergence)?;
-        write_unsynced(&folder.weights_path(), &self.weights(folder)?)?;
+        let path = |name| folder.root().join(name);
+        write_json_unsynced(&path(RunFolder::CONFIG), &self.config)?;
+        write_json_unsynced(&path(RunFolder::NORMALISATION), &self.normalisation)?;
+        write_json_unsynced(&path(RunFolder::BASELINES), &self.baselines)?;
+        write_json_unsynced(&path(RunFolder::CONVERGENCE), &self.convergence)?;
+        write_unsynced(&path(RunFolder::WEIGHTS), &self.weights(folder)?)?;
         if let Some(backgrounds) = &self.backgrounds {
-            write_unsynced(&folder.backgrounds_path(), &backgrounds.png())?;
+            write_unsynced(&path(RunFolder::BACKGROUNDS), &backgrounds.png())?;
         }
-        Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
+        Ok(write_json_unsynced(
+            &path(RunFolder::SUMMARY),
+            &self.summary,
+        )?)
     }
 
-    /// Writes the run and moves it into place, as a whole.
-    pub(crate) fn commit(&self, place: &RunPlace) -> Result<()> {
-        let new = place.begin()?;
-        self.write(&new)?;
-        let config_hash = seal::hash_file(&new.config_path())?;
-        place.commit(&config_hash)
+    /// Writes the run into the new folder of `place` and moves it into place, as a whole.
+    pub(crate) fn commit(&self, place: &RunPlace, new: &RunFolder) -> Result<()> {
+        self.write(new)?;
+        place.commit(&seal::hash_file(&new.root().join(RunFolder::CONFIG))?)
     }
 
     /// Networks in Safetensors format. The same numbers give the same bytes, because the metadata has a single entry: with several, their order

@@ -49,11 +49,11 @@ impl Flights {
         samples.move_common_to_shifts();
         watch.check()?;
         if config.scenario_split.is_some() && corpora.len() > 1 {
-            return Err(Error::Setting {
-                setting: "scenario_split".into(),
-                found: format!("set for {} corpora", corpora.len()),
-                expected: "a single corpus: one scenario may be in several".into(),
-            });
+            return Err(Error::setting(
+                "scenario_split",
+                format_args!("set for {} corpora", corpora.len()),
+                "a single corpus: one scenario may be in several",
+            ));
         }
         let scenario_split = (config.scenario_split.as_ref())
             .map(|config| ScenarioSplit::draw(&mut samples, config));

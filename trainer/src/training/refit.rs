@@ -17,7 +17,6 @@ use std::time::Instant;
 
 use burn::tensor::Device;
 use dataset::corpus::Corpus;
-use dataset::corpus::seal;
 use dataset::corpus::splits::Side;
 use dataset::work::watch::Watch;
 use rand::SeedableRng;
@@ -70,11 +69,8 @@ pub fn refit(
 ) -> Result<Refit> {
     let started = Instant::now();
     if !(1..=MAX_APPROACHES).contains(&config.approaches) {
-        return Err(Error::Setting {
-            setting: "scenarios".into(),
-            found: config.approaches.to_string(),
-            expected: format!("a number from 1 to {MAX_APPROACHES}"),
-        });
+        let expected = format!("a number from 1 to {MAX_APPROACHES}");
+        return Err(Error::setting("scenarios", config.approaches, expected));
     }
     let same = |a: &Path, b: &Path| {
         a.canonicalize()
@@ -121,8 +117,7 @@ pub fn refit(
         return Err(Error::run(out, RunFault::NotFrozen { view }));
     }
     after.summary.refits.push(record.clone());
-    after.write(&new)?;
-    place.commit(&seal::hash_file(&new.config_path())?)?;
+    after.commit(&place, &new)?;
     Ok(record)
 }
 

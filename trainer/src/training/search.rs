@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
 use crate::run::folder::RunFolder;
-use crate::training::{Finished, train_unless};
+use crate::training::train_unless_done;
 
 const TABLE: &str = "search.json";
 /// Link to the best run.
@@ -90,7 +90,7 @@ pub fn search(
                 ..config.clone()
             };
             let run = format!("{variant}-{seed}");
-            let trained = train_unless(Finished::Stays, corpora, &out.join(&run), &config, watch);
+            let trained = train_unless_done(corpora, &out.join(&run), &config, watch);
             let validation_mape_pct = match trained {
                 Ok(outcome) => Some(outcome.validation_mape_pct),
                 Err(error @ Error::Diverged { .. }) => {
@@ -120,24 +120,17 @@ pub fn search(
 
 impl Search {
     fn check(&self) -> Result<()> {
-        let invalid = |setting: &str, found: String, expected: &str| {
-            let expected = expected.to_owned();
-            Err(Error::Setting {
-                setting: setting.to_owned(),
-                found,
-                expected,
-            })
-        };
         if self.variants.is_empty() {
-            return invalid("variants", "empty".into(), "at least one table");
+            return Err(Error::setting("variants", "empty", "at least one table"));
         }
         for (name, config) in &self.variants {
             if dataset::files::file_name::check(name).is_err() || name == BEST {
-                return invalid(
+                let expected = "names of letters, digits, - and _, not \"best\"";
+                return Err(Error::setting(
                     "variants",
-                    format!("{name:?}"),
-                    "names of letters, digits, - and _, not \"best\"",
-                );
+                    format_args!("{name:?}"),
+                    expected,
+                ));
             }
             config.check()?;
         }
@@ -145,7 +138,8 @@ impl Search {
         seeds.sort_unstable();
         seeds.dedup();
         if seeds.is_empty() || seeds.len() < self.seeds.len() {
-            return invalid("seeds", format!("{:?}", self.seeds), "numbers, each once");
+            let found = format!("{:?}", self.seeds);
+            return Err(Error::setting("seeds", found, "numbers, each once"));
         }
         Ok(())
     }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{MonoConfig, Target};
 use crate::error::Result;
 use crate::networks::dense::{Dense, widths};
-use crate::networks::encoded::{Encoded, EncodedSides, draw, mape_pct, numbers};
+use crate::networks::encoded::{Encoded, EncodedSides, draw, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::normalisation::BOX_FEATURES;
 use crate::networks::row_parts::loss_of_parts;
@@ -205,17 +205,10 @@ impl Task for MonoTask<'_> {
     }
 
     fn errors_pct(&self, network: &Dense) -> Vec<Option<f64>> {
-        let (samples, loss) = (self.validation, self.setup.loss);
-        let seen = samples.seen_by(self.view);
-        if seen.is_empty() {
-            return vec![None];
-        }
-        let inputs = samples.inputs(&seen, self.view, &self.setup.plain_device());
-        let predicted = numbers(network.valid().forward(self.inputs.of(inputs)));
-        let pairs = seen.iter().zip(predicted);
-        vec![mape_pct(pairs.map(|(&sample, p)| {
-            (loss.distance(p), samples.distance(sample))
-        }))]
+        let (network, device) = (network.valid(), self.setup.plain_device());
+        let predict = |features| network.forward(self.inputs.of(features));
+        let loss = self.setup.loss;
+        vec![(self.validation).view_error_pct(self.view, loss, &device, predict)]
     }
 
     fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {

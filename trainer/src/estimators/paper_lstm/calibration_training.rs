@@ -101,11 +101,20 @@ impl CalibrationNetworks {
         }
     }
 
-    /// Shares all weights; the head gets no gradients.
-    pub(crate) fn with_frozen_head(self) -> Self {
+    /// Shares all weights; only the given views, and the head if `head_trains`, get gradients. burn keeps no graph of the others: a graph
+    /// that no backward pass consumes is never freed, and slows down every later step.
+    pub(crate) fn training_only(&self, views: &[bool], head_trains: bool) -> Self {
+        let part = |part: &Dense, trains: bool| {
+            if trains {
+                part.clone()
+            } else {
+                part.clone().no_grad()
+            }
+        };
+        let views = self.views.iter().zip(views);
         Self {
-            head: self.head.no_grad(),
-            ..self
+            views: views.map(|(view, &trains)| part(view, trains)).collect(),
+            head: part(&self.head, head_trains),
         }
     }
 }
@@ -194,15 +203,15 @@ impl SinceEntry {
     /// Adds the loss and the predictions of a batch.
     fn add(
         &mut self,
-        loss_value: f32,
-        predictions: &[Vec<Vec<f32>>],
+        of_batch: &BatchLoss<Vec<Vec<f32>>>,
         samples: &Encoded,
         batch: &[usize],
         loss: Target,
     ) {
-        self.loss.add(loss_value.into());
+        self.loss.add(of_batch.value.into());
         for (view, mean) in self.errors_pct.iter_mut().enumerate() {
-            let predicted = predictions
+            let predicted = of_batch
+                .predictions
                 .iter()
                 .flat_map(|part| part[view].iter().copied());
             let seen = batch.iter().zip(predicted);
@@ -258,40 +267,19 @@ impl Task for Calibration<'_> {
         } = &mut self.state;
         let Setup { loss, device, .. } = &self.setup;
         let samples = self.training;
-        // The head trains only together with all views.
-        let head_trains = balance.all_optimised();
-        let BatchLoss {
-            value,
-            gradients,
-            predictions,
-        } = loss_of_parts(networks, batch.len(), device, |networks, rows| {
-            let trained = networks.clone();
-            let trained = if head_trains {
-                trained
-            } else {
-                trained.with_frozen_head()
-            };
-            batch_loss(
-                &trained,
-                samples,
-                &batch,
-                rows,
-                balance.optimised(),
-                *loss,
-                device,
-            )
-        });
-        since_entry.add(value, &predictions, samples, &batch, *loss);
-        gradients
+        let of_batch = trained_loss(networks, samples, &batch, balance, *loss, device);
+        since_entry.add(&of_batch, samples, &batch, *loss);
+        of_batch.gradients
     }
 
     fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
-        validation_errors(
-            &networks.valid(),
-            self.validation,
-            self.setup.loss,
-            &self.setup.plain_device(),
-        )
+        let (networks, loss) = (networks.valid(), self.setup.loss);
+        let device = &self.setup.plain_device();
+        let error_pct = |view| {
+            let predict = |boxes| networks.predict(view, boxes);
+            self.validation.view_error_pct(view, loss, device, predict)
+        };
+        (0..self.validation.views()).map(error_pct).collect()
     }
 
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
@@ -323,6 +311,23 @@ impl Task for Calibration<'_> {
     }
 }
 
+/// Loss and gradients of the views that train, and the predictions of all views by part and view. The head trains only together with all
+/// views.
+fn trained_loss(
+    networks: &CalibrationNetworks,
+    samples: &Encoded,
+    batch: &[usize],
+    balance: &GapBalance,
+    loss: Target,
+    device: &Device,
+) -> BatchLoss<Vec<Vec<f32>>> {
+    let optimised = balance.optimised();
+    let trained = networks.training_only(optimised, balance.all_optimised());
+    loss_of_parts(&trained, batch.len(), device, |networks, rows| {
+        batch_loss(networks, samples, batch, rows, optimised, loss, device)
+    })
+}
+
 /// Sum of the optimised views' losses over some rows of `batch`, and each view's predictions.
 pub(crate) fn batch_loss(
     networks: &CalibrationNetworks,
@@ -333,33 +338,11 @@ pub(crate) fn batch_loss(
     loss: Target,
     device: &Device,
 ) -> (Tensor<1>, Vec<Vec<f32>>) {
-    let predictions = predictions_of(networks, samples, &batch[rows.clone()], optimised, device);
+    let predict = |view| networks.predict(view, samples.inputs(&batch[rows.clone()], view, device));
+    let predictions: Vec<_> = (0..samples.views()).map(predict).collect();
     let total = loss_of(&predictions, samples, batch, rows, optimised, loss, device);
     let predictions = predictions.into_iter();
     (total, predictions.map(|p| numbers(p.inner())).collect())
-}
-
-/// Predictions from each view, with autodiff for those that are optimised.
-fn predictions_of(
-    networks: &CalibrationNetworks,
-    samples: &Encoded,
-    batch: &[usize],
-    optimised: &[bool],
-    device: &Device,
-) -> Vec<Tensor<2>> {
-    // Views that are not optimised are computed without autodiff: a graph that no backward pass consumes is never freed, and burn's
-    // search for such graphs slows down every later step.
-    let plain_device = device.clone().inner();
-    let plain = networks.valid();
-    (0..samples.views())
-        .map(|view| {
-            if optimised[view] {
-                networks.predict(view, samples.inputs(batch, view, device))
-            } else {
-                Tensor::from_inner(plain.predict(view, samples.inputs(batch, view, &plain_device)))
-            }
-        })
-        .collect()
 }
 
 /// Sum of the optimised views' losses over `rows` of `batch`; `predictions` are for these rows only.
@@ -411,24 +394,75 @@ fn loss_of(
     total
 }
 
-fn validation_errors(
-    networks: &CalibrationNetworks,
-    validation: &Encoded,
-    loss: Target,
-    device: &Device,
-) -> Vec<Option<f64>> {
-    (0..validation.views())
-        .map(|view| {
-            let seen = validation.seen_by(view);
-            if seen.is_empty() {
-                return None;
+#[cfg(test)]
+mod tests {
+    use burn::module::{ModuleVisitor, Param};
+
+    use super::*;
+    use crate::config::Loss;
+    use crate::networks::encoded::boxes_of_two_views;
+
+    /// Compares the gradients of all parameters, and counts parameters with gradients.
+    struct Comparison<'a> {
+        found: &'a GradientsParams,
+        expected: &'a GradientsParams,
+        trained: usize,
+    }
+
+    impl ModuleVisitor for Comparison<'_> {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let numbers = |all: &GradientsParams| {
+                let gradient = all.get::<D>(param.id)?;
+                Some(gradient.into_data().try_into_vec::<f32>().unwrap())
+            };
+            match (numbers(self.found), numbers(self.expected)) {
+                (None, None) => {}
+                (Some(found), Some(expected)) => {
+                    let largest = expected.iter().fold(0.0_f32, |most, e| most.max(e.abs()));
+                    let mut pairs = found.iter().zip(&expected);
+                    assert!(largest > 0.0 && found.len() == expected.len());
+                    assert!(pairs.all(|(f, e)| (f - e).abs() <= 1e-5 * largest));
+                    self.trained += 1;
+                }
+                (found, expected) => panic!("{found:?} {expected:?}"),
             }
-            let predicted = numbers(networks.predict(view, validation.inputs(&seen, view, device)));
-            mape_pct(
-                seen.iter()
-                    .zip(predicted)
-                    .map(|(&s, p)| (loss.distance(p), validation.distance(s))),
-            )
-        })
-        .collect()
+        }
+    }
+
+    #[test]
+    fn parts_of_a_batch_give_the_gradients_of_the_whole_with_boxes_missing_and_a_view_that_lags() {
+        let samples = boxes_of_two_views();
+        let batch: Vec<usize> = (0..samples.len()).cycle().take(600).collect();
+        let device = Device::flex().autodiff();
+        let networks = CalibrationNetworks::narrow(&device);
+        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
+        for lags in [false, true] {
+            if lags {
+                (0..20).for_each(|_| balance.observe(100, &[Some(1.0), Some(3.0)]));
+            }
+            let whole = networks.training_only(balance.optimised(), !lags);
+            assert_eq!(balance.all_optimised(), !lags);
+            for loss in [Loss::Squared, Loss::Relative] {
+                let loss = Target {
+                    loss,
+                    per_10_nm: 2.0,
+                };
+                let (optimised, rows) = (balance.optimised(), 0..batch.len());
+                let (total, _) =
+                    batch_loss(&whole, &samples, &batch, rows, optimised, loss, &device);
+                let expected_value: f32 = total.clone().into_scalar();
+                let expected = GradientsParams::from_grads(total.backward(), &whole);
+                let found = trained_loss(&networks, &samples, &batch, &balance, loss, &device);
+                assert!((found.value / expected_value - 1.0).abs() < 1e-5);
+                let mut comparison = Comparison {
+                    found: &found.gradients,
+                    expected: &expected,
+                    trained: 0,
+                };
+                networks.visit(&mut comparison);
+                let trained = if lags { 6 } else { 2 * 6 + 4 };
+                assert_eq!(comparison.trained, trained);
+            }
+        }
+    }
 }

@@ -15,7 +15,7 @@ use crate::run::trained::TrainedRun;
 const METADATA: &str = "__metadata__";
 
 #[derive(Deserialize)]
-struct Place {
+struct TensorEntry {
     data_offsets: [usize; 2],
 }
 
@@ -74,7 +74,7 @@ fn tensors(file: &[u8]) -> Option<BTreeMap<String, Range<usize>>> {
     let named = header.into_iter().filter(|(name, _)| name != METADATA);
     named
         .map(|(name, place)| {
-            let Place {
+            let TensorEntry {
                 data_offsets: [from, to],
             } = serde_json::from_value(place).ok()?;
             let place = data.checked_add(from)?..data.checked_add(to)?;

@@ -6,17 +6,16 @@
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
-use burn::tensor::Tensor;
 use dataset::work::watch::Watch;
 
 use crate::config::{Optimisation, TrainConfig};
 use crate::error::Result;
 use crate::estimators::paper_lstm::calibration_training::{CalibrationNetworks, batch_loss};
-use crate::estimators::paper_lstm::{PaperLstm, predict};
+use crate::estimators::paper_lstm::{PaperLstm, features_of, predict};
 use crate::networks::checkpoint::Checkpoints;
-use crate::networks::encoded::{Encoded, column, draw, mape_pct};
-use crate::networks::lstm::ViewFeatures;
+use crate::networks::encoded::{Encoded, draw, mape_pct};
 use crate::networks::training_loop::{Companions, Setup, Task, learn};
+use crate::networks::view_dropout::ViewSelection;
 
 /// Steps: about a minute of the default networks on two cores.
 const STEPS: usize = 200;
@@ -52,7 +51,6 @@ pub(super) fn refit_network(
         optimised: (0..samples.training.views())
             .map(|other| other == view)
             .collect(),
-        view,
         seen,
         batch_size: settings.batch_size,
         estimator: estimator.clone().train().no_grad(),
@@ -70,7 +68,6 @@ pub(super) fn refit_network(
 }
 
 struct NetworkRefit<'a> {
-    view: usize,
     /// True for the refitted view.
     optimised: Vec<bool>,
     /// Samples that the view saw.
@@ -80,31 +77,6 @@ struct NetworkRefit<'a> {
     plain_estimator: &'a PaperLstm,
     samples: &'a RefitSamples<'a>,
     setup: Setup,
-}
-
-impl NetworkRefit<'_> {
-    /// Features of all views; only the refitted view gets gradients.
-    fn features(&self, networks: &CalibrationNetworks, batch: &[usize]) -> Vec<ViewFeatures> {
-        let device = &self.setup.device;
-        let plain_device = self.setup.plain_device();
-        let plain = networks.valid();
-        let samples = self.samples.training;
-        let of_view = |view: usize| {
-            let features = if view == self.view {
-                networks.features(view, samples.inputs(batch, view, device))
-            } else {
-                let inputs = samples.inputs(batch, view, &plain_device);
-                Tensor::from_inner(plain.features(view, inputs))
-            };
-            let mask = samples.mask(batch, view);
-            let all_present = mask.iter().all(|&present| present > 0.0);
-            ViewFeatures {
-                features,
-                present: (!all_present).then(|| column(mask, device)),
-            }
-        };
-        (0..samples.views()).map(of_view).collect()
-    }
 }
 
 impl Task for NetworkRefit<'_> {
@@ -129,9 +101,9 @@ impl Task for NetworkRefit<'_> {
         let Setup { loss, device, .. } = &self.setup;
         let samples = self.samples.training;
         let rows = 0..batch.len();
-        let frozen = networks.clone().with_frozen_head();
+        let trained = networks.training_only(&self.optimised, false);
         let (alone, _) = batch_loss(
-            &frozen,
+            &trained,
             samples,
             &batch,
             rows,
@@ -139,7 +111,8 @@ impl Task for NetworkRefit<'_> {
             *loss,
             device,
         );
-        let answer = self.estimator.forward(&self.features(networks, &batch));
+        let views = features_of(&trained, samples, &batch, ViewSelection::All, device);
+        let answer = self.estimator.forward(&views);
         let together = samples.squared_error(answer, &batch, batch.len() as f32, *loss, device);
         GradientsParams::from_grads((alone + together).backward(), networks)
     }
