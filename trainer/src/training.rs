@@ -23,7 +23,7 @@ use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::inverse_range::CrossFitted;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
-use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::mono_pinhole::Pinhole;
 use crate::estimators::no_vision::MeanByTime;
 use crate::networks::checkpoint::{Checkpoints, Origin};
 use crate::networks::encoded::{Encoded, EncodedSides};

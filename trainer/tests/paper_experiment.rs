@@ -64,7 +64,7 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
     assert_eq!(metrics.split.test_scenarios_sharing_flights, 0);
     let report = fs::read_to_string(run.report_path()).unwrap();
     assert!(report.contains("0 of 2 test\nscenarios fly a flight that was learned from"));
-    // All scenarios: most of them were learned from.
+    // All scenarios: most were used for training.
     let all = EvaluationConfig {
         side: JudgedSide::All,
         out: Some(folder.path().join("all")),
@@ -73,7 +73,7 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
     let error = evaluate(&run, &corpus, &all, &Silent).unwrap_err();
     assert!(matches!(error, trainer::Error::Leak { .. }), "{error}");
 
-    // Another corpus, and the same twice.
+    // A second corpus, and the same corpus twice.
     let other = SyntheticCorpus {
         seed: 1,
         ..SyntheticCorpus::tiny()

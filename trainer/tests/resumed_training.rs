@@ -1,4 +1,4 @@
-//! A training that ended before its end, and goes on.
+//! Interrupted trainings that are resumed.
 
 mod hardly_trained;
 
@@ -33,7 +33,7 @@ fn config() -> TrainConfig {
     config
 }
 
-/// Ends the training at a report of progress, as a kill would, and writes down what it heard.
+/// Ends the training at a progress report, as a kill would, and records all reports.
 struct Killer {
     reports_left: AtomicUsize,
     heard: Mutex<Vec<String>>,
@@ -81,7 +81,7 @@ fn tiny(folder: &Path) -> Corpus {
     corpus.write(&folder.join("corpus")).unwrap()
 }
 
-/// Trains until it is killed, and returns what it reported; `None` if it came to its end.
+/// Trains until it is killed, and returns the reports; `None` if it finished.
 fn killed(
     corpus: &Corpus,
     run: &Path,
@@ -94,7 +94,7 @@ fn killed(
     (!ended).then(|| killer.heard.into_inner().unwrap())
 }
 
-/// Result of a training, except for its duration.
+/// Training result, except for the duration.
 fn learned(run: &Path) -> Vec<Vec<u8>> {
     [
         "config.json",

@@ -31,15 +31,15 @@ pub(crate) struct Target {
 
 impl Target {
     /// Distances below this (in units of 10 NM; 0.5 NM) are treated as this one: percentages explode at touchdown.
-    const NEAREST: f32 = 0.05;
+    const MIN_DISTANCE: f32 = 0.05;
 
     /// Sample weight at `distance` (units of 10 NM).
     pub(crate) fn weight(self, distance: f32) -> f32 {
         match self.loss {
             Loss::Squared => 1.0,
-            Loss::Relative => distance.max(Self::NEAREST).powi(-2),
+            Loss::Relative => distance.max(Self::MIN_DISTANCE).powi(-2),
             // The logarithm weighs every percent equally already; nearer than that its slope is limited.
-            Loss::Logarithmic => (distance / Self::NEAREST).min(1.0).powi(2),
+            Loss::Logarithmic => (distance / Self::MIN_DISTANCE).min(1.0).powi(2),
         }
     }
 

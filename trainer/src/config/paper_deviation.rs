@@ -28,7 +28,7 @@ pub enum PaperDeviation {
     Scales,
     /// Widths of the calibration networks, the LSTM or their heads.
     LayerWidths,
-    /// `align_backgrounds`: boxes are corrected by what stands still in the images.
+    /// `align_backgrounds`: boxes are corrected by the image backgrounds.
     AlignedBackgrounds,
     /// `dtd refit`: a calibration network was trained again, with the estimator's error in its loss.
     RefittedView,

@@ -213,11 +213,7 @@ pub(crate) fn boxes_of_two_views() -> Encoded {
         ..SyntheticCorpus::tiny()
     };
     let corpus = corpus.write(folder.path()).unwrap();
-    let range = DistanceRange {
-        min_nm: 0.0,
-        max_nm: None,
-    };
-    let samples = Samples::read(&corpus, None, range).unwrap();
+    let samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
     let all: Vec<_> = samples.samples.iter().collect();
     let normalisation = Normalisation::fit(&samples.views, &all, &all);
     Encoded::new(all, &normalisation)

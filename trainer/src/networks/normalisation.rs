@@ -33,11 +33,11 @@ pub(crate) struct Normalisation {
 }
 
 /// Typical distance, metres.
-const FAR_M: f64 = 10_000.0;
+const TYPICAL_DISTANCE_M: f64 = 10_000.0;
 /// Maximum distance between box centre and training range, in parts of the range's extent.
-const BEYOND: f64 = 0.25;
+const MAX_PLACE_EXCESS: f64 = 0.25;
 /// Maximum ratio between a box size and the training range.
-const OTHER_SIZE: f64 = 2.0;
+const MAX_SIZE_RATIO: f64 = 2.0;
 
 impl Normalisation {
     /// Fits offsets and scales to the networks' training samples, and ranges to the ground-truth boxes. A view without boxes gets offset 0 and
@@ -115,10 +115,10 @@ impl Normalisation {
             let [smallest, largest] = range[feature];
             let is_place = feature < 2;
             if is_place {
-                let margin = BEYOND * (largest - smallest);
+                let margin = MAX_PLACE_EXCESS * (largest - smallest);
                 [smallest - margin, largest + margin]
             } else {
-                [smallest / OTHER_SIZE, largest * OTHER_SIZE]
+                [smallest / MAX_SIZE_RATIO, largest * MAX_SIZE_RATIO]
             }
         })
     }
@@ -127,7 +127,7 @@ impl Normalisation {
     /// perspective. `None` if the new camera looks elsewhere.
     pub(crate) fn moved(&self, view: usize, old: &Camera, new: &Camera) -> Option<Self> {
         let place = |px: [f64; 2]| {
-            let far_m = old.center_ecef_m + old.ray(DVec2::from_array(px)) * FAR_M;
+            let far_m = old.center_ecef_m + old.ray(DVec2::from_array(px)) * TYPICAL_DISTANCE_M;
             new.project(far_m).map(|place| place.to_array())
         };
         let zoom = new.focal_px / old.focal_px;

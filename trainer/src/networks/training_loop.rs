@@ -21,18 +21,19 @@ use crate::networks::checkpoint::{Checkpoints, Reached, RunningWeights};
 use crate::networks::stage::{Cycle, EndedBy, StageSummary, cycle_of, is_reached};
 
 /// Share of a cycle's steps during which the rate rises.
-const WARM_UP: f64 = 0.02;
+const WARM_UP_SHARE: f64 = 0.02;
 /// Final rate as a share of the highest.
-const FINAL: f64 = 1e-3;
+const FINAL_RATE_SHARE: f64 = 1e-3;
 
 /// Learning rate within a cycle: a linear rise, then half a cosine.
 fn learning_rate(highest: f64, cycle: &Range<usize>, step: usize) -> f64 {
     let part = ((step - cycle.start) as f64 + 0.5) / cycle.len() as f64;
-    let factor = if part < WARM_UP {
-        part / WARM_UP
+    let factor = if part < WARM_UP_SHARE {
+        part / WARM_UP_SHARE
     } else {
-        let fallen = (part - WARM_UP) / (1.0 - WARM_UP);
-        FINAL + (1.0 - FINAL) * 0.5 * (1.0 + (std::f64::consts::PI * fallen).cos())
+        let fallen = (part - WARM_UP_SHARE) / (1.0 - WARM_UP_SHARE);
+        FINAL_RATE_SHARE
+            + (1.0 - FINAL_RATE_SHARE) * 0.5 * (1.0 + (std::f64::consts::PI * fallen).cos())
     };
     highest * factor
 }

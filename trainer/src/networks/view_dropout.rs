@@ -65,35 +65,14 @@ impl ViewDropout {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::networks::normalisation::Normalisation;
-    use crate::samples::{DistanceRange, Samples};
     use rand::SeedableRng;
-    use testkit::synthetic::SyntheticCorpus;
+
+    use super::*;
+    use crate::networks::encoded::boxes_of_two_views;
 
     #[test]
     fn each_of_two_views_is_alone_in_a_third_of_the_batches() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            miss_ratio: 0.3,
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let samples = Samples::read(
-            &corpus,
-            None,
-            DistanceRange {
-                min_nm: 0.0,
-                max_nm: None,
-            },
-        )
-        .unwrap();
-        let all: Vec<_> = samples.samples.iter().collect();
-        let encoded = Encoded::new(
-            all.iter().copied(),
-            &Normalisation::fit(&samples.views, &all, &all),
-        );
+        let encoded = boxes_of_two_views();
         let dropout = ViewDropout::new(&encoded);
         let mut random = ChaCha12Rng::seed_from_u64(0);
         let mut counts = [0_usize; 3];

@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use crate::estimators::geometry::triangulation;
 use crate::estimators::inverse_range::flight_filter::{Estimate, Knowing};
-use crate::estimators::mono::network::MonoInputs;
-use crate::estimators::mono::pinhole;
+use crate::estimators::mono_network::MonoInputs;
+use crate::estimators::mono_pinhole;
 use crate::estimators::paper_lstm;
 use crate::networks::encoded::Encoded;
 use crate::networks::estimator_graph::EstimatorGraph;
@@ -262,7 +262,7 @@ impl Estimator {
             Self::MonoNetworkPosition => {
                 (networks.mono_position).to_onnx(MonoInputs::Position, loss, graph)
             }
-            Self::MonoPinhole => pinhole::to_onnx(&baselines.pinholes, graph),
+            Self::MonoPinhole => mono_pinhole::to_onnx(&baselines.pinholes, graph),
             Self::Triangulation
             | Self::NoVisionTime
             | Self::NoVisionTimeWeather
@@ -321,7 +321,7 @@ impl Estimator {
             Self::MonoNetwork => task.mono(MonoInputs::Size),
             Self::MonoNetworkPosition => task.mono(MonoInputs::Position),
             Self::MonoNetworkBox => task.mono(MonoInputs::Box),
-            Self::MonoPinhole => task.each(|s| pinhole::predict(&baselines.pinholes, s)),
+            Self::MonoPinhole => task.each(|s| mono_pinhole::predict(&baselines.pinholes, s)),
             Self::NoVisionTime => task.each(|s| baselines.mean_by_time.at(s)),
             Self::NoVisionTimeWeather => task.each(|observed| {
                 let weather = &task.scenarios[observed.scenario].weather;

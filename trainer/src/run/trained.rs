@@ -21,8 +21,8 @@ use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::inverse_range::InverseRange;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
-use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
-use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::mono_network::{MonoInputs, MonoNetworks};
+use crate::estimators::mono_pinhole::Pinhole;
 use crate::estimators::no_vision::MeanByTime;
 use crate::estimators::paper_lstm::calibration_training::{
     CalibrationLogEntry, CalibrationNetworks,

@@ -5,7 +5,7 @@ use burn::tensor::Device;
 
 use crate::config::{Plateau, StageEnd, TrainConfig};
 use crate::error::Result;
-use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
+use crate::estimators::mono_network::{MonoInputs, MonoNetworks};
 use crate::estimators::paper_lstm::calibration_training::train_calibration;
 use crate::estimators::paper_lstm::train_estimator;
 use crate::estimators::paper_lstm::unit_features::with_unit_features;

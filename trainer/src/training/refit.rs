@@ -25,7 +25,7 @@ use rand_chacha::ChaCha12Rng;
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::estimators::geometry::self_calibration::{MIN_TICKS, SelfCalibrated};
 use crate::estimators::geometry::triangulation::CentreOffset;
-use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::mono_pinhole::Pinhole;
 use crate::evaluation::split_again;
 use crate::networks::encoded::Encoded;
 use crate::networks::normalisation::Normalisation;

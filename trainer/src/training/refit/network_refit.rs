@@ -21,7 +21,7 @@ use crate::networks::view_dropout::ViewSelection;
 const STEPS: usize = 200;
 const JUDGED_EVERY: usize = 20;
 /// Learning rate relative to a training from random weights: the network is nearly right.
-const RATE: f64 = 0.1;
+const LEARNING_RATE_RATIO: f64 = 0.1;
 
 pub(super) struct RefitSamples<'a> {
     pub(super) training: &'a Encoded,
@@ -45,7 +45,7 @@ pub(super) fn refit_network(
     let settings = Optimisation {
         steps: STEPS,
         batch_size: config.calibration.optimisation.batch_size,
-        learning_rate: RATE * config.calibration.optimisation.learning_rate,
+        learning_rate: LEARNING_RATE_RATIO * config.calibration.optimisation.learning_rate,
     };
     let mut task = NetworkRefit {
         optimised: (0..samples.training.views())

@@ -17,7 +17,7 @@ use crate::networks::estimator_graph::{BOXES, EstimatorGraph};
 use crate::samples::{Observation, Sample};
 
 /// Maximum distance of a camera behind the touchdown target, unless the training side reaches farther, metres.
-const FARTHEST_SETBACK_M: f64 = 20_000.0;
+const MAX_SETBACK_M: f64 = 20_000.0;
 
 /// Fitted formula: `dtd = focal_times_span / width - setback`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -49,7 +49,7 @@ impl Pinhole {
         // The camera is behind the nearest position, and not farther behind the target than an approach is long.
         let search = Search {
             from: -nearest_m,
-            to: farthest_m.max(FARTHEST_SETBACK_M),
+            to: farthest_m.max(MAX_SETBACK_M),
             parts: 40,
             rounds: 10,
         };
