@@ -112,8 +112,8 @@ pub enum FeatureScale {
     Picture,
 }
 
-/// Mini-batches and learning rate; all three keys are required. Adam's rate rises linearly over the first 2 % of a cycle's steps, then falls
-/// along half a cosine to a thousandth.
+/// Mini-batches and learning rate; all three keys are required. Adam's rate rises linearly over the first 2 % of a cycle's steps, then
+/// falls along half a cosine to a thousandth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Optimisation {

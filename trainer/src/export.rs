@@ -1,8 +1,8 @@
 //! ONNX export of a run's estimators. The models contain everything between boxes in pixels and a distance in metres: box selection,
 //! normalisation, networks or formulas.
 //!
-//! Input: a run folder. Output: [`ExportedRun`]: the models, their card, and ticks with this crate's answers, so that the caller can verify a
-//! runtime before anybody uses the files.
+//! Input: a run folder. Output: [`ExportedRun`]: the models, their card, and ticks with this crate's answers, so that the caller can verify
+//! a runtime before anybody uses the files.
 //!
 //! Each part of the graphs is written next to the code that it repeats.
 

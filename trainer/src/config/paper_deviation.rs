@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig, UNIT_NM};
 
-/// A part of `paper_lstm` that differs from the paper. Steps and batch sizes do not count: the paper leaves them open, except for the maximum
-/// number of calibration epochs.
+/// A part of `paper_lstm` that differs from the paper. Steps and batch sizes do not count: the paper leaves them open, except for the
+/// maximum number of calibration epochs.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]

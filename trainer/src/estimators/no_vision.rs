@@ -62,8 +62,8 @@ impl MeanByTime {
         }
     }
 
-    /// Mean over all flights at the tick's time, metres. `None` where no view saw the aircraft, so that the baseline is judged at the same ticks
-    /// as estimators with images.
+    /// Mean over all flights at the tick's time, metres. `None` where no view saw the aircraft, so that the baseline is judged at the same
+    /// ticks as estimators with images.
     pub(crate) fn at(&self, observed: &Observation) -> Option<f64> {
         Self::answer(&self.all, observed)
     }

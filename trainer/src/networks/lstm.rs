@@ -159,7 +159,8 @@ impl Layer {
     }
 }
 
-/// Sigmoid whose gradient is computed from the output: burn's autodiff would evaluate the exponential function, the largest cost here, again.
+/// Sigmoid whose gradient is computed from the output: burn's autodiff would evaluate the exponential function, the largest cost here,
+/// again.
 fn sigmoid(x: Tensor<2>) -> Tensor<2> {
     if !x.is_autodiff() {
         return burn::tensor::activation::sigmoid(x);

@@ -40,8 +40,8 @@ const MAX_PLACE_EXCESS: f64 = 0.25;
 const MAX_SIZE_RATIO: f64 = 2.0;
 
 impl Normalisation {
-    /// Fits offsets and scales to the networks' training samples, and ranges to the ground-truth boxes. A view without boxes gets offset 0 and
-    /// scale 1.
+    /// Fits offsets and scales to the networks' training samples, and ranges to the ground-truth boxes. A view without boxes gets offset 0
+    /// and scale 1.
     pub(crate) fn fit(views: &[String], learned: &[&Sample], true_boxes: &[&Sample]) -> Self {
         let statistics = |view: usize| {
             let rows: Vec<_> = learned
@@ -106,7 +106,8 @@ impl Normalisation {
         observed.with_boxes_that(believed)
     }
 
-    /// Accepted range of centre x, centre y, width and height, pixels. In a view that never saw the aircraft, the lower bound is above the upper.
+    /// Accepted range of centre x, centre y, width and height, pixels. In a view that never saw the aircraft, the lower bound is above the
+    /// upper.
     pub(crate) fn believed_px(&self, view: usize) -> [[f64; 2]; BOX_FEATURES] {
         let Some(range) = self.range_px[view] else {
             return [[f64::INFINITY, f64::NEG_INFINITY]; BOX_FEATURES];
@@ -123,8 +124,8 @@ impl Normalisation {
         })
     }
 
-    /// Replaces a view's camera `old` by `new`: a box in the new image gets the features that the old camera would have given it, apart from
-    /// perspective. `None` if the new camera looks elsewhere.
+    /// Replaces a view's camera `old` by `new`: a box in the new image gets the features that the old camera would have given it, apart
+    /// from perspective. `None` if the new camera looks elsewhere.
     pub(crate) fn moved(&self, view: usize, old: &Camera, new: &Camera) -> Option<Self> {
         let place = |px: [f64; 2]| {
             let far_m = old.center_ecef_m + old.ray(DVec2::from_array(px)) * TYPICAL_DISTANCE_M;

@@ -22,8 +22,8 @@ pub(crate) struct BatchLoss<P> {
     pub(crate) predictions: Vec<P>,
 }
 
-/// Loss and gradients of `network` for a batch of `rows`; `part` returns loss and predictions for some rows. On a GPU all rows form a single
-/// part.
+/// Loss and gradients of `network` for a batch of `rows`; `part` returns loss and predictions for some rows. On a GPU all rows form a
+/// single part.
 pub(crate) fn loss_of_parts<N: Module, P: Send>(
     network: &N,
     rows: usize,

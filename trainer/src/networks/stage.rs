@@ -1,8 +1,8 @@
 //! Cycles, ends and records of training stages.
 //!
 //! A stage trains in cycles: in each the learning rate rises and falls (Loshchilov and Hutter, *SGDR*, 2017), which removes the noise of
-//! mini-batches from the errors at the end. Each cycle is twice as long as the one before. The stage ends if a whole cycle lowers no error by
-//! more than Algorithm 1's plateau threshold, which the paper applies to full-batch losses; the paper's training ends after a number of
+//! mini-batches from the errors at the end. Each cycle is twice as long as the one before. The stage ends if a whole cycle lowers no error
+//! by more than Algorithm 1's plateau threshold, which the paper applies to full-batch losses; the paper's training ends after a number of
 //! epochs. A stage without a plateau is a single cycle.
 
 use std::ops::Range;

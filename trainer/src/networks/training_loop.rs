@@ -1,7 +1,7 @@
 //! Training loop of all networks in this crate.
 //!
-//! Calibration networks, distance estimator and monoscopic networks differ in batches, losses and reactions to errors: a [`Task`]. Optimiser,
-//! learning rate, judging, checkpoints and the handling of divergence are the same.
+//! Calibration networks, distance estimator and monoscopic networks differ in batches, losses and reactions to errors: a [`Task`].
+//! Optimiser, learning rate, judging, checkpoints and the handling of divergence are the same.
 //!
 //! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, and collects hard backgrounds.
 

@@ -1,5 +1,5 @@
-//! Use of a run at a different runway: the run's cameras move with the runway. All other numbers are pixels and distances, which do not depend
-//! on the place.
+//! Use of a run at a different runway: the run's cameras move with the runway. All other numbers are pixels and distances, which do not
+//! depend on the place.
 
 use crate::run::trained::TrainedRun;
 use crate::samples::Samples;

@@ -86,8 +86,8 @@ pub(crate) struct RunSummary {
     pub validation_scenarios: usize,
     /// Training samples of the networks.
     pub training_samples: usize,
-    /// Training boxes that do not contain the aircraft, by view. Formulas are fitted without them; networks learn from them unless the settings
-    /// remove them.
+    /// Training boxes that do not contain the aircraft, by view. Formulas are fitted without them; networks learn from them unless the
+    /// settings remove them.
     pub dropped_training_boxes: DroppedByView,
     pub validation_samples: usize,
     /// BLAKE3 of the training and validation samples.
@@ -362,8 +362,8 @@ impl TrainedRun {
         place.commit(&seal::hash_file(&new.root().join(RunFolder::CONFIG))?)
     }
 
-    /// Networks in Safetensors format. The same numbers give the same bytes, because the metadata has a single entry: with several, their order
-    /// varies between processes.
+    /// Networks in Safetensors format. The same numbers give the same bytes, because the metadata has a single entry: with several, their
+    /// order varies between processes.
     pub(crate) fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
         let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
         let mut store = SafetensorsStore::from_bytes(None)

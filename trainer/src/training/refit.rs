@@ -2,9 +2,9 @@
 //! untouched.
 //!
 //! Fitted again for the view: the camera (`self_calibrated`), the fits of all view sets that contain the view (`inverse_range`) with their
-//! expected errors in the filter, the relations to the other views, pinhole and centre offset, the calibration network (as in the paper), and
-//! offset and scale of the features. Offset and scale follow from the old and the new fitted camera: they map a box in the new image to the
-//! features that the old camera would have given, so that the networks remain valid. The fingerprint of everything else ([`frozen`]) is
+//! expected errors in the filter, the relations to the other views, pinhole and centre offset, the calibration network (as in the paper),
+//! and offset and scale of the features. Offset and scale follow from the old and the new fitted camera: they map a box in the new image to
+//! the features that the old camera would have given, so that the networks remain valid. The fingerprint of everything else ([`frozen`]) is
 //! compared and recorded.
 //!
 //! Networks, formulas and features are stored by view, so that everything else can be fingerprinted.
