@@ -8,6 +8,7 @@ mod stage_end;
 
 use std::path::PathBuf;
 
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
@@ -15,8 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::backend::TrainingBackend;
 pub use crate::samples::sides::scenario_split::ScenarioSplitConfig;
 pub use loss::Loss;
-pub(crate) use loss::Target;
-use loss::UNIT_NM;
+pub(crate) use loss::{TARGET_UNIT_M, Target};
 pub use paper_deviation::PaperDeviation;
 pub(crate) use stage_end::Plateau;
 pub use stage_end::StageEnd;
@@ -81,7 +81,7 @@ impl Default for TrainConfig {
             accept_weather: false,
             start_from: None,
             loss: Loss::Squared,
-            target_unit_nm: UNIT_NM,
+            target_unit_nm: TARGET_UNIT_M / METERS_PER_NAUTICAL_MILE,
             feature_scale: FeatureScale::Deviation,
             only_true_boxes: false,
             align_backgrounds: false,
@@ -272,7 +272,7 @@ impl TrainConfig {
     pub(crate) fn target(&self) -> Target {
         Target {
             loss: self.loss,
-            per_10_nm: (UNIT_NM / self.target_unit_nm) as f32,
+            per_10_nm: (Self::default().target_unit_nm / self.target_unit_nm) as f32,
         }
     }
 

@@ -1,5 +1,6 @@
 //! Regression loss, and the unit of network outputs.
 
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +18,8 @@ pub enum Loss {
     Logarithmic,
 }
 
-/// Unit of distances in networks' inputs and errors, nautical miles.
-pub(super) const UNIT_NM: f64 = 10.0;
+/// Unit of the networks' distances, metres.
+pub(crate) const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
 
 /// Loss with the output unit of networks.
 #[derive(Debug, Clone, Copy, PartialEq)]

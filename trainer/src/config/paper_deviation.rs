@@ -5,7 +5,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig, UNIT_NM};
+use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig};
 
 /// A part of `paper_lstm` that differs from the paper. Steps and batch sizes do not count: the paper leaves them open, except for the
 /// maximum number of calibration epochs.
@@ -75,7 +75,8 @@ impl TrainConfig {
             ),
             (
                 PaperDeviation::Scales,
-                self.feature_scale != FeatureScale::Deviation || self.target_unit_nm != UNIT_NM,
+                self.feature_scale != FeatureScale::Deviation
+                    || self.target_unit_nm != Self::default().target_unit_nm,
             ),
             (
                 PaperDeviation::LayerWidths,

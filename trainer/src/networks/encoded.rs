@@ -4,8 +4,8 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
-use crate::config::Target;
-use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
+use crate::config::{TARGET_UNIT_M, Target};
+use crate::networks::normalisation::{BOX_FEATURES, Normalisation};
 use crate::samples::{Observation, Sample};
 
 /// Training and validation side.

@@ -7,8 +7,8 @@ use std::ops::Range;
 use onnx_graph::proto::{AttributeProto, DOUBLE, Dimension, FLOAT, ModelProto, ValueInfoProto};
 use onnx_graph::{Graph, ModelTexts};
 
-use crate::config::{Loss, Target};
-use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
+use crate::config::{Loss, TARGET_UNIT_M, Target};
+use crate::networks::normalisation::{BOX_FEATURES, Normalisation};
 
 /// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN for an empty view.
 pub(crate) const BOXES: &str = "boxes";

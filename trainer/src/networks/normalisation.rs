@@ -8,15 +8,12 @@
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::spread::mean_and_deviation;
-use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Observation, Sample};
 
-/// The networks' unit of distance, metres.
-pub(crate) const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
 /// Number of box features: centre x, centre y, width, height.
 pub(crate) const BOX_FEATURES: usize = 4;
 

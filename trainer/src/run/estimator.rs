@@ -8,6 +8,7 @@ use burn::tensor::Device;
 use onnx_graph::proto::ModelProto;
 use serde::Serialize;
 
+use crate::config::TARGET_UNIT_M;
 use crate::estimators::geometry::triangulation;
 use crate::estimators::inverse_range::flight_filter::{Estimate, Knowing};
 use crate::estimators::mono_network::MonoInputs;
@@ -15,7 +16,6 @@ use crate::estimators::mono_pinhole;
 use crate::estimators::paper_lstm;
 use crate::networks::encoded::Encoded;
 use crate::networks::estimator_graph::EstimatorGraph;
-use crate::networks::normalisation::TARGET_UNIT_M;
 use crate::run::trained::TrainedRun;
 use crate::samples::{Observation, ScenarioSummary};
 
