@@ -5,9 +5,6 @@
 Takes a Python with PyPI's torch: Debian's multiplies matrices several times slower. Builds and runs `trainer/examples/training_speed.rs`.
 Rounds alternate, so that a busy machine is busy for both; the best of each counts. With more than one thread PyTorch suffers from a busy
 machine more than we do.
-
-On two idle cores of an AMD EPYC with AVX-512, samples per second relative to PyTorch 2.10 from PyPI, with batches of 256, 1024 and 4096:
-calibration networks 1.6, 1.4 and 1.2, LSTM 0.9, 1.4 and 1.7.
 """
 
 import os

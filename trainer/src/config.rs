@@ -1,5 +1,4 @@
-//! All settings of a training. The defaults are the paper's method; [`PaperDeviation`] names what other values change about it. Saved as
-//! `config.json` next to the results.
+//! Training settings. The defaults are the paper's method; [`PaperDeviation`] lists deviations. Saved as `config.json` next to the results.
 
 pub(crate) mod backend;
 mod check;
@@ -9,6 +8,7 @@ mod stage_end;
 
 use std::path::PathBuf;
 
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
@@ -16,19 +16,18 @@ use serde::{Deserialize, Serialize};
 use crate::config::backend::TrainingBackend;
 pub use crate::samples::sides::scenario_split::ScenarioSplitConfig;
 pub use loss::Loss;
-pub(crate) use loss::Target;
-use loss::UNIT_NM;
+pub(crate) use loss::{TARGET_UNIT_M, Target};
 pub use paper_deviation::PaperDeviation;
 pub(crate) use stage_end::Plateau;
 pub use stage_end::StageEnd;
 
-/// Settings of a training. Unknown keys are rejected.
+/// Training settings. Unknown keys are rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
     /// Seed of all random choices: initial weights and batches. 0 is an ordinary seed. `--seed` overrides it.
     pub seed: u64,
-    /// Device that networks train on. `--backend` overrides it.
+    /// Device that networks train on.
     pub backend: TrainingBackend,
     /// File name or hash of the detection model whose boxes are used, if the corpus has detections of several. `--detections` overrides it.
     pub model_hash: Option<String>,
@@ -42,10 +41,9 @@ pub struct TrainConfig {
     /// Split by scenario, as in the paper, whatever the corpus's split: both sides share flights. `--split-by-scenario` sets its
     /// `test_share`.
     pub scenario_split: Option<ScenarioSplitConfig>,
-    /// Whether scenarios are used that were drawn under another weather than planned (marked by `dtd generate`). `--accept-weather`
-    /// switches it on.
+    /// Use scenarios that were drawn under a different weather than planned (marked by `dtd generate`). `--accept-weather` switches it on.
     pub accept_weather: bool,
-    /// Folder of a run whose networks this training starts from, instead of random ones. They must have the same layers and views.
+    /// Run folder whose networks this training starts from, instead of random ones. They must have the same layers and views.
     /// `--start-from` overrides it.
     pub start_from: Option<PathBuf>,
     /// Loss that the networks minimise; the mean squared error of the distance in the paper.
@@ -54,11 +52,11 @@ pub struct TrainConfig {
     pub target_unit_nm: f64,
     /// Divisor of the features of boxes.
     pub feature_scale: FeatureScale,
-    /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
-    /// Formulas are always fitted to boxes that contain it.
+    /// Train networks only on boxes that contain the aircraft according to the labels. The paper's networks train on all detections.
+    /// Formulas are always fitted to boxes that contain the aircraft.
     pub only_true_boxes: bool,
-    /// Whether the cameras of each scenario are aligned by their backgrounds, for cameras that are misplaced a little from scenario to
-    /// scenario. Needs the videos.
+    /// Align the cameras of each scenario by their backgrounds, for cameras that are slightly misplaced from scenario to scenario.
+    /// Needs the videos.
     pub align_backgrounds: bool,
     /// Stage one: calibration networks and their shared head.
     pub calibration: CalibrationConfig,
@@ -66,7 +64,7 @@ pub struct TrainConfig {
     pub estimator: EstimatorConfig,
     /// The monoscopic baseline networks.
     pub mono: MonoConfig,
-    /// How well the cameras are known before `self_calibrated` is fitted.
+    /// Prior of `self_calibrated`.
     pub self_calibration: SelfCalibrationConfig,
 }
 
@@ -83,7 +81,7 @@ impl Default for TrainConfig {
             accept_weather: false,
             start_from: None,
             loss: Loss::Squared,
-            target_unit_nm: UNIT_NM,
+            target_unit_nm: TARGET_UNIT_M / METERS_PER_NAUTICAL_MILE,
             feature_scale: FeatureScale::Deviation,
             only_true_boxes: false,
             align_backgrounds: false,
@@ -95,7 +93,7 @@ impl Default for TrainConfig {
     }
 }
 
-/// The JSON Schema of a file with these settings, with a final newline. Draft 7: the newest that editors and `taplo` read.
+/// JSON Schema of the settings file, with a final newline. Draft 7: the newest that editors and `taplo` read.
 pub fn schema() -> String {
     let mut schema = SchemaSettings::draft07()
         .into_generator()
@@ -108,19 +106,18 @@ pub fn schema() -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum FeatureScale {
-    /// Mean and standard deviation of a view's training boxes, for each feature.
+    /// Mean and standard deviation per view and feature, over the training boxes.
     Deviation,
     /// Width and height of the image, without an offset.
     Picture,
 }
 
-/// Mini-batches and learning rate of one training; all three keys are required. The rate of Adam rises linearly over the first 2 % of the
-/// steps of a cycle, then falls along half a cosine to a thousandth. With a `patience`, all steps are one cycle, so the last weights are
-/// usually the best ones: early stopping ends overfitting; it does not make a short training.
+/// Mini-batches and learning rate; all three keys are required. Adam's rate rises linearly over the first 2 % of a cycle's steps, then
+/// falls along half a cosine to a thousandth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Optimisation {
-    /// Number of mini-batches, or the most of them if a plateau ends the training.
+    /// Number of mini-batches, or its maximum if a plateau ends the training.
     pub steps: usize,
     /// Samples in a mini-batch.
     pub batch_size: usize,
@@ -132,9 +129,9 @@ pub struct Optimisation {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationConfig {
-    /// Hidden layers of a camera's calibration network.
+    /// Hidden layers of the calibration networks.
     pub hidden: Vec<usize>,
-    /// Length of a camera's feature vector.
+    /// Length of the feature vectors.
     pub features: usize,
     /// Hidden layers of the shared auxiliary head.
     pub head_hidden: Vec<usize>,
@@ -148,23 +145,11 @@ pub struct CalibrationConfig {
     pub log_every: usize,
     /// `Min` of Algorithm 1: steps before the set of optimised views may change (again), if no plateau ends the stage; 1500 in the paper.
     pub min_steps: usize,
-    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, and fall of its error over a cycle, percentage points
-    /// of MAPE; 0.01 in the paper.
+    /// Plateau threshold of Algorithm 1: spread of the last logged errors per view, and, in all stages, the minimum fall of the errors over
+    /// a cycle. Percentage points of MAPE; 0.01 in the paper.
     pub plateau_threshold_pct: f64,
     /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
-    /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, `ends` decides.
-    pub patience: Option<usize>,
-}
-
-impl CalibrationConfig {
-    /// The plateau that ends the stage, if one does.
-    pub(crate) fn plateau(&self) -> Option<Plateau> {
-        let threshold_pct = self.plateau_threshold_pct;
-        self.ends
-            .plateau(self.first_cycle, threshold_pct, self.patience)
-    }
 }
 
 impl Default for CalibrationConfig {
@@ -184,7 +169,6 @@ impl Default for CalibrationConfig {
             min_steps: 1_500,
             plateau_threshold_pct: 0.01,
             gap_threshold_pct: 0.01,
-            patience: None,
         }
     }
 }
@@ -203,29 +187,15 @@ pub struct EstimatorConfig {
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends the stage.
     pub first_cycle: usize,
-    /// Fall of the validation error over a cycle below which the stage is on its plateau, percentage points of MAPE.
-    pub plateau_threshold_pct: f64,
     /// Steps between two entries of the convergence log; each evaluates on the validation side.
     pub log_every: usize,
-    /// Share of the steps of the first cycle, from the first on, in which all batches use all views; after it, views are dropped at random.
-    /// Averaging the views' own answers is a plateau on which single-view batches keep the network; with this it first learns what two
-    /// views say together. 0, as in the paper, drops views from the first step on.
+    /// Initial share of the first cycle's steps during which all batches use all views; afterwards, views are dropped at random.
+    /// Single-view batches can keep the network on a plateau where it averages the views' separate answers; with this setting it first
+    /// learns to combine views. 0, as in the paper, drops views from the first step on.
     pub together_first: f64,
-    /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
-    /// training cannot remove, ten times two views' floor; at equal weights it drowns them out.
+    /// Loss weight of single-view batches, relative to batches with all views; 1 in the paper. The error floor of single views, which
+    /// training cannot lower, is ten times the floor of two views; at equal weights it dominates the loss.
     pub alone_weight: f64,
-    /// Early stopping: log entries in a row without a lower validation error (mean over the views) before the stage ends with its best
-    /// weights. Without it, `ends` decides.
-    pub patience: Option<usize>,
-}
-
-impl EstimatorConfig {
-    /// The plateau that ends the stage, if one does.
-    pub(crate) fn plateau(&self) -> Option<Plateau> {
-        let threshold_pct = self.plateau_threshold_pct;
-        self.ends
-            .plateau(self.first_cycle, threshold_pct, self.patience)
-    }
 }
 
 impl Default for EstimatorConfig {
@@ -240,11 +210,9 @@ impl Default for EstimatorConfig {
             },
             ends: StageEnd::Plateau,
             first_cycle: 20_000,
-            plateau_threshold_pct: 0.01,
             log_every: 250,
             together_first: 0.0,
             alone_weight: 1.0,
-            patience: None,
         }
     }
 }
@@ -257,20 +225,10 @@ pub struct MonoConfig {
     pub hidden: Vec<usize>,
     /// Mini-batches and learning rate, of each view's network.
     pub optimisation: Optimisation,
-    /// End of the training of a network.
+    /// End of each network's training.
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends it.
     pub first_cycle: usize,
-    /// Fall of the validation error over a cycle below which a network is on its plateau, percentage points of MAPE.
-    pub plateau_threshold_pct: f64,
-}
-
-impl MonoConfig {
-    /// The plateau that ends the training of a network, if one does.
-    pub(crate) fn plateau(&self) -> Option<Plateau> {
-        self.ends
-            .plateau(self.first_cycle, self.plateau_threshold_pct, None)
-    }
 }
 
 impl Default for MonoConfig {
@@ -284,12 +242,11 @@ impl Default for MonoConfig {
             },
             ends: StageEnd::Plateau,
             first_cycle: 2_000,
-            plateau_threshold_pct: 0.01,
         }
     }
 }
 
-/// Prior of `self_calibrated` (docs/estimators.md): how far the cameras may be from the rig of the plan.
+/// Prior of `self_calibrated` (docs/estimators.md): deviations of the cameras from the planned rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SelfCalibrationConfig {
@@ -312,15 +269,14 @@ impl Default for SelfCalibrationConfig {
 }
 
 impl TrainConfig {
-    /// The loss with its unit.
     pub(crate) fn target(&self) -> Target {
         Target {
             loss: self.loss,
-            per_10_nm: (UNIT_NM / self.target_unit_nm) as f32,
+            per_10_nm: (Self::default().target_unit_nm / self.target_unit_nm) as f32,
         }
     }
 
-    /// The same method with narrower layers and fewer steps: about a minute and a half on two cores, for a dozen scenarios.
+    /// Settings of `--quick`: narrower layers and fewer steps; about a minute and a half on two cores, for a dozen scenarios.
     pub fn demo() -> Self {
         let narrow = |steps, learning_rate| Optimisation {
             steps,

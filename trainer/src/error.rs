@@ -4,6 +4,7 @@ mod corpus_fault;
 mod predictions_fault;
 mod run_fault;
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use dataset::work::watch::Stopped;
@@ -13,7 +14,7 @@ pub(crate) use corpus_fault::RigKind;
 pub use predictions_fault::PredictionsFault;
 pub use run_fault::RunFault;
 
-/// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
+/// Error of this crate. Every message states the expected and the actual value and, if the user can act, a remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A corpus cannot be read, or a result not written.
@@ -22,7 +23,7 @@ pub enum Error {
     /// The corpus cannot be used for training or evaluation as it is.
     #[error("corpus {}: {fault}", path.display())]
     Corpus {
-        /// Folder of the corpus, or of one of its scenarios.
+        /// Corpus or scenario folder.
         path: PathBuf,
         /// Fault of the corpus.
         fault: Box<CorpusFault>,
@@ -32,7 +33,7 @@ pub enum Error {
     Setting {
         /// Name of the setting with its section.
         setting: String,
-        /// Its value.
+        /// Invalid value.
         found: String,
         /// Allowed values.
         expected: String,
@@ -77,7 +78,7 @@ pub enum Error {
     Diverged {
         /// Name of the network.
         network: &'static str,
-        /// Step at which this was noticed.
+        /// Step when this was noticed.
         step: usize,
     },
     /// Results would replace a file.
@@ -98,6 +99,14 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
+    pub(crate) fn setting(setting: &str, found: impl Display, expected: impl Into<String>) -> Self {
+        Self::Setting {
+            setting: setting.to_owned(),
+            found: found.to_string(),
+            expected: expected.into(),
+        }
+    }
+
     pub(crate) fn corpus(path: &Path, fault: CorpusFault) -> Self {
         Self::Corpus {
             path: path.to_owned(),

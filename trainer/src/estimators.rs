@@ -3,6 +3,7 @@
 pub(crate) mod geometry;
 pub(crate) mod inverse_range;
 pub(crate) mod minimum;
-pub(crate) mod mono;
+pub(crate) mod mono_network;
+pub(crate) mod mono_pinhole;
 pub(crate) mod no_vision;
 pub(crate) mod paper_lstm;

@@ -1,13 +1,15 @@
-//! The estimators of a run as ONNX models, with everything inside that stands between boxes in pixels and a distance in metres: which
-//! boxes count, their normalisation, networks or formulas.
+//! ONNX export of a run's estimators. The models contain everything between boxes in pixels and a distance in metres: box selection,
+//! normalisation, networks or formulas.
 //!
-//! Input: a run folder. Output: [`ExportedRun`]: the models, their card, and ticks with the answers that this crate gives, so that the
-//! caller can hold a runtime against them before anybody uses the files.
+//! Input: a run folder. Output: [`ExportedRun`]: the models, their card, and ticks with this crate's answers, so that the caller can verify
+//! a runtime before anybody uses the files.
 //!
-//! Each part of a graph is written next to the code that it repeats.
+//! Each part of the graphs is written next to the code that it repeats.
 
 mod model_card;
 mod probes;
+
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::error::Result;
 use crate::evaluation::metrics::Metrics;
@@ -19,29 +21,30 @@ use crate::run::trained::TrainedRun;
 use crate::networks::estimator_graph::{REGISTRATION_COLUMNS, REGISTRATIONS};
 pub use probes::Probes;
 
-/// Numbers of a registration that models take.
+/// Number of values per registration.
 pub const REGISTRATION_NUMBERS: usize = REGISTRATION_COLUMNS.len();
 
-/// Largest difference between the answers of a runtime and ours, relative to the distance, or to [`Probes::NEAREST_M`] below it.
+/// Maximum difference between a runtime's answers and ours, relative to the distance, at least a nautical mile: the rounding
+/// errors of networks do not shrink with the distance.
 pub const TOLERANCE: f64 = 1e-5;
 
-/// The estimators of a run in a form that other programs read.
+/// Exported estimators.
 #[derive(Debug, Clone)]
 pub struct ExportedRun {
-    /// One model per estimator.
+    /// Models, one per estimator.
     pub models: Vec<ExportedModel>,
     /// Model card for users, as Markdown.
     pub card: String,
-    /// Ticks to check them with.
+    /// Ticks that verify the models.
     pub probes: Probes,
 }
 
-/// One estimator.
+/// Exported estimator.
 #[derive(Debug, Clone)]
 pub struct ExportedModel {
-    /// Its name.
+    /// Estimator name.
     pub name: &'static str,
-    /// True if it also takes the registrations of the views.
+    /// True if the model also takes registrations.
     pub takes_registrations: bool,
     /// Content of the ONNX file.
     pub onnx: Vec<u8>,
@@ -49,7 +52,7 @@ pub struct ExportedModel {
     pub expected_m: Vec<Option<f64>>,
 }
 
-/// Exports all estimators of a run that can do without its cameras.
+/// Exports all estimators that need no cameras.
 pub fn export(run: &RunFolder) -> Result<ExportedRun> {
     let sealed = SealedRun::read(run)?;
     let trained = TrainedRun::of(&sealed)?;
@@ -76,14 +79,14 @@ pub fn export(run: &RunFolder) -> Result<ExportedRun> {
     })
 }
 
-/// Agreement of a runtime's answers with ours.
+/// Agreement between a runtime's answers and ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
-    /// Probes that have an answer.
+    /// Number of probes with an answer.
     pub answered: usize,
-    /// Largest difference, as [`TOLERANCE`] counts it; infinite where only one of the two has an answer.
+    /// Maximum relative difference, as in [`TOLERANCE`]; infinite where only one side answers.
     pub largest: f64,
-    /// The two answers there, the runtime's first, metres; NaN for none.
+    /// Pair of answers at this maximum, the runtime's first, metres; NaN for no answer.
     pub worst_m: [f64; 2],
 }
 
@@ -96,7 +99,7 @@ impl ExportedModel {
             |[answer_m, expected_m]: [f64; 2]| match (answer_m.is_nan(), expected_m.is_nan()) {
                 (true, true) => 0.0,
                 (false, false) => {
-                    (answer_m - expected_m).abs() / expected_m.abs().max(Probes::NEAREST_M)
+                    (answer_m - expected_m).abs() / expected_m.abs().max(METERS_PER_NAUTICAL_MILE)
                 }
                 _ => f64::INFINITY,
             };

@@ -3,13 +3,13 @@
 //! Input: a corpus with labels and detections. Output: a run folder ([`RunFolder`]) with networks, formulas, figures and a report.
 //!
 //! ```text
-//! samples      ticks of a corpus: the boxes that count, registered shifts, distances
-//! background   where a camera looks, from what stands still in its pictures
+//! samples      corpus ticks: selected boxes, registered shifts, distances
+//! background   camera directions from static image content
 //! paper        figures that the paper reports
 //! networks     layers, training loop and checkpoint
-//! estimators   paper_lstm, inverse_range with its filter, cameras and rays (geometry), single views (mono)
-//! run          the folder that a training writes, and its estimators
-//! live         a run that takes observations one by one, without a corpus
+//! estimators   paper_lstm, inverse_range with its filter, cameras and rays (geometry), single views (mono_network, mono_pinhole)
+//! run          run folder and estimators
+//! live         answers tick by tick, without a corpus
 //! evaluation   predictions, metrics and report
 //! export       ONNX models
 //! training     from a corpus to a run: stages, search, refit

@@ -1,5 +1,4 @@
-//! Common parts of all networks: layers and their gradients, encoded samples, the training loop with its stages and its checkpoint, and
-//! their ONNX graph.
+//! Common parts of all networks: layers, encoded samples, the training loop with stages and checkpoint, and the ONNX graph.
 
 pub(crate) mod checkpoint;
 pub(crate) mod dense;

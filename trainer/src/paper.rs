@@ -1,4 +1,4 @@
-//! The figures that the paper reports, to be shown beside ours.
+//! Figures reported in the paper, shown beside ours.
 
 /// A weather or a local time in the paper's table 3.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -7,7 +7,7 @@ pub struct PaperCondition {
     pub name: &'static str,
     /// MAPE and standard deviation of the ticks that both views saw, percent.
     pub dual_pct: [f64; 2],
-    /// The same of the ticks that at least one view saw.
+    /// MAPE and standard deviation of the ticks that at least one view saw, percent.
     pub combination_pct: [f64; 2],
 }
 
@@ -30,7 +30,7 @@ pub const MAPE_PCT: f64 = 0.18;
 pub const MONO_MAPE_PCT: f64 = 0.58;
 /// Reduction against it, as the paper states it, percent.
 pub const REDUCTION_PCT: f64 = 67.0;
-/// Most epochs of Algorithm 1.
+/// Maximum number of Algorithm 1's epochs.
 pub const EPOCHS: usize = 225_000;
 /// Duration of the paper's training on an RTX 3080, hours.
 pub const TRAINING_HOURS: f64 = 2.0;

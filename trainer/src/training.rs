@@ -1,4 +1,4 @@
-//! A training from corpus to run folder.
+//! Training, from corpus to run folder.
 
 pub(crate) mod choice;
 mod flights;
@@ -23,7 +23,7 @@ use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::inverse_range::CrossFitted;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
-use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::mono_pinhole::Pinhole;
 use crate::estimators::no_vision::MeanByTime;
 use crate::networks::checkpoint::{Checkpoints, Origin};
 use crate::networks::encoded::{Encoded, EncodedSides};
@@ -38,20 +38,20 @@ use crate::training::flights::Flights;
 use crate::training::network_training::train_networks;
 use crate::training::start::Start;
 
-/// The result of a training.
+/// Result of a training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainOutcome {
     /// The run folder.
     pub run: RunFolder,
-    /// Error of `paper_lstm` on the validation side, percent.
+    /// Validation error of `paper_lstm`, percent.
     pub validation_mape_pct: f64,
     /// The recommended estimator.
     pub choice: Choice,
 }
 
 /// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`, as a
-/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights, also if the
-/// training was stopped or killed and starts again from its checkpoint.
+/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights, even if the
+/// training was interrupted and resumed from the checkpoint.
 pub fn train(
     corpus: &Corpus,
     out: &Path,
@@ -61,41 +61,31 @@ pub fn train(
     train_on_all(slice::from_ref(corpus), out, config, watch)
 }
 
-/// The same on several corpora of one rig. A flight that their splits have on different sides does not train.
+/// [`train`] on several corpora with the same rig. Flights on different sides in different corpora do not train.
 pub fn train_on_all(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
     watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
-    train_unless(Finished::IsReplaced, corpora, out, config, watch)
+    train_run(corpora, out, config, false, watch)
 }
 
-/// The same, but a finished run of the same settings, samples and version stays.
+/// [`train_on_all`], except that a finished run with the same settings, samples and version stays.
 pub fn train_unless_done(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
     watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
-    train_unless(Finished::Stays, corpora, out, config, watch)
+    train_run(corpora, out, config, true, watch)
 }
 
-/// Treatment of a run that already exists at the destination.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Finished {
-    /// It is made again.
-    IsReplaced,
-    /// It is the result.
-    Stays,
-}
-
-/// The same, unless it is done already.
-pub(crate) fn train_unless(
-    finished: Finished,
+fn train_run(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
+    reuses_finished: bool,
     watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
     let started = Instant::now();
@@ -104,7 +94,7 @@ pub(crate) fn train_unless(
     let place = RunPlace::take(&RunFolder::at(out))?;
     let flights = Flights::read(corpora, config, watch)?;
     let samples = &flights.samples;
-    // Errors about all of them name the first.
+    // Errors about all corpora name the first.
     let corpus = &corpora[0];
     let training = flights.training(config);
     let start = Start::of(config, corpus, samples)?;
@@ -135,9 +125,7 @@ pub(crate) fn train_unless(
         start_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
         samples_blake3: samples.hash(&[Side::Train, Side::Validation]),
     };
-    if finished == Finished::Stays
-        && let Some(outcome) = outcome_of(&place.run(), &origin)
-    {
+    if reuses_finished && let Some(outcome) = outcome_of(&place.run(), &origin) {
         return Ok(outcome);
     }
     let samples_blake3 = origin.samples_blake3.clone();
@@ -163,7 +151,7 @@ pub(crate) fn train_unless(
             model: samples.detections.model.clone(),
             model_hash: samples.detections.hash.clone(),
             rig: samples.rig.name.clone(),
-            runway: samples.scenarios.first().map(|of| of.runway.clone()),
+            runway: samples.scenarios[0].runway.clone(),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
             registered_with: samples.registered_with().cloned(),
@@ -194,7 +182,7 @@ pub(crate) fn train_unless(
         networks: learned.networks,
         is_elsewhere: false,
     };
-    run.commit(&place)?;
+    run.commit(&place, &place.begin()?)?;
     place.remove_checkpoint()?;
     Ok(TrainOutcome {
         run: place.run(),
@@ -203,7 +191,6 @@ pub(crate) fn train_unless(
     })
 }
 
-/// Fits all formulas.
 fn fit_formulas(
     flights: &Flights,
     normalisation: &Normalisation,
@@ -230,7 +217,7 @@ fn fit_formulas(
     }
 }
 
-/// The result of the run that is there, if a training of this origin made it.
+/// Result of the existing run, if it has this origin.
 fn outcome_of(run: &RunFolder, origin: &Origin) -> Option<TrainOutcome> {
     let sealed = SealedRun::read(run).ok()?;
     let summary = RunSummary::of(&sealed).ok()?;

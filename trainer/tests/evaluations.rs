@@ -410,7 +410,7 @@ fn a_calibration_that_is_wrong_by_half_a_degree_changes_neither_the_boxes_that_c
     assert!((before.coverage.unwrap() - after.coverage.unwrap()).abs() < 0.02);
 }
 
-/// Keeps the lines of a training.
+/// Collects the training's messages.
 #[derive(Default)]
 struct Sayings(Mutex<Vec<String>>);
 

@@ -52,11 +52,11 @@ fn a_gpu_comes_to_the_numbers_of_the_processor() {
         let outcome = train(&corpus, &out, &config(backend), &Silent).unwrap();
         outcome.validation_mape_pct
     };
-    let by_hand = error_pct("processor", TrainingBackend::Cpu);
-    let by_autodiff = error_pct("gpu", TrainingBackend::Wgpu);
+    let on_cpu = error_pct("processor", TrainingBackend::Cpu);
+    let on_gpu = error_pct("gpu", TrainingBackend::Wgpu);
     assert!(
-        (by_hand - by_autodiff).abs() < 1e-3 * by_hand,
-        "{by_hand} % and {by_autodiff} %"
+        (on_cpu - on_gpu).abs() < 1e-3 * on_cpu,
+        "{on_cpu} % and {on_gpu} %"
     );
 
     let out = root.path().join("resumed");
@@ -69,5 +69,5 @@ fn a_gpu_comes_to_the_numbers_of_the_processor() {
         )
     }));
     assert!(killed.is_err());
-    assert_eq!(error_pct("resumed", TrainingBackend::Wgpu), by_autodiff);
+    assert_eq!(error_pct("resumed", TrainingBackend::Wgpu), on_gpu);
 }

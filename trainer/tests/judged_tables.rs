@@ -161,7 +161,7 @@ fn a_csv_file_gets_the_figures_of_the_same_parquet_file_and_needs_no_number_of_v
     assert!(json["estimators"]["mine"].get("dual").is_none(), "{json}");
 }
 
-/// A labelled corpus, and the truth of its judged ticks.
+/// Labelled corpus with the ground truth of the judged ticks.
 struct Labelled {
     folder: TempDir,
     corpus: Corpus,

@@ -64,7 +64,7 @@ fn ticks(corpus: &Corpus, scenario: &str, views: &[String]) -> Vec<SeenTick> {
     ticks
 }
 
-/// A column of a table, by scenario and tick.
+/// Table column by scenario and tick.
 fn column(table: &Table, name: &str) -> BTreeMap<(String, u32), Option<f64>> {
     let scenarios = table.text("scenario").unwrap().into_iter();
     let keys = scenarios.zip(table.u32("tick").unwrap());

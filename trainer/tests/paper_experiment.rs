@@ -64,7 +64,7 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
     assert_eq!(metrics.split.test_scenarios_sharing_flights, 0);
     let report = fs::read_to_string(run.report_path()).unwrap();
     assert!(report.contains("0 of 2 test\nscenarios fly a flight that was learned from"));
-    // All scenarios: most of them were learned from.
+    // All scenarios: most were used for training.
     let all = EvaluationConfig {
         side: JudgedSide::All,
         out: Some(folder.path().join("all")),
@@ -73,7 +73,7 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
     let error = evaluate(&run, &corpus, &all, &Silent).unwrap_err();
     assert!(matches!(error, trainer::Error::Leak { .. }), "{error}");
 
-    // Another corpus, and the same twice.
+    // A second corpus, and the same corpus twice.
     let other = SyntheticCorpus {
         seed: 1,
         ..SyntheticCorpus::tiny()
@@ -154,7 +154,7 @@ fn a_training_to_its_plateau_makes_no_more_cycles_than_help_and_records_them() {
     config.estimator.optimisation.steps = limit;
     config.estimator.first_cycle = limit / 16;
     // No cycle is better by so much.
-    config.estimator.plateau_threshold_pct = 1e5;
+    config.calibration.plateau_threshold_pct = 1e5;
     let run = trained(folder.path(), "run", &corpus, &config);
     let stages = &json_of(&run, "run.json")["stages"];
     let stage = |network: &str| {

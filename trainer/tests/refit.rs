@@ -49,7 +49,7 @@ fn evaluated(run: &RunFolder, corpus: &Corpus) -> Metrics {
     evaluate(run, corpus, &EvaluationConfig::default(), &Silent).unwrap()
 }
 
-/// Messages of a refit.
+/// Refit messages.
 #[derive(Default)]
 struct Said(Mutex<Vec<String>>);
 

@@ -1,4 +1,4 @@
-//! A training that ended before its end, and goes on.
+//! Interrupted trainings that are resumed.
 
 mod hardly_trained;
 
@@ -33,7 +33,7 @@ fn config() -> TrainConfig {
     config
 }
 
-/// Ends the training at a report of progress, as a kill would, and writes down what it heard.
+/// Ends the training at a progress report, as a kill would, and records all reports.
 struct Killer {
     reports_left: AtomicUsize,
     heard: Mutex<Vec<String>>,
@@ -81,7 +81,7 @@ fn tiny(folder: &Path) -> Corpus {
     corpus.write(&folder.join("corpus")).unwrap()
 }
 
-/// Trains until it is killed, and returns what it reported; `None` if it came to its end.
+/// Trains until it is killed, and returns the reports; `None` if it finished.
 fn killed(
     corpus: &Corpus,
     run: &Path,
@@ -94,7 +94,7 @@ fn killed(
     (!ended).then(|| killer.heard.into_inner().unwrap())
 }
 
-/// Result of a training, except for its duration.
+/// Training result, except for the duration.
 fn learned(run: &Path) -> Vec<Vec<u8>> {
     [
         "config.json",
@@ -115,28 +115,24 @@ fn is_resuming(heard: &[String]) -> bool {
 fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = tiny(folder.path());
-    for patience in [None, Some(3)] {
-        let mut config = config();
-        (config.calibration.patience, config.estimator.patience) = (patience, patience);
-        let straight = folder.path().join("straight");
-        let outcome = train(&corpus, &straight, &config, &Silent).unwrap();
-        let run = folder.path().join("killed");
-        let mut kills = 0_usize;
-        // Each process gets a little further than the last.
-        while let Some(heard) = killed(&corpus, &run, &config, 4) {
-            assert_eq!(is_resuming(&heard), kills > 0, "{heard:?}");
-            assert!(!run.exists() || kills == 0);
-            kills += 1;
-            // Each saves its first step at least.
-            assert!(kills < 10 * STEPS, "it gets nowhere: {heard:?}");
-        }
-        assert!(kills > 5, "only {kills} kills");
-        assert_eq!(learned(&run), learned(&straight), "patience {patience:?}");
-        assert!(!Workshop::beside(&run).exists());
-        let again = train(&corpus, &straight, &config, &Silent).unwrap();
-        assert_eq!(again.validation_mape_pct, outcome.validation_mape_pct);
-        fs::remove_dir_all(&run).unwrap();
+    let config = config();
+    let straight = folder.path().join("straight");
+    let outcome = train(&corpus, &straight, &config, &Silent).unwrap();
+    let run = folder.path().join("killed");
+    let mut kills = 0_usize;
+    // Each process gets a little further than the last.
+    while let Some(heard) = killed(&corpus, &run, &config, 4) {
+        assert_eq!(is_resuming(&heard), kills > 0, "{heard:?}");
+        assert!(!run.exists() || kills == 0);
+        kills += 1;
+        // Each saves its first step at least.
+        assert!(kills < 10 * STEPS, "it gets nowhere: {heard:?}");
     }
+    assert!(kills > 5, "only {kills} kills");
+    assert_eq!(learned(&run), learned(&straight));
+    assert!(!Workshop::beside(&run).exists());
+    let again = train(&corpus, &straight, &config, &Silent).unwrap();
+    assert_eq!(again.validation_mape_pct, outcome.validation_mape_pct);
 }
 
 #[test]
@@ -196,27 +192,4 @@ fn a_checkpoint_of_another_training_is_replaced() {
     let straight = folder.path().join("straight");
     train(&corpus, &straight, &other, &Silent).unwrap();
     assert_eq!(learned(&run), learned(&straight));
-}
-
-#[test]
-fn with_patience_a_training_stops_early_and_keeps_its_best_weights() {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = tiny(folder.path());
-    let run = folder.path().join("run");
-    let mut config = config();
-    // Too high a rate gets worse sooner or later.
-    config.estimator.optimisation.learning_rate = 0.3;
-    config.estimator.patience = Some(2);
-    let outcome = train(&corpus, &run, &config, &Silent).unwrap();
-    let log: serde_json::Value =
-        serde_json::from_slice(&fs::read(run.join("convergence.json")).unwrap()).unwrap();
-    let entries = log["estimator"].as_array().unwrap();
-    let error = |entry: &serde_json::Value| entry["validation_mape_pct"].as_f64().unwrap();
-    let kept = log["estimator_kept_step"].as_u64().unwrap();
-    let last = entries.last().unwrap()["step"].as_u64().unwrap();
-    assert_eq!(last, kept + 8, "two entries after the best");
-    assert!(last < STEPS as u64, "it made all steps");
-    let lowest = entries.iter().map(error).fold(f64::INFINITY, f64::min);
-    assert!(kept == 0 || outcome.validation_mape_pct == lowest);
-    assert_eq!(log["calibration_kept_step"], STEPS);
 }

@@ -1,4 +1,4 @@
-//! Several settings and seeds are trained and compared.
+//! Search over settings and seeds.
 
 mod hardly_trained;
 
@@ -80,7 +80,7 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
         table
     );
 
-    // The folder of a run is not the folder of a search.
+    // A run folder cannot be a search folder.
     let in_run = search(&corpora, &out.join(best), &what, &Silent);
     assert!(in_run.unwrap_err().to_string().contains("is a run"));
 

@@ -238,7 +238,7 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
         .write(&folder.path().join("corpus"))
         .unwrap();
     with_boxes(&corpus, Side::Train, |seen| PixelBox {
-        // Boxes of the last mile or so are moved to another object.
+        // Boxes of the last mile or so are moved away.
         cy_px: seen.cy_px + if seen.width_px > 100.0 { 200.0 } else { 0.0 },
         ..seen
     });

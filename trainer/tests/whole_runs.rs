@@ -199,7 +199,7 @@ fn numbers_that_no_training_leaves_are_refused_by_file() {
         seal_again(run.root());
         let message = workshop.evaluate("run").unwrap_err().to_string();
         assert!(
-            message.contains("weights.safetensors: has the weight"),
+            message.contains("weights.safetensors: has the number"),
             "{message}"
         );
     }
@@ -234,12 +234,12 @@ fn a_run_of_another_version_is_refused_as_such_whatever_else_it_lacks() {
     let path = run.root().join("run.json");
     for (summary, expected) in [
         (
-            r#"{"dtd": "0.0.9"}"#,
-            "format 0, written by dtd 0.0.9, and this version reads format 9; train again",
+            r#"{"format": 9, "dtd": "0.0.9"}"#,
+            "format 9, written by dtd 0.0.9, and this version reads format 10; train again",
         ),
         (
             r#"{"format": 99, "dtd": "9.9.0"}"#,
-            "format 99, written by dtd 9.9.0, and this version reads format 9; update dtd",
+            "format 99, written by dtd 9.9.0, and this version reads format 10; update dtd",
         ),
     ] {
         fs::write(&path, summary).unwrap();

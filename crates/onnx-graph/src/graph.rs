@@ -1,4 +1,4 @@
-//! A graph that grows node by node. Values are identified by their names, which it makes up.
+//! Graph builder. Values are identified by generated names.
 
 use prost::Message;
 
@@ -11,19 +11,19 @@ const IR_VERSION: i64 = 8;
 /// Version of ONNX's operators; the nodes that callers add are of this one.
 const OPSET_VERSION: i64 = 13;
 
-/// Nodes and constants so far.
+/// Nodes and constants.
 #[derive(Debug, Clone, Default)]
 pub struct Graph {
     nodes: Vec<NodeProto>,
     constants: Vec<TensorProto>,
 }
 
-/// Texts in a model's header.
+/// Texts in the model header.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelTexts<'a> {
-    /// Name of its graph.
+    /// Graph name.
     pub name: &'a str,
-    /// Version of the program that writes it.
+    /// Version of the writing program.
     pub version: &'a str,
     /// Keys and values for the reader.
     pub metadata: &'a [(&'a str, &'a str)],
@@ -58,38 +58,38 @@ impl Graph {
         self.node("Concat", parts, vec![AttributeProto::int("axis", axis)])
     }
 
-    /// A value with other elements, of one of the types of [`crate::proto`].
+    /// Converts the elements to an element type from [`crate::proto`].
     pub fn cast(&mut self, value: &str, element_type: i32) -> String {
         let to = AttributeProto::int("to", element_type.into());
         self.node("Cast", &[value], vec![to])
     }
 
-    /// A constant of single-precision numbers.
+    /// Single-precision constant.
     pub fn floats(&mut self, dims: &[i64], values: &[f32]) -> String {
         self.constant(|name| TensorProto::floats(name, dims, values))
     }
 
-    /// A constant of double-precision numbers.
+    /// Double-precision constant.
     pub fn doubles(&mut self, dims: &[i64], values: &[f64]) -> String {
         self.constant(|name| TensorProto::doubles(name, dims, values))
     }
 
-    /// A single-precision number.
+    /// Single-precision scalar.
     pub fn number(&mut self, value: f64) -> String {
         self.floats(&[], &[value as f32])
     }
 
-    /// A double-precision number.
+    /// Double-precision scalar.
     pub fn double(&mut self, value: f64) -> String {
         self.doubles(&[], &[value])
     }
 
-    /// A list of whole numbers.
+    /// Integer list.
     pub fn integers(&mut self, values: &[i64]) -> String {
         self.constant(|name| TensorProto::integers(name, values))
     }
 
-    /// A whole number.
+    /// Integer scalar.
     pub fn integer(&mut self, value: i64) -> String {
         self.constant(|name| TensorProto {
             dims: vec![],
@@ -103,7 +103,7 @@ impl Graph {
         name
     }
 
-    /// Renames the value of the last node, which becomes an output of the model.
+    /// Names the last node's value, which becomes a model output.
     pub fn name_last(&mut self, name: &str) {
         if let Some(last) = self.nodes.last_mut() {
             last.output = vec![name.into()];
@@ -115,7 +115,7 @@ impl Graph {
         (&self.nodes, &self.constants)
     }
 
-    /// The model with this graph.
+    /// Wraps the graph in a model.
     pub fn into_model(
         self,
         inputs: Vec<ValueInfoProto>,
@@ -147,7 +147,7 @@ impl Graph {
 }
 
 impl ModelProto {
-    /// The content of an ONNX file.
+    /// Content of the ONNX file.
     pub fn bytes(&self) -> Vec<u8> {
         self.encode_to_vec()
     }

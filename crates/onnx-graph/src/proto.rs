@@ -40,7 +40,7 @@ pub struct OperatorSetIdProto {
     /// Empty for ONNX's own operators.
     #[prost(string, tag = "1")]
     pub domain: String,
-    /// Its version.
+    /// Version.
     #[prost(int64, tag = "2")]
     pub version: i64,
 }
@@ -85,7 +85,7 @@ pub struct NodeProto {
     /// Names of the outputs.
     #[prost(string, repeated, tag = "2")]
     pub output: Vec<String>,
-    /// Its own name.
+    /// Name.
     #[prost(string, tag = "3")]
     pub name: String,
     /// Operator.
@@ -96,7 +96,7 @@ pub struct NodeProto {
     pub attribute: Vec<AttributeProto>,
 }
 
-/// An attribute of an operation.
+/// Attribute.
 #[derive(Clone, PartialEq, Message)]
 pub struct AttributeProto {
     /// Name.
@@ -179,45 +179,42 @@ pub struct TensorProto {
 }
 
 impl TensorProto {
-    /// Floats of a shape.
+    /// Single-precision tensor.
     pub fn floats(name: &str, dims: &[i64], values: &[f32]) -> Self {
-        debug_assert_eq!(
-            dims.iter().product::<i64>() as usize,
-            values.len(),
-            "{name}"
-        );
-        let raw_data = values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
-        Self {
-            dims: dims.to_vec(),
-            data_type: FLOAT,
-            name: name.into(),
-            raw_data,
-        }
+        Self::of(name, FLOAT, dims, values.iter().map(|x| x.to_le_bytes()))
     }
 
-    /// Double-precision numbers of a shape.
+    /// Double-precision tensor.
     pub fn doubles(name: &str, dims: &[i64], values: &[f64]) -> Self {
+        Self::of(name, DOUBLE, dims, values.iter().map(|x| x.to_le_bytes()))
+    }
+
+    /// Integer list.
+    pub fn integers(name: &str, values: &[i64]) -> Self {
+        let dims = [values.len() as i64];
+        Self::of(name, INT64, &dims, values.iter().map(|x| x.to_le_bytes()))
+    }
+
+    fn of<const N: usize>(
+        name: &str,
+        data_type: i32,
+        dims: &[i64],
+        elements: impl ExactSizeIterator<Item = [u8; N]>,
+    ) -> Self {
         debug_assert_eq!(
             dims.iter().product::<i64>() as usize,
-            values.len(),
+            elements.len(),
             "{name}"
         );
-        let raw_data = values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
         Self {
             dims: dims.to_vec(),
-            data_type: DOUBLE,
+            data_type,
             name: name.into(),
-            raw_data,
+            raw_data: elements.flatten().collect(),
         }
     }
 
-    /// The floats again; `None` if it holds something else.
+    /// Elements; `None` unless they are single-precision.
     pub fn float_values(&self) -> Option<Vec<f32>> {
         let (elements, rest) = self.raw_data.as_chunks::<4>();
         (self.data_type == FLOAT && rest.is_empty()).then(|| {
@@ -226,20 +223,6 @@ impl TensorProto {
                 .map(|&bytes| f32::from_le_bytes(bytes))
                 .collect()
         })
-    }
-
-    /// A list of whole numbers.
-    pub fn integers(name: &str, values: &[i64]) -> Self {
-        let raw_data = values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
-        Self {
-            dims: vec![values.len() as i64],
-            data_type: INT64,
-            name: name.into(),
-            raw_data,
-        }
     }
 }
 
@@ -255,12 +238,12 @@ pub struct ValueInfoProto {
 }
 
 impl ValueInfoProto {
-    /// A tensor of floats.
+    /// Single-precision tensor.
     pub fn floats(name: &str, dims: &[Dimension]) -> Self {
         Self::of(name, FLOAT, dims)
     }
 
-    /// A tensor of double-precision numbers.
+    /// Double-precision tensor.
     pub fn doubles(name: &str, dims: &[Dimension]) -> Self {
         Self::of(name, DOUBLE, dims)
     }
@@ -287,7 +270,7 @@ impl ValueInfoProto {
     }
 }
 
-/// Type of a value.
+/// Value type.
 #[derive(Clone, PartialEq, Message)]
 pub struct TypeProto {
     /// A tensor.
@@ -295,7 +278,7 @@ pub struct TypeProto {
     pub tensor_type: Option<TensorTypeProto>,
 }
 
-/// Type of a tensor.
+/// Tensor type.
 #[derive(Clone, PartialEq, Message)]
 pub struct TensorTypeProto {
     /// Element type.
@@ -306,7 +289,7 @@ pub struct TensorTypeProto {
     pub shape: Option<TensorShapeProto>,
 }
 
-/// Shape of a tensor.
+/// Tensor shape.
 #[derive(Clone, PartialEq, Message)]
 pub struct TensorShapeProto {
     /// Dimensions.
@@ -322,7 +305,7 @@ pub struct DimensionProto {
     pub value: Option<Dimension>,
 }
 
-/// Length of a dimension.
+/// Dimension length.
 #[derive(Clone, PartialEq, Oneof)]
 pub enum Dimension {
     /// Always this long.

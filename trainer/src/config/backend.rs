@@ -51,11 +51,7 @@ impl TrainingBackend {
     }
 
     fn invalid(self, expected: String) -> Error {
-        Error::Setting {
-            setting: "backend".into(),
-            found: format!("\"{}\"", self.word()),
-            expected,
-        }
+        Error::setting("backend", format_args!("{:?}", self.word()), expected)
     }
 }
 

@@ -1,6 +1,6 @@
-//! The ranges of all settings. A settings file may contain any number that TOML supports; values outside of these ranges are
-//! rejected before anything is computed from them.
+//! Ranges of all settings. Values outside are rejected before anything is computed from them.
 
+use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 
 use super::{Optimisation, TrainConfig};
@@ -8,47 +8,43 @@ use crate::error::{Error, Result};
 use crate::samples::FARTHEST_NM;
 use crate::samples::sides::leave_out::LeftOut;
 
-/// Units of a layer, and layers of a stack: four times as wide and deep as in the paper. With layers at these limits, a training on two
-/// views takes 2 GiB, and 3.5 MB per sample of a batch.
+/// Layer widths and depths: up to four times the paper's. With layers at these limits, a training on two views takes 2 GiB, plus 3.5 MB per
+/// sample in a batch.
 const WIDTHS: RangeInclusive<usize> = 1..=1_024;
 const MAX_LAYERS: usize = 8;
 const STEPS: RangeInclusive<usize> = 1..=100_000_000;
 const BATCH_SIZES: RangeInclusive<usize> = 1..=8_192;
-/// Maximum number of entries of a convergence log.
+/// Maximum length of the convergence logs.
 const MAX_ENTRIES: usize = 100_000;
-const MAX_LEARNING_RATE: f64 = 10.0;
-/// Beyond this, shares, weights and percentages are meaningless.
-const MAX_RATIO: f64 = 1e6;
-/// Of the scenarios, for test or validation: half of them remain at least.
+/// Maximum of weights, thresholds, rates and standard deviations.
+const MAX_NUMBER: f64 = 1e6;
+/// Maximum share of scenarios for test and for validation: a tenth is left for training.
 const MAX_SHARE: f64 = 0.45;
-/// Units in which single-precision networks still learn.
+/// Target units within the range of single-precision networks.
 const UNITS_NM: RangeInclusive<f64> = 0.01..=10_000.0;
-const MAX_DEVIATION_M: f64 = 100_000.0;
-/// Smallest accepted standard deviation of a camera's prior: a smaller one is numerically indistinguishable from certainty.
-const MIN_SD: f64 = 1e-6;
 
 impl TrainConfig {
-    /// Checks that every setting is in its range.
+    /// Checks all settings.
     pub fn check(&self) -> Result<()> {
         number("min_dtd_nm", self.min_dtd_nm, 0.0..=FARTHEST_NM)?;
         if let Some(max) = self.max_dtd_nm {
             number("max_dtd_nm", max, 0.0..=FARTHEST_NM)?;
             if max <= self.min_dtd_nm {
-                return Err(Error::Setting {
-                    setting: "max_dtd_nm".to_owned(),
-                    found: max.to_string(),
-                    expected: format!("a number above min_dtd_nm, which is {}", self.min_dtd_nm),
-                });
+                return Err(Error::setting(
+                    "max_dtd_nm",
+                    max,
+                    format!("a number above min_dtd_nm, which is {}", self.min_dtd_nm),
+                ));
             }
         }
         if let Some(setting) = &self.leave_out
             && LeftOut::parse(setting).is_none()
         {
-            return Err(Error::Setting {
-                setting: "leave_out".to_owned(),
-                found: format!("{setting:?}"),
-                expected: LeftOut::EXPECTED.into(),
-            });
+            return Err(Error::setting(
+                "leave_out",
+                format_args!("{setting:?}"),
+                LeftOut::EXPECTED,
+            ));
         }
         number("target_unit_nm", self.target_unit_nm, UNITS_NM)?;
         if let Some(split) = &self.scenario_split {
@@ -59,11 +55,11 @@ impl TrainConfig {
                 number(setting, share, 0.0..=MAX_SHARE)?;
             }
             if let Some(left_out) = &self.leave_out {
-                return Err(Error::Setting {
-                    setting: "scenario_split".to_owned(),
-                    found: format!("set beside leave_out = {left_out:?}"),
-                    expected: "one of the two".into(),
-                });
+                return Err(Error::setting(
+                    "scenario_split",
+                    format_args!("set beside leave_out = {left_out:?}"),
+                    "one of the two",
+                ));
             }
         }
         let c = &self.calibration;
@@ -73,111 +69,89 @@ impl TrainConfig {
         number(
             "calibration.plateau_threshold_pct",
             c.plateau_threshold_pct,
-            0.0..=MAX_RATIO,
+            0.0..=MAX_NUMBER,
         )?;
         number(
             "calibration.gap_threshold_pct",
             c.gap_threshold_pct,
-            0.0..=MAX_RATIO,
+            0.0..=MAX_NUMBER,
         )?;
-        optimisation("calibration", &c.optimisation)?;
-        whole("calibration.first_cycle", c.first_cycle, STEPS)?;
+        optimisation("calibration", &c.optimisation, c.first_cycle)?;
         log_every("calibration.log_every", c.log_every, &c.optimisation)?;
-        patience("calibration.patience", c.patience)?;
         let e = &self.estimator;
         layers("estimator.lstm", &e.lstm, 1)?;
         layers("estimator.head_hidden", &e.head_hidden, 0)?;
-        number("estimator.alone_weight", e.alone_weight, 0.0..=MAX_RATIO)?;
+        number("estimator.alone_weight", e.alone_weight, 0.0..=MAX_NUMBER)?;
         number("estimator.together_first", e.together_first, 0.0..=1.0)?;
-        optimisation("estimator", &e.optimisation)?;
-        whole("estimator.first_cycle", e.first_cycle, STEPS)?;
-        number(
-            "estimator.plateau_threshold_pct",
-            e.plateau_threshold_pct,
-            0.0..=MAX_RATIO,
-        )?;
+        optimisation("estimator", &e.optimisation, e.first_cycle)?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
-        patience("estimator.patience", e.patience)?;
         let s = &self.self_calibration;
         for (setting, sd, most) in [
             (
                 "self_calibration.position_sd_m",
                 s.position_sd_m,
-                MAX_DEVIATION_M,
+                MAX_NUMBER,
             ),
             ("self_calibration.turn_sd_deg", s.turn_sd_deg, 90.0),
             ("self_calibration.focal_sd_pct", s.focal_sd_pct, 1_000.0),
         ] {
-            number(setting, sd, MIN_SD..=most)?;
+            // Less is numerically indistinguishable from certainty.
+            number(setting, sd, MAX_NUMBER.recip()..=most)?;
         }
         let m = &self.mono;
         layers("mono.hidden", &m.hidden, 0)?;
-        whole("mono.first_cycle", m.first_cycle, STEPS)?;
-        number(
-            "mono.plateau_threshold_pct",
-            m.plateau_threshold_pct,
-            0.0..=MAX_RATIO,
-        )?;
-        optimisation("mono", &m.optimisation)
+        optimisation("mono", &m.optimisation, m.first_cycle)
     }
 }
 
 fn number(setting: &str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
+    within(setting, found, allowed, "a number")
+}
+
+fn whole(setting: &str, found: usize, allowed: RangeInclusive<usize>) -> Result<()> {
+    within(setting, found, allowed, "a whole number")
+}
+
+fn within<T: PartialOrd + Debug + Display>(
+    setting: &str,
+    found: T,
+    allowed: RangeInclusive<T>,
+    kind: &str,
+) -> Result<()> {
     // NaN is never in range.
     if allowed.contains(&found) {
         return Ok(());
     }
-    Err(Error::Setting {
-        setting: setting.to_owned(),
-        found: format!("{found:?}"),
-        expected: format!("a number from {} to {}", allowed.start(), allowed.end()),
-    })
-}
-
-fn whole(setting: &str, found: usize, allowed: RangeInclusive<usize>) -> Result<()> {
-    if allowed.contains(&found) {
-        return Ok(());
-    }
-    Err(Error::Setting {
-        setting: setting.to_owned(),
-        found: format!("{found:?}"),
-        expected: format!(
-            "a whole number from {} to {}",
-            allowed.start(),
-            allowed.end()
-        ),
-    })
+    let expected = format!("{kind} from {} to {}", allowed.start(), allowed.end());
+    Err(Error::setting(setting, format_args!("{found:?}"), expected))
 }
 
 fn layers(setting: &str, widths: &[usize], least: usize) -> Result<()> {
     if !(least..=MAX_LAYERS).contains(&widths.len()) {
-        return Err(Error::Setting {
-            setting: setting.to_owned(),
-            found: format!("{} layers", widths.len()),
-            expected: format!("{least} to {MAX_LAYERS}"),
-        });
+        return Err(Error::setting(
+            setting,
+            format_args!("{} layers", widths.len()),
+            format!("{least} to {MAX_LAYERS}"),
+        ));
     }
     widths
         .iter()
         .try_for_each(|&width| whole(setting, width, WIDTHS))
 }
 
-fn optimisation(stage: &str, found: &Optimisation) -> Result<()> {
+fn optimisation(stage: &str, found: &Optimisation, first_cycle: usize) -> Result<()> {
+    whole(&format!("{stage}.first_cycle"), first_cycle, STEPS)?;
     let setting = |key: &str| format!("{stage}.optimisation.{key}");
     whole(&setting("steps"), found.steps, STEPS)?;
     whole(&setting("batch_size"), found.batch_size, BATCH_SIZES)?;
-    if found.learning_rate > 0.0 && found.learning_rate <= MAX_LEARNING_RATE {
+    if found.learning_rate > 0.0 && found.learning_rate <= MAX_NUMBER {
         return Ok(());
     }
-    Err(Error::Setting {
-        setting: setting("learning_rate"),
-        found: found.learning_rate.to_string(),
-        expected: format!("a number above 0, at most {MAX_LEARNING_RATE}"),
-    })
-}
-
-fn patience(setting: &str, found: Option<usize>) -> Result<()> {
-    found.map_or(Ok(()), |entries| whole(setting, entries, 1..=MAX_ENTRIES))
+    Err(Error::setting(
+        &setting("learning_rate"),
+        found.learning_rate,
+        format!("a number above 0, at most {MAX_NUMBER}"),
+    ))
 }
 
 fn log_every(setting: &str, found: usize, training: &Optimisation) -> Result<()> {
@@ -185,14 +159,14 @@ fn log_every(setting: &str, found: usize, training: &Optimisation) -> Result<()>
     if found >= least {
         return Ok(());
     }
-    Err(Error::Setting {
-        setting: setting.to_owned(),
-        found: format!("{found:?}"),
-        expected: format!(
+    Err(Error::setting(
+        setting,
+        format_args!("{found:?}"),
+        format!(
             "at least {least}: {} steps make {MAX_ENTRIES} entries of the log at most",
             training.steps
         ),
-    })
+    ))
 }
 
 #[cfg(test)]
@@ -231,10 +205,6 @@ mod tests {
             (
                 r#"{"estimator": {"log_every": 0}}"#,
                 ["estimator.log_every", "is 0", "at least 3"],
-            ),
-            (
-                r#"{"estimator": {"patience": 0}}"#,
-                ["estimator.patience", "is 0", "1 to 100000"],
             ),
             (
                 r#"{"estimator": {"lstm": []}}"#,

@@ -1,84 +1,62 @@
-//! The loss of a regression, and the unit of what networks predict.
+//! Regression loss, and the unit of network outputs.
 
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Loss of a regression. The figure of merit is a percentage, while the paper's squared error is satisfied with 18 m everywhere, which is
-/// 0.1 % at 10 NM but 1 % at 1 NM.
+/// Regression loss. The figure of merit is a percentage, whereas the paper's squared error treats 18 m alike everywhere, which is 0.1 % at
+/// 10 NM but 1 % at 1 NM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
     /// Networks predict distances in units of 10 NM; mean squared error, as in equation (1) of the paper.
     Squared,
-    /// The same with each sample divided by its squared distance.
+    /// Mean squared error, each sample divided by its squared distance.
     Relative,
     /// Networks predict the natural logarithm of the distance in units of 10 NM; mean squared error of that, which for small errors
     /// is the relative error.
     Logarithmic,
 }
 
-impl Loss {
-    /// Distances below this (in units of 10 NM; 0.5 NM) are treated as this one: percentages explode at touchdown.
-    const NEAREST: f32 = 0.05;
+/// Unit of the networks' distances, metres.
+pub(crate) const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
 
-    /// Weight of a sample at `distance` (units of 10 NM).
-    pub(crate) fn weight(self, distance: f32) -> f32 {
-        match self {
-            Self::Squared => 1.0,
-            Self::Relative => distance.max(Self::NEAREST).powi(-2),
-            // The logarithm weighs every percent equally already; nearer than that its slope is limited.
-            Self::Logarithmic => (distance / Self::NEAREST).min(1.0).powi(2),
-        }
-    }
-
-    /// The number that a network should predict for `distance` (units of 10 NM).
-    pub(crate) fn target(self, distance: f32) -> f32 {
-        match self {
-            Self::Squared | Self::Relative => distance,
-            Self::Logarithmic => distance.ln(),
-        }
-    }
-
-    /// The distance (units of 10 NM) for a network's output.
-    pub(crate) fn distance(self, predicted: f32) -> f32 {
-        match self {
-            Self::Squared | Self::Relative => predicted,
-            Self::Logarithmic => predicted.exp(),
-        }
-    }
-}
-
-/// Unit of all distances of the networks, nautical miles.
-pub(super) const UNIT_NM: f64 = 10.0;
-
-/// A loss, and the unit of what networks predict.
+/// Loss with the output unit of networks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Target {
-    /// The loss.
+    /// Loss.
     pub(crate) loss: Loss,
     /// Predicted number for 10 NM.
     pub(crate) per_10_nm: f32,
 }
 
 impl Target {
-    /// Weight of a sample at `distance` (units of 10 NM).
-    pub(crate) fn weight(self, distance: f32) -> f32 {
-        self.loss.weight(distance)
-    }
+    /// Distances below this (in units of 10 NM; 0.5 NM) are treated as this one: percentages explode at touchdown.
+    const MIN_DISTANCE: f32 = 0.05;
 
-    /// The number that a network should predict for `distance` (units of 10 NM).
-    pub(crate) fn target(self, distance: f32) -> f32 {
+    /// Sample weight at `distance` (units of 10 NM).
+    pub(crate) fn weight(self, distance: f32) -> f32 {
         match self.loss {
-            Loss::Logarithmic => self.loss.target(distance),
-            Loss::Squared | Loss::Relative => self.loss.target(distance) * self.per_10_nm,
+            Loss::Squared => 1.0,
+            Loss::Relative => distance.max(Self::MIN_DISTANCE).powi(-2),
+            // The logarithm weighs every percent equally already; nearer than that its slope is limited.
+            Loss::Logarithmic => (distance / Self::MIN_DISTANCE).min(1.0).powi(2),
         }
     }
 
-    /// The distance (units of 10 NM) for a network's output.
+    /// Ideal network output at `distance` (units of 10 NM).
+    pub(crate) fn target(self, distance: f32) -> f32 {
+        match self.loss {
+            Loss::Squared | Loss::Relative => distance * self.per_10_nm,
+            Loss::Logarithmic => distance.ln(),
+        }
+    }
+
+    /// Distance (units of 10 NM) for a network output.
     pub(crate) fn distance(self, predicted: f32) -> f32 {
         match self.loss {
-            Loss::Logarithmic => self.loss.distance(predicted),
-            Loss::Squared | Loss::Relative => self.loss.distance(predicted / self.per_10_nm),
+            Loss::Squared | Loss::Relative => predicted / self.per_10_nm,
+            Loss::Logarithmic => predicted.exp(),
         }
     }
 }
@@ -105,7 +83,12 @@ mod tests {
 
     #[test]
     fn one_percent_costs_the_same_at_every_distance_but_under_the_squared_loss() {
+        let target = |loss| Target {
+            loss,
+            per_10_nm: 1.0,
+        };
         let cost = |loss: Loss, distance: f32| {
+            let loss = target(loss);
             loss.weight(distance) * (loss.target(1.01 * distance) - loss.target(distance)).powi(2)
         };
         for loss in [Loss::Relative, Loss::Logarithmic] {
@@ -114,6 +97,7 @@ mod tests {
                 cost(loss, 0.01) < 0.1 * cost(loss, 0.1),
                 "the last 0.5 NM must not rule"
             );
+            let loss = target(loss);
             assert!((loss.distance(loss.target(0.3)) - 0.3).abs() < 1e-6);
         }
         assert!((cost(Loss::Squared, 0.1) / cost(Loss::Squared, 1.0) - 0.01).abs() < 1e-4);

@@ -1,26 +1,26 @@
-//! Deviations of a training from the paper, derived from its settings and refits, so that no other method passes for the paper's.
+//! Deviations from the paper, derived from settings and refits, so that no other method passes for the paper's.
 
 use std::fmt;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig, UNIT_NM};
+use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig};
 
-/// A part of the method of `paper_lstm` that is not the paper's. How long and in which batches networks train is not among them: the
-/// paper leaves it open, except for the most epochs of the calibration networks.
+/// A part of `paper_lstm` that differs from the paper. Steps and batch sizes do not count: the paper leaves them open, except for the
+/// maximum number of calibration epochs.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum PaperDeviation {
-    /// `start_from`: the networks start from those of another run.
+    /// `start_from`: the networks start from the weights of an earlier run.
     Start,
     /// `loss` is not `squared`.
     Loss,
     /// `only_true_boxes`: false boxes are removed from the training side by the labels.
     OnlyTrueBoxes,
-    /// `calibration.min_steps`, a threshold of Algorithm 1, or `estimator.plateau_threshold_pct`.
+    /// `calibration.min_steps`, or a threshold of Algorithm 1.
     AlgorithmThresholds,
     /// `estimator.together_first` or `.alone_weight`: views are not dropped in equal shares of equal weight.
     ViewDropout,
@@ -28,9 +28,7 @@ pub enum PaperDeviation {
     Scales,
     /// Widths of the calibration networks, the LSTM or their heads.
     LayerWidths,
-    /// `calibration.patience` or `estimator.patience`: the networks with the lowest validation error are kept, not the last ones.
-    Patience,
-    /// `align_backgrounds`: boxes are corrected by what stands still in the images.
+    /// `align_backgrounds`: boxes are corrected by the image backgrounds.
     AlignedBackgrounds,
     /// `dtd refit`: a calibration network was trained again, with the estimator's error in its loss.
     RefittedView,
@@ -46,7 +44,6 @@ impl fmt::Display for PaperDeviation {
             Self::ViewDropout => "view dropout in unequal shares",
             Self::Scales => "scales of features or distances",
             Self::LayerWidths => "layer widths",
-            Self::Patience => "networks of the lowest validation error",
             Self::AlignedBackgrounds => "boxes aligned by backgrounds",
             Self::RefittedView => "a view fitted again",
         })
@@ -54,7 +51,7 @@ impl fmt::Display for PaperDeviation {
 }
 
 impl TrainConfig {
-    /// Deviations of these settings from the paper; empty for the defaults.
+    /// Deviations of the settings from the paper; empty for the defaults.
     pub fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
         let (c, e) = (&self.calibration, &self.estimator);
         let (paper_c, paper_e) = (CalibrationConfig::default(), EstimatorConfig::default());
@@ -70,8 +67,7 @@ impl TrainConfig {
             (PaperDeviation::OnlyTrueBoxes, self.only_true_boxes),
             (
                 PaperDeviation::AlgorithmThresholds,
-                algorithm(c) != algorithm(&paper_c)
-                    || e.plateau_threshold_pct != paper_e.plateau_threshold_pct,
+                algorithm(c) != algorithm(&paper_c),
             ),
             (
                 PaperDeviation::ViewDropout,
@@ -79,15 +75,12 @@ impl TrainConfig {
             ),
             (
                 PaperDeviation::Scales,
-                self.feature_scale != FeatureScale::Deviation || self.target_unit_nm != UNIT_NM,
+                self.feature_scale != FeatureScale::Deviation
+                    || self.target_unit_nm != Self::default().target_unit_nm,
             ),
             (
                 PaperDeviation::LayerWidths,
                 widths(c, e) != widths(&paper_c, &paper_e),
-            ),
-            (
-                PaperDeviation::Patience,
-                c.patience.is_some() || e.patience.is_some(),
             ),
             (PaperDeviation::AlignedBackgrounds, self.align_backgrounds),
         ];
@@ -143,7 +136,7 @@ mod tests {
                 PaperDeviation::ViewDropout,
             ),
             (
-                r#"{"estimator": {"plateau_threshold_pct": 0.1}}"#,
+                r#"{"calibration": {"plateau_threshold_pct": 0.1}}"#,
                 PaperDeviation::AlgorithmThresholds,
             ),
             (r#"{"feature_scale": "picture"}"#, PaperDeviation::Scales),
@@ -151,10 +144,6 @@ mod tests {
             (
                 r#"{"estimator": {"lstm": [96, 96]}}"#,
                 PaperDeviation::LayerWidths,
-            ),
-            (
-                r#"{"estimator": {"patience": 5}}"#,
-                PaperDeviation::Patience,
             ),
             (
                 r#"{"align_backgrounds": true}"#,

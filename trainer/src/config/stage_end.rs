@@ -1,33 +1,18 @@
-//! The end of a stage of a training: a number of steps, or its plateau.
+//! Ends of training stages: a number of steps, or a plateau.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The end of a stage of a training.
+/// End of a training stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum StageEnd {
-    /// The stage trains in cycles, each twice as long as the one before, over each of which the learning rate rises and falls. It ends when
-    /// a whole cycle lowers no validation error by more than `plateau_threshold_pct`, and keeps the last weights. `optimisation.steps` is a
-    /// limit. With a `patience`, that alone decides.
+    /// The stage trains in cycles, each twice as long as the one before. The learning rate rises and falls once per cycle. The stage ends
+    /// when a whole cycle lowers no validation error by more than `calibration.plateau_threshold_pct`, and keeps the last weights.
+    /// `optimisation.steps` is a limit.
     Plateau,
     /// All `optimisation.steps` are made, as one cycle.
     Steps,
-}
-
-impl StageEnd {
-    /// The plateau that ends a stage, if one does.
-    pub(crate) fn plateau(
-        self,
-        first_cycle: usize,
-        threshold_pct: f64,
-        patience: Option<usize>,
-    ) -> Option<Plateau> {
-        (self == Self::Plateau && patience.is_none()).then_some(Plateau {
-            first_cycle,
-            threshold_pct,
-        })
-    }
 }
 
 /// The plateau that ends a stage.
@@ -35,6 +20,6 @@ impl StageEnd {
 pub(crate) struct Plateau {
     /// Steps of the first cycle.
     pub(crate) first_cycle: usize,
-    /// Least fall of an error over a cycle that counts, percentage points.
+    /// Minimum fall of the errors over a cycle, percentage points.
     pub(crate) threshold_pct: f64,
 }

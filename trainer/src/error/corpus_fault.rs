@@ -7,7 +7,7 @@ use dataset::corpus::splits::Side;
 
 use super::run_fault::sizes;
 
-/// Properties that the scenarios of a corpus must share.
+/// Properties that all scenarios of one corpus share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigKind {
     pub(crate) name: String,
@@ -15,31 +15,26 @@ pub struct RigKind {
     pub(crate) form: Vec<(String, u32, u32)>,
 }
 
-/// Fault of a corpus or a scenario, with its remedy.
+/// Corpus or scenario fault, with its remedy.
 #[derive(Debug, thiserror::Error)]
 #[expect(
     missing_docs,
-    reason = "the fields are described by the messages that show them"
+    reason = "the messages describe the variants and their fields"
 )]
 pub enum CorpusFault {
-    /// No scenario is complete.
     #[error("has no complete scenario; record some with `dtd generate`")]
     NoScenarios,
-    /// Detections of an earlier version.
     #[error(
         "its detections do not say which boxes counted at each moment, because an earlier version made them; run `dtd detect --force` on the \
          corpus with that model"
     )]
     NoLiveBoxes,
-    /// A scenario that the split does not know.
     #[error("is not in splits.json, so it is on no side; make the corpus again from one plan")]
     NotInSplit,
-    /// A scenario whose trajectory is another one by the split.
     #[error(
         "flies trajectory {recorded} by its scenario.json but {split} by splits.json; the split cannot be trusted"
     )]
     OtherTrajectory { recorded: String, split: String },
-    /// Trajectories of two names that are one flight.
     #[error(
         "scenario {} ({}, {} side) and scenario {} ({}, {} side) fly the same flight on different sides of the split; put both on one \
          side in splits.json",
@@ -49,7 +44,6 @@ pub enum CorpusFault {
         one: (String, String, Side),
         other: (String, String, Side),
     },
-    /// A flight that cannot judge a training, because the run that it starts from was trained on it.
     #[error(
         "scenario {scenario} flies {trajectory} on the {side} side, and the run to start from has learned from that flight; start from \
          another run, or put the flight on the training side"
@@ -59,10 +53,8 @@ pub enum CorpusFault {
         trajectory: String,
         side: Side,
     },
-    /// A camera that this software cannot project with.
     #[error("camera {view} of calibration.json {fault}")]
     BadCamera { view: String, fault: String },
-    /// A scenario with another rig than the first.
     #[error(
         "its rig {} ({}) differs from the rig of scenario {first}, {} ({}); a network learns one rig: keep scenarios of different rigs in different \
          corpora",
@@ -73,7 +65,6 @@ pub enum CorpusFault {
         first: String,
         expected: Box<RigKind>,
     },
-    /// A scenario whose views were registered with other cameras than those of the first.
     #[error(
         "its views were registered with {found}, the views of scenario {first} with {expected}, and shifts by different cameras do not fit \
          each other; register all again: `dtd detect CORPUS --registration-of RUN`, or `dtd detect CORPUS --force` for calibration.json"
@@ -83,7 +74,6 @@ pub enum CorpusFault {
         first: String,
         expected: RegisteredWith,
     },
-    /// Corpora with different rigs.
     #[error(
         "its planned cameras differ from the cameras of {}, and a training learns one rig; here, and there: {}. Train on one at a time, or start from \
          its run (--start-from)",
@@ -94,7 +84,6 @@ pub enum CorpusFault {
         first: PathBuf,
         differences: Vec<String>,
     },
-    /// A corpus whose cameras differ from the cameras of the training.
     #[error(
         "its cameras are not those that run {} was trained with; here, and there: {}; if one of them was turned, moved or replaced, \
          `dtd refit` fits its view again",
@@ -105,14 +94,12 @@ pub enum CorpusFault {
         run: PathBuf,
         differences: Vec<String>,
     },
-    /// A corpus for refitting a view whose other cameras differ from the cameras of the training.
     #[error(
         "its cameras beside {view} are not those that run {} was trained with: identifiers, image sizes, places and optics must be the \
          same; fit one view at a time again",
         run.display()
     )]
     OtherCamerasBeside { view: String, run: PathBuf },
-    /// Too little to fit a view to.
     #[error(
         "view {view} saw the aircraft at {ticks} ticks of {approaches} approaches on the training side, expected at least {least}; record, \
          label and detect more, or use more of them (--scenarios)"
@@ -123,38 +110,29 @@ pub enum CorpusFault {
         ticks: usize,
         least: usize,
     },
-    /// The same for a set of views.
     #[error(
         "view {view} and others together saw the aircraft too rarely in {approaches} approaches to fit inverse_range to; record, label and \
          detect more, or use more of them (--scenarios)"
     )]
     TooFewTogether { view: String, approaches: usize },
-    /// A camera that the approaches do not determine.
     #[error(
         "the camera of view {view} cannot be fitted to these approaches; use more of them (--scenarios), of a corpus with plan.json"
     )]
     NoFittedCamera { view: String },
-    /// No boxes of any detector.
     #[error("has no detections; run `dtd detect` first")]
     NoDetections,
-    /// No boxes of the requested detector, nor of another.
     #[error("has no detections of model {0}; run `dtd detect` first")]
     NoDetectionsOf(String),
-    /// No boxes of the requested detector, but of others.
     #[error("has no detections of model {asked}, only of {listed}")]
     OtherDetections { asked: String, listed: String },
-    /// Boxes of several detectors, and none was requested.
     #[error(
         "has detections of several models: {0}; choose one with --detections, by its file or hash"
     )]
     SeveralModels(String),
-    /// Boxes of an unknown view.
     #[error("has detections of view {0}, which calibration.json does not list")]
     UnknownView(String),
-    /// No distances to learn.
     #[error("has no labels in frames.parquet; run `dtd label` on the corpus first")]
     NoLabels,
-    /// An impossible label.
     #[error(
         "frames.parquet: tick {tick}: {column} is {value:?}, expected a distance on Earth, at most {most_m} m; label the corpus again"
     )]
@@ -164,7 +142,6 @@ pub enum CorpusFault {
         value: f64,
         most_m: f64,
     },
-    /// No sample for training or validation.
     #[error(
         "has no samples on the {side} side: {}, none with a detection before touchdown within the \
          distance range; generate, label and detect more, change the split, leave out less (leave_out), or accept marked \
@@ -172,28 +149,23 @@ pub enum CorpusFault {
         if *scenarios == 1 { "1 scenario is there".to_owned() } else { format!("{scenarios} scenarios are there") }
     )]
     NoSamples { side: Side, scenarios: usize },
-    /// No scenario of the condition that a training leaves out.
     #[error(
         "has no scenario with {setting}, which the training leaves out for the test side; `dtd plan` lists weathers and times"
     )]
     NothingLeftOut { setting: String },
-    /// None of the scenarios that a training drew for the test.
     #[error(
         "has none of the scenarios that the run drew for its test; `dtd evaluate --side all` judges all scenarios of a corpus that it has \
          not seen"
     )]
     NothingDrawn,
-    /// No sample for evaluation.
     #[error("has no samples on the test side from {min_dtd_nm} to {max_dtd_nm} NM")]
     NoTestSamples { min_dtd_nm: f64, max_dtd_nm: f64 },
-    /// Training samples, but no box of them contains the aircraft.
     #[error(
         "has {samples} samples on the {} side, but no box of theirs is where a camera near that of calibration.json sees the aircraft of \
          frames.parquet; label and detect again, or check the calibration with `dtd verify`",
         Side::Train
     )]
     NoTrueBoxes { samples: usize },
-    /// Validation samples, none of whose boxes is similar to a training box.
     #[error(
         "has {samples} samples on the {} side, but no box of theirs is near the places and sizes of the boxes on the training side; \
          change the split, or detect again",

@@ -1,6 +1,6 @@
 //! Minimum of a function of one variable without a derivative.
 
-/// Range and resolution of a search.
+/// Search range and resolution.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Search {
     /// Ends of the range, exclusive.
@@ -8,7 +8,7 @@ pub(crate) struct Search {
     pub to: f64,
     /// Parts that a range is divided into.
     pub parts: u32,
-    /// Number of searches, each between the neighbours of the best position so far.
+    /// Number of searches, each between the neighbours of the previous best position.
     pub rounds: u32,
 }
 

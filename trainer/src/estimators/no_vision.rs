@@ -1,4 +1,4 @@
-//! A yardstick that sees no image: the mean distance of the training flights at the same time since the start of the scenario.
+//! Baseline without images: the mean distance of the training flights at the same time since the scenario's start.
 //!
 //! Flights of one sweep start at similar distances and fly at similar speeds, so a clock alone is right to a few percent, and a clock with
 //! the weather, which has the wind, is better. An estimator that is not much better than this has learned little from the images.
@@ -16,7 +16,7 @@ const INTERVAL_NS: i64 = 2_000_000_000;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct MeanByTime {
     all: Curve,
-    /// By name of the weather.
+    /// Curves by weather name.
     by_weather: BTreeMap<String, Curve>,
 }
 
@@ -36,7 +36,7 @@ struct Interval {
 }
 
 impl MeanByTime {
-    /// The means of these ticks, whether a view saw the aircraft or not.
+    /// Averages all ticks, with or without detections.
     pub(crate) fn fit<'a>(
         scenarios: &[ScenarioSummary],
         ticks: impl Iterator<Item = &'a Sample>,
@@ -62,8 +62,8 @@ impl MeanByTime {
         }
     }
 
-    /// The mean of all flights at the time of a tick, metres. `None` where no view saw the aircraft, so that it is judged at the ticks of
-    /// the estimators that see.
+    /// Mean over all flights at the tick's time, metres. `None` where no view saw the aircraft, so that the baseline is judged at the same
+    /// ticks as estimators with images.
     pub(crate) fn at(&self, observed: &Observation) -> Option<f64> {
         Self::answer(&self.all, observed)
     }
@@ -85,7 +85,6 @@ impl MeanByTime {
         lengths.all(|[times, distances]| times == distances)
     }
 
-    /// All of its numbers.
     pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
         let curves = self.by_weather.values().chain([&self.all]);
         curves.flat_map(|curve| curve.time_s.iter().chain(&curve.dtd_m).copied())

@@ -1,4 +1,4 @@
-//! Stage two, `paper_lstm`: a stacked LSTM over the views' feature vectors, and a regression of its last output.
+//! Stage two, `paper_lstm`: a stacked LSTM over the views' feature vectors, and a regression on the last output.
 //!
 //! The sequence runs over views, not over time: its length is the number of views that saw the aircraft. The calibration networks
 //! are frozen. Whole views are dropped at random per mini-batch (see [`crate::networks::view_dropout`]).
@@ -12,14 +12,16 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use crate::config::{EstimatorConfig, Optimisation, Plateau, Target};
+use crate::config::{EstimatorConfig, Optimisation, Target};
 use crate::error::Result;
 use crate::estimators::paper_lstm::calibration_training::CalibrationNetworks;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, EncodedSides, column, draw, mape_pct, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::lstm::{StackedLstm, ViewFeatures};
+use crate::networks::row_parts::{BatchLoss, loss_of_parts};
 use crate::networks::running_mean::RunningMean;
 use crate::networks::stage::cycle_of;
 use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
@@ -73,7 +75,7 @@ impl PaperLstm {
     }
 }
 
-/// One entry of the convergence log.
+/// Entry of the convergence log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct EstimatorLogEntry {
     /// Steps done.
@@ -131,7 +133,6 @@ struct EstimatorState {
 
 impl Task for EstimatorTask<'_> {
     type Network = PaperLstm;
-    type State = EstimatorState;
     const NAME: &'static str = "paper_lstm";
     const STAGE: &'static str = "distance estimator";
 
@@ -139,72 +140,56 @@ impl Task for EstimatorTask<'_> {
         self.config.log_every
     }
 
-    fn patience(&self) -> Option<usize> {
-        self.config.patience
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
 
-    fn plateau(&self) -> Option<Plateau> {
-        self.config.plateau()
+    fn state(&self) -> serde_json::Result<Value> {
+        serde_json::to_value(&self.state)
     }
 
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.setup.random
-    }
-
-    fn state(&self) -> EstimatorState {
-        self.state.clone()
-    }
-
-    fn restore(&mut self, state: EstimatorState) {
-        self.state = state;
+    fn restore(&mut self, state: &Value) -> serde_json::Result<()> {
+        self.state = EstimatorState::deserialize(state)?;
+        Ok(())
     }
 
     fn gradients(&mut self, estimator: &PaperLstm, step: usize) -> GradientsParams {
         let plain_device = self.setup.plain_device();
-        let by_hand = self.setup.is_on_processor();
         let Setup {
             loss,
             device,
             random,
+            plateau,
         } = &mut self.setup;
         let Optimisation {
             steps, batch_size, ..
         } = self.config.optimisation;
-        let first_cycle = cycle_of(0, steps, self.config.plateau()).len();
+        let first_cycle = cycle_of(0, steps, *plateau).len();
         let only_together = (step as f64) < self.config.together_first * first_cycle as f64;
         let samples = self.training;
         let BatchKind { selection, from } = (self.dropout.together())
             .filter(|_| only_together)
             .unwrap_or_else(|| self.dropout.draw(random));
         let batch = draw(from, batch_size, random);
-        let views = features_of(self.calibration, samples, &batch, *selection, &plain_device);
         let size = batch.len() as f32 / kind_weight(*selection, self.config);
-        let state = &mut self.state;
-        let mut error = |predicted: Tensor<2>| {
-            if *selection == ViewSelection::All {
-                let predicted = numbers(predicted.clone().inner()).into_iter();
-                let pairs = predicted.map(|p| loss.distance(p)).zip(&batch);
-                let error_pct = mape_pct(pairs.map(|(p, &sample)| (p, samples.distance(sample))));
-                state.error_pct.add(error_pct.unwrap_or(f64::NAN));
-            }
-            let error = samples.squared_error(predicted, &batch, size, *loss, device);
-            state.loss.add(error.clone().into_scalar::<f32>().into());
-            error
-        };
-        if !by_hand {
+        let BatchLoss {
+            value,
+            gradients,
+            predictions,
+        } = loss_of_parts(estimator, batch.len(), device, |estimator, rows| {
+            let batch = &batch[rows];
+            let views = features_of(self.calibration, samples, batch, *selection, &plain_device);
             let views: Vec<_> = views.into_iter().map(ViewFeatures::with_autodiff).collect();
-            let gradients = error(estimator.forward(&views)).backward();
-            return GradientsParams::from_grads(gradients, estimator);
-        }
-        let plain = estimator.valid();
-        let traced = plain.lstm.trace(&views);
-        let last = Tensor::from_inner(traced.output()).require_grad();
-        let predicted = estimator.head.forward(last.clone());
-        let mut gradients = error(predicted).backward();
-        let of_last = last.grad_remove(&mut gradients);
-        let mut gradients = GradientsParams::from_grads(gradients, &estimator.head);
-        if let Some(of_last) = of_last {
-            traced.add_gradients(of_last, &mut gradients);
+            let predicted = estimator.forward(&views);
+            let error = samples.squared_error(predicted.clone(), batch, size, *loss, device);
+            (error, numbers(predicted.inner()))
+        });
+        self.state.loss.add(value.into());
+        if *selection == ViewSelection::All {
+            let predicted = predictions.into_iter().flatten();
+            let pairs = predicted.map(|p| loss.distance(p)).zip(&batch);
+            let error_pct = mape_pct(pairs.map(|(p, &sample)| (p, samples.distance(sample))));
+            self.state.error_pct.add(error_pct.unwrap_or(f64::NAN));
         }
         gradients
     }
@@ -243,7 +228,7 @@ impl Task for EstimatorTask<'_> {
     }
 }
 
-/// Weight of a batch's loss.
+/// Loss weight by kind of batch.
 fn kind_weight(selection: ViewSelection, config: &EstimatorConfig) -> f32 {
     match selection {
         ViewSelection::Only(_) => config.alone_weight as f32,
@@ -277,7 +262,8 @@ pub(crate) fn predict(
         .collect()
 }
 
-fn features_of(
+/// Features of the selected views; on an autodiff device, with gradients for the networks that train.
+pub(crate) fn features_of(
     calibration: &CalibrationNetworks,
     samples: &Encoded,
     batch: &[usize],

@@ -1,5 +1,4 @@
-//! Ticks to hold a runtime against: boxes all over the range of the training side, views that miss the aircraft, boxes of something
-//! else, and registrations.
+//! Ticks that verify a runtime: boxes all over the training range, missing views, false boxes, and registrations.
 
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
@@ -13,14 +12,12 @@ use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
 
 const TICKS: usize = 500;
-/// Share of empty views and of shifts without a correlation, and of boxes unlike any training box.
-const MISSING: f64 = 0.2;
-const FALSE: f64 = 0.05;
-/// Share of ticks with shifts, and how far they are from the difference of the boxes, pixels.
-const REGISTERED: f64 = 0.6;
+/// Share of empty views, of false boxes, and of missing shifts and correlations.
+const SPOILT: f64 = 0.2;
+/// Maximum deviation of the shifts from the difference between the boxes, pixels.
 const APART_PX: f64 = 2.0;
 
-/// The inputs of the models at some ticks.
+/// Model inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Probes {
     /// Number of ticks.
@@ -33,12 +30,7 @@ pub struct Probes {
     pub registrations: Vec<f64>,
 }
 
-impl Probes {
-    /// Errors at smaller distances count as at this one, a nautical mile: a network's rounding does not shrink with the distance.
-    pub const NEAREST_M: f64 = dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
-}
-
-/// Probes, and the same ticks as estimators see them.
+/// Draws probes; also returns the ticks as estimators see them.
 pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) {
     let random = &mut ChaCha12Rng::seed_from_u64(0);
     let views = normalisation.views.len();
@@ -53,7 +45,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
         let boxes: Vec<Option<PixelBox>> = (0..views)
             .map(|view| box_in(normalisation, view, random))
             .collect();
-        let registered = random.random_bool(REGISTERED);
+        let registered = !random.random_bool(SPOILT);
         let shifts: Vec<Option<ViewShift>> = (0..views)
             .map(|view| {
                 let (reference, seen) = (boxes[0].as_ref()?, boxes[view].as_ref()?);
@@ -72,7 +64,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
                     scale: random.random_range(0.95..1.05),
                     gain: random.random_range(0.7..1.4),
                     // A shift may come without the rest.
-                    correlation: if random.random_bool(MISSING) {
+                    correlation: if random.random_bool(SPOILT) {
                         f64::NAN
                     } else {
                         random.random_range(0.8..1.0)
@@ -113,7 +105,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
     (probes, believed)
 }
 
-/// A random box, mostly within the range of the training side.
+/// Random box, mostly within the training range.
 fn box_in(
     normalisation: &Normalisation,
     view: usize,
@@ -122,8 +114,8 @@ fn box_in(
     let range = normalisation.range_px[view]?;
     let [cx_px, cy_px, width_px, height_px] =
         range.map(|[least, most]| least + (most - least) * random.random_range(0.0..=1.0));
-    let is_false = random.random_bool(FALSE);
-    (!random.random_bool(MISSING)).then_some(PixelBox {
+    let is_false = random.random_bool(SPOILT);
+    (!random.random_bool(SPOILT)).then_some(PixelBox {
         cx_px,
         cy_px,
         width_px,

@@ -1,11 +1,11 @@
 //! Training checkpoints: a killed run resumes where it stopped.
 //!
-//! A training is a sequence of stages, each a network that [`crate::networks::training_loop`] trains. `checkpoint.json` contains all stages
-//! so far, with steps, weights, optimiser, position in the random numbers and log. It is replaced atomically, while the training runs and
+//! A training is a sequence of stages, each a network that [`crate::networks::training_loop`] trains. `checkpoint.json` contains all begun
+//! stages, with steps, weights, optimiser, position in the random numbers and log. It is replaced atomically, while the training runs and
 //! after each stage.
 //!
-//! The result of a training depends on its [`Origin`] alone. So a training with the same origin continues from the checkpoint to the same
-//! numbers, and one with another origin starts afresh: it would replace a finished run as well.
+//! The result depends on the [`Origin`] alone. A training with the same origin continues from the checkpoint to the same numbers; with a
+//! different origin it starts afresh, as it would replace a finished run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,25 +24,24 @@ use serde_json::Value;
 
 use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
-use crate::networks::stage::{Cycle, EndedBy};
-use crate::networks::training_loop::Task;
+use crate::networks::stage::Cycle;
+use crate::networks::training_loop::{Learned, Task};
 use crate::samples::json_differences::json_differences;
 
-/// The weights of the largest networks, three times, in base 64.
+/// Limit: the weights of the largest networks, three times, in base 64.
 const CHECKPOINT: FileKind = FileKind::new("checkpoint", 16 << 30).unlinked();
-/// Saving takes at most one part in this many of the time.
+/// Divisor: saving takes at most a fiftieth of the time.
 const SHARE_OF_TIME: u32 = 50;
 
-/// All that determines the numbers of a training.
+/// Everything that determines the result.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Origin {
-    /// Version of this software.
+    /// Version of dtd.
     pub(crate) dtd: String,
-    /// The settings.
     pub(crate) config: TrainConfig,
-    /// BLAKE3 of the weights that it starts from, if they are not random.
+    /// BLAKE3 of the initial weights, unless they are random.
     pub(crate) start_blake3: Option<String>,
-    /// BLAKE3 of what networks and formulas learn from and are judged by ([`crate::samples::Samples::hash`]).
+    /// BLAKE3 of the training and validation samples ([`crate::samples::Samples::hash`]).
     pub(crate) samples_blake3: String,
 }
 
@@ -50,76 +49,48 @@ pub(crate) struct Origin {
 #[derive(Default, Serialize, Deserialize)]
 struct Saved {
     origin: Origin,
-    /// Time that the training has taken, seconds.
+    /// Training time, seconds.
     spent_s: f64,
     stages: Vec<Stage>,
 }
 
-/// A network, in training or done.
+/// Training stage, running or done.
 #[derive(Serialize, Deserialize)]
 struct Stage {
     /// [`Task::NAME`].
     network: String,
-    /// Place in the random numbers.
+    /// Position in the random numbers.
     random_words: u128,
-    /// [`Task::State`].
+    /// [`Task::state`].
     state: Value,
     reached: Reached,
 }
 
-/// Progress of a stage.
+/// Stage progress.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Reached {
     /// Between two steps.
     Step(RunningWeights),
-    /// It is done.
-    End(EndedStage),
+    /// Done.
+    End(Learned<Base64>),
 }
 
-/// A network in training.
+/// State between two steps.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct RunningWeights {
     /// Steps done.
     pub(crate) step: usize,
-    /// Its numbers.
+    /// Weights.
     pub(crate) weights: Base64,
     /// State of the optimiser.
     pub(crate) optimiser: Base64,
-    /// The network with the lowest error so far.
-    pub(crate) best: Option<KeptWeights>,
-    /// Judgements since then.
-    pub(crate) since_best: usize,
     /// Finished cycles.
     pub(crate) cycles: Vec<Cycle>,
 }
 
-/// A network that is trained.
-#[derive(Clone, Serialize, Deserialize)]
-pub(crate) struct EndedStage {
-    /// The network.
-    pub(crate) kept: KeptWeights,
-    /// Steps done.
-    pub(crate) steps: usize,
-    /// Cause of its end.
-    pub(crate) ended_by: EndedBy,
-    /// Its cycles.
-    pub(crate) cycles: Vec<Cycle>,
-}
-
-/// A network that is kept.
-#[derive(Clone, Serialize, Deserialize)]
-pub(crate) struct KeptWeights {
-    /// Steps that made it.
-    pub(crate) step: usize,
-    /// Its error, percent.
-    pub(crate) error_pct: f64,
-    /// Its numbers.
-    pub(crate) weights: Base64,
-}
-
 /// Bytes, as text in base 64.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub(crate) struct Base64(Vec<u8>);
 
@@ -137,14 +108,14 @@ impl TryFrom<String> for Base64 {
     }
 }
 
-/// The checkpoint of a training that is at work.
+/// Checkpoint file of the running training.
 pub(crate) struct Checkpoints {
-    /// `None` for a training that is not kept.
+    /// `None` without a checkpoint file.
     path: Option<PathBuf>,
     saved: Saved,
-    /// Stages that this process has begun or skipped.
+    /// Number of stages that this process has begun or skipped.
     begun: usize,
-    /// When this process began to train, and what others had spent before, seconds.
+    /// Start of this process, and the training time of earlier processes, seconds.
     began: Instant,
     before_s: f64,
     last_save: Instant,
@@ -152,7 +123,7 @@ pub(crate) struct Checkpoints {
 }
 
 impl Checkpoints {
-    /// Goes on from the checkpoint at `path` if it has the same origin.
+    /// Resumes from the checkpoint at `path` if its origin is the same.
     pub(crate) fn open(path: &Path, origin: Origin, began: Instant, watch: &dyn Watch) -> Self {
         let saved = read(path, &origin).unwrap_or_else(|| Saved {
             origin,
@@ -175,7 +146,7 @@ impl Checkpoints {
         }
     }
 
-    /// For a training that is too short to be kept.
+    /// Writes no checkpoint: for short trainings.
     pub(crate) fn none() -> Self {
         Self::new(None, Saved::default())
     }
@@ -193,27 +164,24 @@ impl Checkpoints {
         }
     }
 
-    /// Time that the training has taken, by all processes, seconds.
+    /// Training time of all processes, seconds.
     pub(crate) fn spent_s(&self) -> f64 {
         self.before_s + self.began.elapsed().as_secs_f64()
     }
 
-    /// Starts the next stage: from the checkpoint, with the task restored to its saved state. `None` if the checkpoint does not contain the
-    /// stage.
+    /// Starts the next stage from the checkpoint and restores the task's state. `None` if the checkpoint does not contain the stage.
     pub(crate) fn next_stage<T: Task>(&mut self, task: &mut T) -> Result<Option<Reached>> {
         let stage = self.saved.stages.get(self.begun);
         self.begun += 1;
         let Some(stage) = stage else {
             return Ok(None);
         };
-        let state = T::State::deserialize(&stage.state);
-        let state = state.map_err(|error| self.unusable(RunFault::CheckpointState(error)))?;
-        task.restore(state);
-        task.random().set_word_pos(stage.random_words);
+        task.restore(&stage.state)
+            .map_err(|error| self.damaged(error))?;
+        task.setup().random.set_word_pos(stage.random_words);
         Ok(Some(stage.reached.clone()))
     }
 
-    /// True if it is time to save.
     pub(crate) fn is_due(&self) -> bool {
         self.path.is_some() && self.last_save.elapsed() >= SHARE_OF_TIME * self.last_save_took
     }
@@ -230,9 +198,8 @@ impl Checkpoints {
         let began = Instant::now();
         let stage = Stage {
             network: T::NAME.into(),
-            random_words: task.random().get_word_pos(),
-            state: serde_json::to_value(task.state())
-                .map_err(|error| self.unusable(RunFault::CheckpointState(error)))?,
+            random_words: task.setup().random.get_word_pos(),
+            state: (task.state()).map_err(|error| self.damaged(error))?,
             reached: reached(self)?,
         };
         self.saved.stages.truncate(self.begun - 1);
@@ -245,25 +212,21 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// The numbers of a network.
     pub(crate) fn network_bytes<N: Module>(&self, network: &N) -> Result<Base64> {
         let bytes = network.clone().into_record().into_bytes();
         self.sound(bytes.map(|bytes| Base64(bytes.to_vec())))
     }
 
-    /// The network with such numbers.
     pub(crate) fn network<N: Module>(&self, bytes: &Base64, network: N) -> Result<N> {
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(bytes.0.clone()));
         self.sound(record.and_then(|record| network.try_load_record(record)))
     }
 
-    /// The numbers of an optimiser.
     pub(crate) fn optimiser_bytes(&self, optimiser: &ModuleOptimizer) -> Result<Base64> {
         let bytes = optimiser.into_bytes();
         self.sound(bytes.map(|bytes| Base64(bytes.to_vec())))
     }
 
-    /// The optimiser with such numbers.
     pub(crate) fn optimiser(
         &self,
         bytes: &Base64,
@@ -273,15 +236,16 @@ impl Checkpoints {
     }
 
     fn sound<V>(&self, value: std::result::Result<V, RecordError>) -> Result<V> {
-        value.map_err(|error| self.unusable(RunFault::CheckpointWeights(error)))
+        value.map_err(|error| self.damaged(error))
     }
 
-    fn unusable(&self, fault: RunFault) -> Error {
-        Error::run(self.path.as_deref().unwrap_or(Path::new("")), fault)
+    fn damaged(&self, error: impl std::error::Error + Send + Sync + 'static) -> Error {
+        let path = self.path.as_deref().unwrap_or(Path::new(""));
+        Error::run(path, RunFault::DamagedCheckpoint(Box::new(error)))
     }
 }
 
-/// The checkpoint at `path`; `None` if there is none, or if it is of another training.
+/// The checkpoint at `path`; `None` if it is missing or its origin differs.
 fn read(path: &Path, origin: &Origin) -> Option<Saved> {
     let shown = path.display();
     let bytes = match outside_file::read(path, CHECKPOINT) {

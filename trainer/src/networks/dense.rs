@@ -3,8 +3,6 @@
 //! Initial weights come from the caller's generator, not from burn's global one, so that a seed gives the same network whatever
 //! else runs in the process.
 
-mod gradients;
-
 use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::leaky_relu;
@@ -16,12 +14,10 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::networks::encoded::numbers;
 
-pub(crate) use gradients::{DenseTrace, LinearGradients};
-
 /// Slope of LeakyReLU below zero, as in PyTorch.
 pub(crate) const LEAKY_SLOPE: f64 = 0.01;
 
-/// A linear layer with weights and biases uniform within `+-gain / sqrt(inputs)` (PyTorch's choice is a gain of 1).
+/// Random linear layer: weights and biases are uniform within `+-gain / sqrt(inputs)` (PyTorch: gain 1).
 pub(crate) fn linear(
     inputs: usize,
     outputs: usize,
@@ -39,7 +35,7 @@ pub(crate) fn linear(
     linear_of(weights, draw(outputs), device)
 }
 
-/// A linear layer with these weights, input by input, and a bias for each output.
+/// Linear layer with weights in the order of the inputs, and a bias per output.
 fn linear_of(weights: Vec<f32>, biases: Vec<f32>, device: &Device) -> Linear {
     let outputs = biases.len();
     let weights_of = [weights.len() / outputs, outputs];
@@ -49,7 +45,7 @@ fn linear_of(weights: Vec<f32>, biases: Vec<f32>, device: &Device) -> Linear {
     }
 }
 
-/// Weights, biases and device of a layer from [`linear_of`].
+/// Weights, biases and device, as in [`linear_of`].
 fn numbers_of(layer: &Linear) -> (Vec<f32>, Vec<f32>, Device) {
     let bias = layer.bias.as_ref().expect("a layer has a bias");
     let device = layer.weight.device();
@@ -57,7 +53,7 @@ fn numbers_of(layer: &Linear) -> (Vec<f32>, Vec<f32>, Device) {
     (numbers(layer.weight.val()), biases, device)
 }
 
-/// A linear layer in an ONNX graph.
+/// Adds a linear layer to an ONNX graph.
 pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> String {
     let dims = layer.weight.dims().map(|length| length as i64);
     let weight = graph.floats(&dims, &numbers(layer.weight.val()));
@@ -79,7 +75,7 @@ pub(crate) struct Dense {
 }
 
 impl Dense {
-    /// A stack with these widths, the input's first; at least two.
+    /// `widths` begins with the input's width and has at least two entries.
     pub(crate) fn new(widths: &[usize], random: &mut ChaCha12Rng, device: &Device) -> Self {
         Self {
             layers: widths
@@ -103,7 +99,7 @@ impl Dense {
         })
     }
 
-    /// The same as [`Dense::forward`] in an ONNX graph.
+    /// [`Dense::forward`] as an ONNX graph.
     pub(crate) fn to_onnx(&self, graph: &mut Graph, input: &str) -> String {
         let before_last = &self.layers[..self.layers.len() - 1];
         let hidden = before_last.iter().fold(input.to_owned(), |value, layer| {
@@ -114,7 +110,7 @@ impl Dense {
         linear_to_onnx(self.last(), graph, &hidden)
     }
 
-    /// The same stack with each output less its mean and divided by its deviation.
+    /// Subtracts `means` from the outputs and divides them by `deviations`, within the last layer.
     pub(crate) fn with_scaled_outputs(mut self, means: &[f32], deviations: &[f32]) -> Self {
         let last = self.layers.pop().expect("a stack has a layer");
         let (mut weights, mut biases, device) = numbers_of(&last);
@@ -130,7 +126,7 @@ impl Dense {
         self
     }
 
-    /// The stack that gives the same outputs for inputs from [`Dense::with_scaled_outputs`].
+    /// Counterpart of [`Dense::with_scaled_outputs`]: same outputs from scaled inputs.
     pub(crate) fn with_scaled_inputs(mut self, means: &[f32], deviations: &[f32]) -> Self {
         let (mut weights, mut biases, device) = numbers_of(&self.layers[0]);
         let outputs = biases.len();
@@ -150,7 +146,7 @@ impl Dense {
     }
 }
 
-/// Widths of a stack: input, hidden layers, output.
+/// Widths from input to output.
 pub(crate) fn widths(input: usize, hidden: &[usize], output: usize) -> Vec<usize> {
     std::iter::once(input)
         .chain(hidden.iter().copied())

@@ -1,33 +1,30 @@
-//! Samples in the networks' input form, and batches of them as tensors.
+//! Samples as network inputs, and batches as tensors.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
-use crate::config::Target;
-use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
+use crate::config::{TARGET_UNIT_M, Target};
+use crate::networks::normalisation::{BOX_FEATURES, Normalisation};
 use crate::samples::{Observation, Sample};
 
-/// The sides of a split that a training uses.
+/// Training and validation side.
 pub(crate) struct EncodedSides {
-    /// The side that networks learn from.
     pub(crate) training: Encoded,
-    /// The side that judges them meanwhile.
     pub(crate) validation: Encoded,
 }
 
-/// Normalised features and true distances of many samples.
+/// Normalised features and true distances.
 pub(crate) struct Encoded {
     views: usize,
     /// Sample-major, view-minor; zeros for an empty view.
     features: Vec<[f32; BOX_FEATURES]>,
     seen: Vec<bool>,
-    /// Of samples; observations have none.
+    /// True distances; empty for observations.
     distances: Vec<f32>,
 }
 
 impl Encoded {
-    /// Encodes samples in their order.
     pub(crate) fn new<'a>(
         samples: impl IntoIterator<Item = &'a Sample>,
         normalisation: &Normalisation,
@@ -42,7 +39,7 @@ impl Encoded {
         encoded
     }
 
-    /// Encodes observations in their order, to predict: there are no distances.
+    /// Encodes observations, without distances.
     pub(crate) fn of_observations(
         observations: &[Observation],
         normalisation: &Normalisation,
@@ -71,12 +68,10 @@ impl Encoded {
         }
     }
 
-    /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.seen.len() / self.views
     }
 
-    /// Number of views.
     pub(crate) fn views(&self) -> usize {
         self.views
     }
@@ -105,7 +100,7 @@ impl Encoded {
             .collect()
     }
 
-    /// Features of one view, `[batch, 4]`.
+    /// Features per view, `[batch, 4]`.
     pub(crate) fn inputs(&self, batch: &[usize], view: usize, device: &Device) -> Tensor<2> {
         let rows: Vec<f32> = batch
             .iter()
@@ -122,7 +117,7 @@ impl Encoded {
             .collect()
     }
 
-    /// Targets of a network under `loss`, `[batch, 1]`.
+    /// Network targets under `loss`, `[batch, 1]`.
     pub(crate) fn target_column(
         &self,
         batch: &[usize],
@@ -138,7 +133,7 @@ impl Encoded {
         )
     }
 
-    /// Squared errors of predictions `[batch, 1]`, weighted as `loss` has it, divided by `size`.
+    /// Sum of squared errors, weighted by `loss` and divided by `size`.
     pub(crate) fn squared_error(
         &self,
         predicted: Tensor<2>,
@@ -156,13 +151,33 @@ impl Encoded {
     }
 }
 
-/// Numbers as a tensor `[count, 1]`.
+impl Encoded {
+    /// Error of a single view's predictions, percent; `None` if the view never saw the aircraft. `predict` maps features to network
+    /// outputs.
+    pub(crate) fn view_error_pct(
+        &self,
+        view: usize,
+        loss: Target,
+        device: &Device,
+        predict: impl FnOnce(Tensor<2>) -> Tensor<2>,
+    ) -> Option<f64> {
+        let seen = self.seen_by(view);
+        if seen.is_empty() {
+            return None;
+        }
+        let predicted = numbers(predict(self.inputs(&seen, view, device)));
+        let pairs = predicted.into_iter().zip(seen);
+        mape_pct(pairs.map(|(p, sample)| (loss.distance(p), self.distance(sample))))
+    }
+}
+
+/// Tensor `[count, 1]`.
 pub(crate) fn column(values: Vec<f32>, device: &Device) -> Tensor<2> {
     let count = values.len();
     Tensor::from_data(TensorData::new(values, [count, 1]), device)
 }
 
-/// The numbers of a tensor, row by row.
+/// Tensor elements, row by row.
 pub(crate) fn numbers(tensor: Tensor<2>) -> Vec<f32> {
     tensor
         .into_data()
@@ -170,14 +185,14 @@ pub(crate) fn numbers(tensor: Tensor<2>) -> Vec<f32> {
         .expect("networks compute in f32")
 }
 
-/// A batch drawn with replacement from `from`, which must not be empty.
+/// Draws a batch with replacement from `from`, which must not be empty.
 pub(crate) fn draw(from: &[usize], size: usize, random: &mut ChaCha12Rng) -> Vec<usize> {
     (0..size)
         .map(|_| from[random.random_range(0..from.len())])
         .collect()
 }
 
-/// Mean absolute percentage error of pairs of prediction and truth; `None` if there are none.
+/// Mean absolute percentage error over pairs of prediction and truth; `None` without pairs.
 pub(crate) fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
     let errors: Vec<f64> = pairs
         .map(|(predicted, truth)| f64::from((predicted - truth).abs() / truth))
@@ -185,7 +200,7 @@ pub(crate) fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
     (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64 * 100.0)
 }
 
-/// Boxes of two views, three in ten of which are missing.
+/// Boxes in two views; 30 % are missing.
 #[cfg(test)]
 pub(crate) fn boxes_of_two_views() -> Encoded {
     use testkit::synthetic::SyntheticCorpus;
@@ -198,11 +213,7 @@ pub(crate) fn boxes_of_two_views() -> Encoded {
         ..SyntheticCorpus::tiny()
     };
     let corpus = corpus.write(folder.path()).unwrap();
-    let range = DistanceRange {
-        min_nm: 0.0,
-        max_nm: None,
-    };
-    let samples = Samples::read(&corpus, None, range).unwrap();
+    let samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
     let all: Vec<_> = samples.samples.iter().collect();
     let normalisation = Normalisation::fit(&samples.views, &all, &all);
     Encoded::new(all, &normalisation)

@@ -1,21 +1,21 @@
-//! Common part of all estimators in ONNX: inputs in pixels, the boxes that count, their features, and the answer in metres.
+//! Common part of all ONNX models: inputs in pixels, box selection, features, and the answer in metres.
 //!
-//! Inputs and formulas are in double precision, as in this crate: differences between views are a hundredth of a pixel in a thousand.
+//! Inputs and formulas are in double precision, as in this crate: differences between views are 0.01 px at coordinates around 1,000 px.
 
 use std::ops::Range;
 
 use onnx_graph::proto::{AttributeProto, DOUBLE, Dimension, FLOAT, ModelProto, ValueInfoProto};
 use onnx_graph::{Graph, ModelTexts};
 
-use crate::config::{Loss, Target};
-use crate::networks::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
+use crate::config::{Loss, TARGET_UNIT_M, Target};
+use crate::networks::normalisation::{BOX_FEATURES, Normalisation};
 
 /// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN for an empty view.
 pub(crate) const BOXES: &str = "boxes";
 /// Input: `[batch, views, 7]`, [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` for a view. The shift of the reference view to itself
 /// is 0; NaN marks a missing registration. If only the shift is given, no network corrects the formula.
 pub(crate) const REGISTRATIONS: &str = "registrations";
-/// Columns of a registration.
+/// Registration columns.
 pub(crate) const REGISTRATION_COLUMNS: [&str; 7] = [
     "dx_px",
     "dy_px",
@@ -28,18 +28,17 @@ pub(crate) const REGISTRATION_COLUMNS: [&str; 7] = [
 /// Output: `[batch]`, metres; NaN for no answer.
 const DISTANCE: &str = "distance_m";
 
-/// A graph that begins at the boxes. Values of single views and of answers are `[batch, ..]`.
+/// Graph that begins at the boxes. Values per view and answers are `[batch, ..]`.
 pub(crate) struct EstimatorGraph<'a> {
-    /// The nodes.
     pub(crate) graph: Graph,
     normalisation: &'a Normalisation,
-    /// True for each view that saw the aircraft, `[batch, views, 1]`.
+    /// True where a view saw the aircraft, `[batch, views, 1]`.
     seen: String,
     takes_registrations: bool,
 }
 
 impl<'a> EstimatorGraph<'a> {
-    /// The boxes that count, as in an evaluation: those that are like one of the training side.
+    /// Begins with the selection of boxes that resemble the training side, as in an evaluation.
     pub(crate) fn new(normalisation: &'a Normalisation) -> Self {
         let mut graph = Graph::default();
         let views = normalisation.views.len();
@@ -65,19 +64,18 @@ impl<'a> EstimatorGraph<'a> {
         }
     }
 
-    /// Number of views.
     pub(crate) fn views(&self) -> usize {
         self.normalisation.views.len()
     }
 
-    /// A part of a value `[batch, views, ..]`.
+    /// Slice along `[batch, views, ..]`.
     pub(crate) fn of_view(&mut self, value: &str, view: usize) -> String {
         let view = self.graph.integer(view as i64);
         let axis = AttributeProto::int("axis", 1);
         self.graph.node("Gather", &[value, &view], vec![axis])
     }
 
-    /// Some of the views of a value `[batch, views, ..]`, or of the columns of one `[batch, columns]`.
+    /// Slices along the second axis: views in `[batch, views, ..]`, or columns in `[batch, columns]`.
     pub(crate) fn some_of(&mut self, value: &str, which: impl Iterator<Item = usize>) -> String {
         let which: Vec<i64> = which.map(|index| index as i64).collect();
         let which = self.graph.integers(&which);
@@ -91,29 +89,29 @@ impl<'a> EstimatorGraph<'a> {
         self.of_view(&seen, view)
     }
 
-    /// True if all of some views saw the aircraft, `[batch, 1]`.
+    /// True if all given views saw the aircraft, `[batch, 1]`.
     pub(crate) fn seen_by_all(&mut self, views: &[usize]) -> String {
         let seen = self.seen.clone();
         let of_views = self.some_of(&seen, views.iter().copied());
         self.all(&of_views)
     }
 
-    /// Truth values `[batch, n, 1]` joined to `[batch, 1]`: whether all of them are true.
+    /// Logical and: `[batch, n, 1]` to `[batch, 1]`.
     pub(crate) fn all(&mut self, values: &str) -> String {
         reduced(&mut self.graph, "ReduceMin", values, 1, false)
     }
 
-    /// The same: whether any is.
+    /// Logical or: `[batch, n, 1]` to `[batch, 1]`.
     pub(crate) fn any(&mut self, values: &str) -> String {
         reduced(&mut self.graph, "ReduceMax", values, 1, false)
     }
 
-    /// Truth values `[batch, n, m]` joined to `[batch, n, 1]`: whether all of them are true.
+    /// Logical and: `[batch, n, m]` to `[batch, n, 1]`.
     pub(crate) fn all_in_rows(&mut self, values: &str) -> String {
         reduced(&mut self.graph, "ReduceMin", values, 2, true)
     }
 
-    /// A view's features for a network, `[batch, 4]`: 0 if it is empty.
+    /// Network inputs per view, `[batch, 4]`: 0 for an empty view.
     pub(crate) fn features(&mut self, view: usize) -> String {
         let dims = [1, BOX_FEATURES as i64];
         let offset = (self.graph).doubles(&dims, &self.normalisation.offset_px[view]);
@@ -133,7 +131,7 @@ impl<'a> EstimatorGraph<'a> {
         self.graph.cast(&seen, FLOAT)
     }
 
-    /// A network's output as a distance in its unit.
+    /// Distance in units of 10 NM from a network's output.
     pub(crate) fn distance(&mut self, predicted: String, loss: Target) -> String {
         match loss.loss {
             Loss::Squared | Loss::Relative if loss.per_10_nm == 1.0 => predicted,
@@ -145,14 +143,14 @@ impl<'a> EstimatorGraph<'a> {
         }
     }
 
-    /// A network's distance in metres.
+    /// Distance in metres from units of 10 NM.
     pub(crate) fn metres(&mut self, distance: &str) -> String {
         let distance = self.graph.cast(distance, DOUBLE);
         let unit = self.graph.double(TARGET_UNIT_M);
         self.graph.plain("Mul", &[&distance, &unit])
     }
 
-    /// Some columns of the registrations of some views, `[batch, views, columns]`; the model then has this input.
+    /// Columns of some views' registrations, `[batch, views, columns]`. Adds the input [`REGISTRATIONS`] to the model.
     pub(crate) fn registrations(&mut self, views: &[usize], columns: Range<i64>) -> String {
         self.takes_registrations = true;
         let of_views = self.some_of(REGISTRATIONS, views.iter().copied());
@@ -161,7 +159,7 @@ impl<'a> EstimatorGraph<'a> {
         self.graph.plain("Slice", &[&of_views, &from, &to, &axis])
     }
 
-    /// The model of this name that answers with these metres, `[batch, 1]`, where any view saw the aircraft.
+    /// Model that answers `metres`, `[batch, 1]`, where any view saw the aircraft.
     pub(crate) fn model(&mut self, metres: &str, name: &str) -> ModelProto {
         let seen = self.seen.clone();
         let any = self.any(&seen);
@@ -198,7 +196,7 @@ impl<'a> EstimatorGraph<'a> {
     }
 }
 
-/// Truth values joined along an axis.
+/// Logical and or or along an axis.
 fn reduced(graph: &mut Graph, operator: &str, values: &str, axis: i64, keeps: bool) -> String {
     let numbers = graph.cast(values, FLOAT);
     let attributes = vec![

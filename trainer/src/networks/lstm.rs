@@ -1,21 +1,18 @@
-//! Stacked LSTM that runs over views and keeps its state at an empty view.
+//! Stacked LSTM over views; an empty view leaves the state unchanged.
 //!
 //! burn's own `nn::Lstm` multiplies by a hidden state that is zero at the first step, which with two steps is a quarter of all
 //! work, and has no mask. Gates have separate weights, as saved runs have them, and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster
-//! here. On the processor it is trained by [`gradients`], on a GPU by autodiff.
-
-mod gradients;
+//! here.
 
 use burn::module::Module;
 use burn::nn::Linear;
-use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor};
 use onnx_graph::Graph;
 use rand_chacha::ChaCha12Rng;
 
 use crate::networks::dense::{linear, linear_to_onnx};
 
-/// One gate: the input part (with bias) and the part from the last output.
+/// Gate: the input part (with bias) and the recurrent part.
 #[derive(Module, Debug)]
 struct Gate {
     input: Linear,
@@ -24,7 +21,7 @@ struct Gate {
 
 impl Gate {
     fn new(inputs: usize, width: usize, random: &mut ChaCha12Rng, device: &Device) -> Self {
-        // PyTorch bounds all weights of an LSTM by the width of its output.
+        // PyTorch bounds all LSTM weights by the output width.
         let gain = (inputs as f64 / width as f64).sqrt();
         let hidden = Linear {
             bias: None,
@@ -58,7 +55,7 @@ impl Gate {
     }
 }
 
-/// One layer.
+/// LSTM layer.
 #[derive(Module, Debug)]
 struct Layer {
     input_gate: Gate,
@@ -67,7 +64,7 @@ struct Layer {
     output_gate: Gate,
 }
 
-/// Output and cell of a layer, `[batch, width]` each.
+/// Layer state, `[batch, width]` each.
 #[derive(Clone)]
 struct State {
     hidden: Tensor<2>,
@@ -85,7 +82,7 @@ impl Layer {
         }
     }
 
-    /// One step; rows masked out by `present` (1 or 0, `[batch, 1]`) keep their state.
+    /// Advances by a view; rows masked out by `present` (1 or 0, `[batch, 1]`) keep their state.
     fn step(&self, input: Tensor<2>, state: Option<State>, present: Option<&Tensor<2>>) -> State {
         let last = state.as_ref().map(|state| state.hidden.clone());
         let write = sigmoid(self.input_gate.forward(input.clone(), last.clone()))
@@ -112,7 +109,7 @@ impl Layer {
     }
 }
 
-/// Output and cell of a layer in an ONNX graph.
+/// Layer state in an ONNX graph.
 #[derive(Clone)]
 struct OnnxState {
     hidden: String,
@@ -120,7 +117,7 @@ struct OnnxState {
 }
 
 impl Layer {
-    /// The same as [`Layer::step`] in an ONNX graph.
+    /// [`Layer::step`] as an ONNX graph.
     fn to_onnx(
         &self,
         graph: &mut Graph,
@@ -162,11 +159,24 @@ impl Layer {
     }
 }
 
+/// Sigmoid whose gradient is computed from the output: burn's autodiff would evaluate the exponential function, the largest cost here,
+/// again.
+fn sigmoid(x: Tensor<2>) -> Tensor<2> {
+    if !x.is_autodiff() {
+        return burn::tensor::activation::sigmoid(x);
+    }
+    let constant = x.clone().inner();
+    let output = constant.clone().neg().exp().add_scalar(1.0).recip();
+    let slope = output.clone() * output.clone().neg().add_scalar(1.0);
+    // The difference is 0, with gradient 1.
+    (x - constant) * slope + output
+}
+
 fn tanh(x: Tensor<2>) -> Tensor<2> {
     sigmoid(x.mul_scalar(2.0)).mul_scalar(2.0).sub_scalar(1.0)
 }
 
-/// The features of one view for a batch.
+/// Features per view for a batch.
 #[derive(Clone)]
 pub(crate) struct ViewFeatures {
     /// `[batch, features]`.
@@ -176,7 +186,7 @@ pub(crate) struct ViewFeatures {
 }
 
 impl ViewFeatures {
-    /// The same for a network with autodiff. They get no gradients themselves.
+    /// Constants for a network with autodiff.
     pub(crate) fn with_autodiff(self) -> Self {
         Self {
             features: Tensor::from_inner(self.features),
@@ -192,7 +202,7 @@ pub(crate) struct StackedLstm {
 }
 
 impl StackedLstm {
-    /// Layers of these widths over `inputs` features.
+    /// Untrained layers over `inputs` features.
     pub(crate) fn new(
         inputs: usize,
         widths: &[usize],
@@ -225,7 +235,7 @@ impl StackedLstm {
         output.expect("a sequence has at least one view")
     }
 
-    /// The same in an ONNX graph, of the features of each view and its presence, 1 or 0.
+    /// [`StackedLstm::forward`] as an ONNX graph; `views` are pairs of features and presence (1 or 0).
     pub(crate) fn to_onnx(&self, graph: &mut Graph, views: &[[String; 2]]) -> String {
         let mut states: Vec<Option<OnnxState>> = vec![None; self.layers.len()];
         let mut output = String::new();
@@ -285,6 +295,23 @@ mod tests {
                     .all(|(e, f)| (e - f).abs() < 1e-6),
                 "{expected:?} {found:?}"
             );
+        }
+    }
+
+    #[test]
+    fn the_sigmoid_has_the_same_output_and_gradient_as_burn_s() {
+        let device = Device::flex().autodiff();
+        let numbers = vec![-90.0_f32, -3.0, -0.1, 0.0, 0.7, 5.0, 90.0];
+        let at = |function: fn(Tensor<2>) -> Tensor<2>| {
+            let data = TensorData::new(numbers.clone(), [1, 7]);
+            let x = Tensor::<2>::from_data(data, &device).require_grad();
+            let output = function(x.clone());
+            let gradient = x.grad(&output.clone().backward()).unwrap();
+            [output.inner(), gradient].map(values)
+        };
+        let [found, expected] = [at(sigmoid), at(burn::tensor::activation::sigmoid)];
+        for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((found - expected).abs() < 1e-6, "{found} {expected}");
         }
     }
 

@@ -3,47 +3,42 @@
 //! Offsets and scales are the mean and standard deviation over the samples that the networks learn from, without any information from
 //! validation or test. Distances are in units of 10 NM.
 //!
-//! The training side also determines which boxes are outliers: far from any box that contains the aircraft there, or of a very different
-//! size. An estimator can ignore such a box without ground truth.
+//! The training side also determines outliers: boxes far from its ground-truth boxes, or with a very different size. Estimators can ignore
+//! such boxes without ground truth.
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::spread::mean_and_deviation;
-use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Observation, Sample};
 
-/// The networks' unit of distance, metres.
-pub(crate) const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
-/// Number of features of a box: centre x, centre y, width, height.
+/// Number of box features: centre x, centre y, width, height.
 pub(crate) const BOX_FEATURES: usize = 4;
 
 /// Offset and scale of each camera's features.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Normalisation {
-    /// Identifiers of the views.
     pub views: Vec<String>,
     /// Per view, of centre x, centre y, width, height; pixels.
     pub offset_px: Vec<[f64; BOX_FEATURES]>,
     /// Per view, of centre x, centre y, width, height; pixels.
     pub scale_px: Vec<[f64; BOX_FEATURES]>,
-    /// Per view, smallest and largest of centre x, centre y, width, height; pixels. A view without boxes has no range and rejects
-    /// every box.
+    /// Range of centre x, centre y, width, height per view; pixels. A view without boxes has no range and rejects every box.
     pub range_px: Vec<Option<[[f64; 2]; BOX_FEATURES]>>,
 }
 
-/// A distance at which aircraft are seen, metres.
-const FAR_M: f64 = 10_000.0;
-/// Largest distance of a box's centre outside the range of the training side, in parts of the range's extent.
-const BEYOND: f64 = 0.25;
-/// Largest factor by which a box may be smaller or larger than all boxes of the training side.
-const OTHER_SIZE: f64 = 2.0;
+/// Typical distance, metres.
+const TYPICAL_DISTANCE_M: f64 = 10_000.0;
+/// Maximum distance between box centre and training range, in parts of the range's extent.
+const MAX_PLACE_EXCESS: f64 = 0.25;
+/// Maximum ratio between a box size and the training range.
+const MAX_SIZE_RATIO: f64 = 2.0;
 
 impl Normalisation {
-    /// Fits offsets and scales to what the networks learn from, and ranges to samples whose boxes contain the aircraft. A view that never
-    /// saw anything keeps offset 0 and scale 1.
+    /// Fits offsets and scales to the networks' training samples, and ranges to the ground-truth boxes. A view without boxes gets offset 0
+    /// and scale 1.
     pub(crate) fn fit(views: &[String], learned: &[&Sample], true_boxes: &[&Sample]) -> Self {
         let statistics = |view: usize| {
             let rows: Vec<_> = learned
@@ -80,7 +75,7 @@ impl Normalisation {
         }
     }
 
-    /// The same with features that are parts of the image, of this width and height by view, pixels.
+    /// Features as parts of the image; `sizes_px` has width and height per view.
     pub(crate) fn in_parts_of_pictures(mut self, sizes_px: &[[f64; 2]]) -> Self {
         for (view, &[width, height]) in sizes_px.iter().enumerate() {
             self.offset_px[view] = [0.0; BOX_FEATURES];
@@ -89,8 +84,8 @@ impl Normalisation {
         self
     }
 
-    /// The observation without the boxes that differ from all boxes of the training side: in size, and also in position unless the cameras
-    /// differ from the training's (`other_cameras`).
+    /// Removes boxes that differ from all training boxes: in size, and also in position unless the cameras differ from the training's
+    /// (`other_cameras`).
     pub(crate) fn without_outliers(
         &self,
         observed: &Observation,
@@ -108,8 +103,8 @@ impl Normalisation {
         observed.with_boxes_that(believed)
     }
 
-    /// Smallest and largest centre x, centre y, width and height of a view's boxes that resemble the training side, pixels. The smallest is
-    /// above the largest in a view that never saw the aircraft.
+    /// Accepted range of centre x, centre y, width and height, pixels. In a view that never saw the aircraft, the lower bound is above the
+    /// upper.
     pub(crate) fn believed_px(&self, view: usize) -> [[f64; 2]; BOX_FEATURES] {
         let Some(range) = self.range_px[view] else {
             return [[f64::INFINITY, f64::NEG_INFINITY]; BOX_FEATURES];
@@ -118,19 +113,19 @@ impl Normalisation {
             let [smallest, largest] = range[feature];
             let is_place = feature < 2;
             if is_place {
-                let margin = BEYOND * (largest - smallest);
+                let margin = MAX_PLACE_EXCESS * (largest - smallest);
                 [smallest - margin, largest + margin]
             } else {
-                [smallest / OTHER_SIZE, largest * OTHER_SIZE]
+                [smallest / MAX_SIZE_RATIO, largest * MAX_SIZE_RATIO]
             }
         })
     }
 
-    /// The same for a view whose camera is now `new` instead of `old`: a box in the new image has the features that the old camera would
-    /// have given it, but for perspective. `None` if the new camera looks elsewhere.
+    /// Replaces a view's camera `old` by `new`: a box in the new image gets the features that the old camera would have given it, apart
+    /// from perspective. `None` if the new camera looks elsewhere.
     pub(crate) fn moved(&self, view: usize, old: &Camera, new: &Camera) -> Option<Self> {
         let place = |px: [f64; 2]| {
-            let far_m = old.center_ecef_m + old.ray(DVec2::from_array(px)) * FAR_M;
+            let far_m = old.center_ecef_m + old.ray(DVec2::from_array(px)) * TYPICAL_DISTANCE_M;
             new.project(far_m).map(|place| place.to_array())
         };
         let zoom = new.focal_px / old.focal_px;
@@ -160,7 +155,7 @@ impl Normalisation {
         Some(moved)
     }
 
-    /// The same with one view's numbers from another.
+    /// Takes a view's numbers from `other`.
     pub(crate) fn with_view_of(&self, view: usize, other: &Self) -> Self {
         let mut changed = self.clone();
         changed.offset_px[view] = other.offset_px[view];
@@ -169,7 +164,7 @@ impl Normalisation {
         changed
     }
 
-    /// The features of a box in one view.
+    /// Box features.
     pub(crate) fn features(&self, view: usize, pixel_box: &PixelBox) -> [f32; BOX_FEATURES] {
         let raw = features_px(pixel_box);
         std::array::from_fn(|i| {

@@ -1,8 +1,8 @@
-//! Means over the batches since the last entry of a convergence log.
+//! Means over the batches since the last log entry.
 
 use serde::{Deserialize, Serialize};
 
-/// A mean that grows number by number.
+/// Mean that grows number by number.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct RunningMean {
     sum: f64,
@@ -10,7 +10,7 @@ pub(crate) struct RunningMean {
 }
 
 impl RunningMean {
-    /// Adds a number; one that is not finite is left out.
+    /// Adds a number unless it is infinite or NaN.
     pub(crate) fn add(&mut self, number: f64) {
         if number.is_finite() {
             self.sum += number;
@@ -18,7 +18,7 @@ impl RunningMean {
         }
     }
 
-    /// The mean so far, and the begin of the next one; `None` without numbers.
+    /// Returns the mean and resets it; `None` without numbers.
     pub(crate) fn take(&mut self) -> Option<f64> {
         let Self { sum, count } = std::mem::take(self);
         (count > 0).then(|| sum / count as f64)

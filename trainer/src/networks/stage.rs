@@ -1,9 +1,9 @@
-//! The end of a stage of a training, and the record of the stage.
+//! Cycles, ends and records of training stages.
 //!
-//! A stage trains in cycles: in each the learning rate rises and falls (Loshchilov and Hutter, *SGDR*, 2017), so that at its end the errors
-//! are free of the noise of mini-batches. Each cycle is twice as long as the one before. The stage has come to its end if a whole cycle
-//! lowers no error by more than the threshold by which the paper's Algorithm 1 recognises a plateau of its full-batch losses; the paper's
-//! training ends after a number of epochs. A stage without a plateau is one cycle of all its steps.
+//! A stage trains in cycles: in each the learning rate rises and falls (Loshchilov and Hutter, *SGDR*, 2017), which removes the noise of
+//! mini-batches from the errors at the end. Each cycle is twice as long as the one before. The stage ends if a whole cycle lowers no error
+//! by more than Algorithm 1's plateau threshold, which the paper applies to full-batch losses; the paper's training ends after a number of
+//! epochs. A stage without a plateau is a single cycle.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Plateau;
 
-/// Steps of the cycle that a step is in: `limit` steps in all, and the last cycle takes what is left for less than two.
+/// The cycle that contains `step`. There are `limit` steps in all; a remainder shorter than a cycle is added to the last cycle.
 pub(crate) fn cycle_of(step: usize, limit: usize, plateau: Option<Plateau>) -> Range<usize> {
     let Some(Plateau { first_cycle, .. }) = plateau else {
         return 0..limit;
@@ -32,13 +32,13 @@ pub(crate) fn cycle_of(step: usize, limit: usize, plateau: Option<Plateau>) -> R
 /// A finished cycle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cycle {
-    /// Steps from the start of the stage to its end.
+    /// Steps from the stage's start to the cycle's end.
     pub steps: usize,
-    /// Errors on the validation side at its end, of each view or of the estimator, percent; `null` for what cannot be measured.
+    /// Validation errors at the end, per view or for the estimator, percent; `null` if unmeasurable.
     pub validation_mape_pct: Vec<Option<f64>>,
 }
 
-/// True if the last of these cycles lowered no error by more than the threshold.
+/// True if the last cycle lowered no error by more than the threshold.
 pub(crate) fn is_reached(plateau: Plateau, cycles: &[Cycle]) -> bool {
     let Some((last, before)) = cycles.split_last() else {
         return false;
@@ -54,25 +54,23 @@ pub(crate) fn is_reached(plateau: Plateau, cycles: &[Cycle]) -> bool {
     !before.is_empty() && falls_pct.all(|fall_pct| fall_pct <= plateau.threshold_pct)
 }
 
-/// Cause of the end of a stage.
+/// Reason why a stage ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EndedBy {
-    /// Its errors no longer fell.
+    /// Errors no longer fell.
     Plateau,
-    /// It made all steps that its settings allow.
+    /// All steps were made.
     Steps,
-    /// Early stopping: its error had not fallen for the entries of its `patience`.
-    Patience,
 }
 
-/// A stage of a training, as `run.json` has it.
+/// Training stage, as recorded in `run.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageSummary {
-    /// The networks that it trained.
+    /// Name of the networks.
     pub network: String,
-    /// The view whose network it trained, if it is one view's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// View, if the network belongs to a single view.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub view: Option<String>,
     /// Mini-batches.
     pub steps: usize,
@@ -82,11 +80,11 @@ pub struct StageSummary {
     pub batch_size: usize,
     /// Samples of the training side.
     pub samples: usize,
-    /// Passes over these samples: what an epoch of the paper is one of.
+    /// Passes over these samples (the paper's epochs).
     pub passes: f64,
-    /// Cause of its end.
+    /// Cause of the end.
     pub ended_by: EndedBy,
-    /// Its cycles.
+    /// Finished cycles.
     pub cycles: Vec<Cycle>,
 }
 

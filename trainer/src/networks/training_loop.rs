@@ -1,10 +1,9 @@
-//! The loop that trains every network of this crate: batch after batch, judged now and then.
+//! Training loop of all networks in this crate.
 //!
-//! Calibration networks, distance estimator and monoscopic networks differ in their batches and losses and in what they make of their
-//! errors: a [`Task`]. Optimiser, learning rate, judging, early stopping, checkpoints and the end of a training that diverges are the same.
+//! Calibration networks, distance estimator and monoscopic networks differ in batches, losses and reactions to errors: a [`Task`].
+//! Optimiser, learning rate, judging, checkpoints and the handling of divergence are the same.
 //!
-//! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, trains two halves of a batch in
-//! parallel, and remembers the background that it took for aircraft.
+//! The detector has a separate loop (`detector-training`): it may run for minutes instead of steps, and collects hard backgrounds.
 
 use std::ops::Range;
 
@@ -13,39 +12,41 @@ use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
 use dataset::work::watch::Watch;
 use rand_chacha::ChaCha12Rng;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::config::{Optimisation, Plateau, Target};
 use crate::error::{Error, Result};
-use crate::networks::checkpoint::{Checkpoints, EndedStage, KeptWeights, Reached, RunningWeights};
+use crate::networks::checkpoint::{Checkpoints, Reached, RunningWeights};
 use crate::networks::stage::{Cycle, EndedBy, StageSummary, cycle_of, is_reached};
 
-/// Share of the steps of a cycle over which the rate rises.
-const WARM_UP: f64 = 0.02;
-/// Share of the highest rate that remains at the end.
-const FINAL: f64 = 1e-3;
+/// Share of a cycle's steps during which the rate rises.
+const WARM_UP_SHARE: f64 = 0.02;
+/// Final rate as a share of the highest.
+const FINAL_RATE_SHARE: f64 = 1e-3;
 
-/// Learning rate of a step of a cycle: a linear rise, then half a cosine.
+/// Learning rate within a cycle: a linear rise, then half a cosine.
 fn learning_rate(highest: f64, cycle: &Range<usize>, step: usize) -> f64 {
     let part = ((step - cycle.start) as f64 + 0.5) / cycle.len() as f64;
-    let factor = if part < WARM_UP {
-        part / WARM_UP
+    let factor = if part < WARM_UP_SHARE {
+        part / WARM_UP_SHARE
     } else {
-        let fallen = (part - WARM_UP) / (1.0 - WARM_UP);
-        FINAL + (1.0 - FINAL) * 0.5 * (1.0 + (std::f64::consts::PI * fallen).cos())
+        let fallen = (part - WARM_UP_SHARE) / (1.0 - WARM_UP_SHARE);
+        FINAL_RATE_SHARE
+            + (1.0 - FINAL_RATE_SHARE) * 0.5 * (1.0 + (std::f64::consts::PI * fallen).cos())
     };
     highest * factor
 }
 
-/// Inputs of every task besides samples and settings.
+/// Task inputs besides samples and settings.
 pub(crate) struct Setup {
-    /// Loss that is minimised.
     pub(crate) loss: Target,
-    /// With autodiff.
+    /// Device with autodiff.
     pub(crate) device: Device,
     /// Draws first weights and batches.
     pub(crate) random: ChaCha12Rng,
+    /// Ends the training before all steps are made.
+    pub(crate) plateau: Option<Plateau>,
 }
 
 impl Setup {
@@ -53,88 +54,76 @@ impl Setup {
     pub(crate) fn plain_device(&self) -> Device {
         self.device.clone().inner()
     }
-
-    /// True if the device is the CPU.
-    pub(crate) fn is_on_processor(&self) -> bool {
-        self.device == Device::flex()
-    }
 }
 
-/// Companions of a training.
+/// Checkpoints and observer of a training.
 pub(crate) struct Companions<'a> {
-    /// Keeps it on disk.
     pub(crate) checkpoints: &'a mut Checkpoints,
-    /// Shows it, and may stop it.
+    /// Shows progress, and may stop the training.
     pub(crate) watch: &'a dyn Watch,
 }
 
-/// Training task of a network.
+/// Training task.
 pub(crate) trait Task {
-    /// The network.
     type Network: Module;
-    /// State from the steps so far, apart from the position in the random numbers.
-    type State: Serialize + DeserializeOwned;
-    /// Its name in errors.
+    /// Name in errors.
     const NAME: &'static str;
-    /// Its name in the display of progress.
+    /// Name in the display of progress.
     const STAGE: &'static str;
-    /// Steps between two judgements. The last step of a cycle is always judged.
+    /// Inputs, with the random numbers that draw the batches.
+    fn setup(&mut self) -> &mut Setup;
+    /// Steps between judgements. The last step of every cycle is always judged.
     fn judged_every(&self) -> usize;
-    /// Judgements in a row without a new lowest error that end the training. With patience, the network with the lowest error is kept, even
-    /// if it is the initial one; without, the network after the last step.
-    fn patience(&self) -> Option<usize> {
-        None
+    /// True if the network with the lowest error is kept, even if it is the initial one, instead of the last network.
+    fn keeps_best(&self) -> bool {
+        false
     }
-    /// The plateau that ends the training before all steps are made.
-    fn plateau(&self) -> Option<Plateau> {
-        None
-    }
-    /// Takes note of the errors at the end of a cycle that lowered none of them. It may change what trains on.
+    /// Receives the errors after a cycle that lowered no error. The task may then train other parts.
     fn observe_plateau(&mut self, _errors_pct: &[Option<f64>]) {}
     /// True if such a plateau ends the training.
     fn is_settled(&self) -> bool {
         true
     }
-    /// Random numbers that draw its batches.
-    fn random(&mut self) -> &mut ChaCha12Rng;
-    /// State for a checkpoint.
-    fn state(&self) -> Self::State;
-    /// Goes back to such a state.
-    fn restore(&mut self, state: Self::State);
+    /// State for a checkpoint, apart from weights and random numbers.
+    fn state(&self) -> serde_json::Result<Value> {
+        Ok(Value::Null)
+    }
+    /// Goes back to a state from a checkpoint.
+    fn restore(&mut self, _state: &Value) -> serde_json::Result<()> {
+        Ok(())
+    }
     /// Gradients of the loss of the next batch.
     fn gradients(&mut self, network: &Self::Network, step: usize) -> GradientsParams;
-    /// The errors that it is judged by, percent; `None` for what cannot be measured.
+    /// Validation errors, percent; `None` if unmeasurable.
     fn errors_pct(&self, network: &Self::Network) -> Vec<Option<f64>>;
-    /// Takes note of the errors after `done` steps, and returns a few words about them.
+    /// Records the errors after `done` steps, and returns a note for the display.
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String;
 }
 
-/// A network that is kept.
-#[derive(Debug, Clone)]
-pub(crate) struct Kept<N> {
-    /// The network.
+/// Network with the steps that made it and its error.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct KeptNetwork<N> {
     pub(crate) network: N,
     /// Steps that made it.
     pub(crate) step: usize,
-    /// Mean of its errors, percent.
+    /// Mean error, percent.
     pub(crate) error_pct: f64,
 }
 
-/// A network that is trained.
-#[derive(Debug)]
+/// Result of a training.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Learned<N> {
-    /// The network.
-    pub(crate) kept: Kept<N>,
+    pub(crate) kept: KeptNetwork<N>,
     /// Steps done.
     pub(crate) steps: usize,
-    /// Cause of its end.
+    /// Cause of the end.
     pub(crate) ended_by: EndedBy,
-    /// Its cycles.
+    /// Finished cycles.
     pub(crate) cycles: Vec<Cycle>,
 }
 
 impl<N> Learned<N> {
-    /// Summary of the stage, which trained on this many samples.
+    /// Summary of a stage with `samples` training samples.
     pub(crate) fn summary(
         &self,
         network: &str,
@@ -154,23 +143,35 @@ impl<N> Learned<N> {
             cycles: self.cycles.clone(),
         }
     }
+
+    /// Converts the network.
+    fn with_network<M>(&self, form: impl FnOnce(&N) -> Result<M>) -> Result<Learned<M>> {
+        Ok(Learned {
+            kept: KeptNetwork {
+                network: form(&self.kept.network)?,
+                step: self.kept.step,
+                error_pct: self.kept.error_pct,
+            },
+            steps: self.steps,
+            ended_by: self.ended_by,
+            cycles: self.cycles.clone(),
+        })
+    }
 }
 
-/// A training between two steps.
+/// Training between two steps.
 struct Position<N> {
     network: N,
     optimiser: ModuleOptimizer,
     /// Steps done.
     step: usize,
-    /// The network with the lowest error so far, if there is patience.
-    best: Option<Kept<N>>,
-    /// Judgements since then.
-    since_best: usize,
+    /// The network with the lowest error, if the task keeps it. Such trainings have no checkpoint.
+    best: Option<KeptNetwork<N>>,
     /// Finished cycles.
     cycles: Vec<Cycle>,
 }
 
-/// Trains a network, from its beginning or from where a checkpoint has it. If the training is stopped, the checkpoint has its last step.
+/// Trains a network from the start or from a checkpoint. If the training is stopped, the checkpoint contains the last step.
 pub(crate) fn learn<T: Task>(
     task: &mut T,
     network: T::Network,
@@ -178,6 +179,9 @@ pub(crate) fn learn<T: Task>(
     Companions { checkpoints, watch }: &mut Companions,
 ) -> Result<Learned<T::Network>> {
     watch.begin(T::STAGE, settings.steps as u64);
+    let plateau = task.setup().plateau;
+    let is_on_plateau =
+        |cycles: &[Cycle]| plateau.is_some_and(|plateau| is_reached(plateau, cycles));
     let reached = checkpoints.next_stage(task)?;
     if let Some(reached) = &reached {
         let done = match reached {
@@ -187,15 +191,20 @@ pub(crate) fn learn<T: Task>(
         watch.resume(done as u64);
     }
     let mut at = match reached {
-        Some(Reached::End(ended)) => return Learned::restored(ended, network, checkpoints),
+        Some(Reached::End(ended)) => {
+            return ended.with_network(|weights| checkpoints.network(weights, network));
+        }
         Some(Reached::Step(running)) => Position::restored(&running, network, checkpoints)?,
         None => Position::first(task, network)?,
     };
     let ended_by = loop {
-        if let Some(ended_by) = at.ended_by(task, settings) {
-            break ended_by;
+        if is_on_plateau(&at.cycles) && task.is_settled() {
+            break EndedBy::Plateau;
         }
-        let cycle = cycle_of(at.step, settings.steps, task.plateau());
+        if at.step >= settings.steps {
+            break EndedBy::Steps;
+        }
+        let cycle = cycle_of(at.step, settings.steps, plateau);
         let gradients = task.gradients(&at.network, at.step);
         let rate = learning_rate(settings.learning_rate, &cycle, at.step);
         at.network = at.optimiser.step(rate, at.network, gradients);
@@ -203,7 +212,7 @@ pub(crate) fn learn<T: Task>(
         let ends_cycle = at.step == cycle.end;
         if ends_cycle || at.step.is_multiple_of(task.judged_every()) {
             let errors_pct = judge(task, &at.network, at.step)?;
-            if task.patience().is_some() {
+            if task.keeps_best() {
                 at.compare_with_best(mean(&errors_pct));
             }
             if ends_cycle {
@@ -211,8 +220,7 @@ pub(crate) fn learn<T: Task>(
                     steps: at.step,
                     validation_mape_pct: errors_pct.clone(),
                 });
-                let plateau = task.plateau();
-                if plateau.is_some_and(|plateau| is_reached(plateau, &at.cycles)) {
+                if is_on_plateau(&at.cycles) {
                     task.observe_plateau(&errors_pct);
                 }
             }
@@ -227,54 +235,43 @@ pub(crate) fn learn<T: Task>(
         stopped?;
     };
     let learned = at.end(task, ended_by)?;
-    let Kept {
+    let KeptNetwork {
         step, error_pct, ..
     } = learned.kept;
     let note = format!("kept step {step}, MAPE {error_pct:.3} %");
     watch.advance(settings.steps as u64, &note);
-    let reached = |checkpoints: &Checkpoints| Ok(Reached::End(learned.saved(checkpoints)?));
+    let reached = |checkpoints: &Checkpoints| {
+        let saved = learned.with_network(|network| checkpoints.network_bytes(network));
+        Ok(Reached::End(saved?))
+    };
     checkpoints.save(task, reached)?;
     Ok(learned)
 }
 
 impl<N: Module> Position<N> {
     fn first<T: Task<Network = N>>(task: &T, network: N) -> Result<Self> {
-        let best = match task.patience() {
-            None => None,
-            Some(_) => Some(Kept {
+        let best = if task.keeps_best() {
+            Some(KeptNetwork {
                 error_pct: mean(&judge(task, &network, 0)?),
                 network: network.clone(),
                 step: 0,
-            }),
+            })
+        } else {
+            None
         };
         Ok(Self {
             network,
             optimiser: adam(),
             step: 0,
             best,
-            since_best: 0,
             cycles: Vec::new(),
         })
     }
 
-    /// Cause of the end, if no more steps are made.
-    fn ended_by<T: Task<Network = N>>(&self, task: &T, settings: &Optimisation) -> Option<EndedBy> {
-        let plateau = task.plateau();
-        if plateau.is_some_and(|plateau| is_reached(plateau, &self.cycles)) && task.is_settled() {
-            Some(EndedBy::Plateau)
-        } else if task.patience().is_some_and(|most| self.since_best >= most) {
-            Some(EndedBy::Patience)
-        } else {
-            (self.step >= settings.steps).then_some(EndedBy::Steps)
-        }
-    }
-
     fn compare_with_best(&mut self, error_pct: f64) {
-        self.since_best += 1;
         let best = self.best.as_ref();
         if best.is_none_or(|best| error_pct < best.error_pct) {
-            self.since_best = 0;
-            self.best = Some(Kept {
+            self.best = Some(KeptNetwork {
                 network: self.network.clone(),
                 step: self.step,
                 error_pct,
@@ -282,11 +279,10 @@ impl<N: Module> Position<N> {
         }
     }
 
-    /// The trained network.
     fn end<T: Task<Network = N>>(self, task: &T, ended_by: EndedBy) -> Result<Learned<N>> {
         let kept = match self.best {
             Some(best) => best,
-            None => Kept {
+            None => KeptNetwork {
                 error_pct: mean(&judge(task, &self.network, self.step)?),
                 network: self.network,
                 step: self.step,
@@ -301,70 +297,26 @@ impl<N: Module> Position<N> {
     }
 
     fn saved(&self, checkpoints: &Checkpoints) -> Result<RunningWeights> {
-        let best = self.best.as_ref();
         Ok(RunningWeights {
             step: self.step,
             weights: checkpoints.network_bytes(&self.network)?,
             optimiser: checkpoints.optimiser_bytes(&self.optimiser)?,
-            best: best.map(|best| best.saved(checkpoints)).transpose()?,
-            since_best: self.since_best,
             cycles: self.cycles.clone(),
         })
     }
 
     fn restored(from: &RunningWeights, network: N, checkpoints: &Checkpoints) -> Result<Self> {
-        let best = from.best.as_ref();
-        let best = best.map(|best| Kept::restored(best, network.clone(), checkpoints));
         Ok(Self {
-            best: best.transpose()?,
             network: checkpoints.network(&from.weights, network)?,
             optimiser: checkpoints.optimiser(&from.optimiser, adam())?,
             step: from.step,
-            since_best: from.since_best,
+            best: None,
             cycles: from.cycles.clone(),
         })
     }
 }
 
-impl<N: Module> Learned<N> {
-    fn saved(&self, checkpoints: &Checkpoints) -> Result<EndedStage> {
-        Ok(EndedStage {
-            kept: self.kept.saved(checkpoints)?,
-            steps: self.steps,
-            ended_by: self.ended_by,
-            cycles: self.cycles.clone(),
-        })
-    }
-
-    fn restored(from: EndedStage, network: N, checkpoints: &Checkpoints) -> Result<Self> {
-        Ok(Self {
-            kept: Kept::restored(&from.kept, network, checkpoints)?,
-            steps: from.steps,
-            ended_by: from.ended_by,
-            cycles: from.cycles,
-        })
-    }
-}
-
-impl<N: Module> Kept<N> {
-    fn saved(&self, checkpoints: &Checkpoints) -> Result<KeptWeights> {
-        Ok(KeptWeights {
-            step: self.step,
-            error_pct: self.error_pct,
-            weights: checkpoints.network_bytes(&self.network)?,
-        })
-    }
-
-    fn restored(from: &KeptWeights, network: N, checkpoints: &Checkpoints) -> Result<Self> {
-        Ok(Self {
-            network: checkpoints.network(&from.weights, network)?,
-            step: from.step,
-            error_pct: from.error_pct,
-        })
-    }
-}
-
-/// The errors of a network, all of them finite.
+/// Errors of `network`; an error if they are not finite.
 fn judge<T: Task>(task: &T, network: &T::Network, step: usize) -> Result<Vec<Option<f64>>> {
     let errors_pct = task.errors_pct(network);
     if errors_pct.iter().flatten().all(|error| error.is_finite()) {
@@ -377,7 +329,7 @@ fn judge<T: Task>(task: &T, network: &T::Network, step: usize) -> Result<Vec<Opt
     }
 }
 
-/// The mean of those that could be measured.
+/// Mean over the measurable errors.
 fn mean(errors_pct: &[Option<f64>]) -> f64 {
     let measured = || errors_pct.iter().flatten();
     measured().sum::<f64>() / measured().count().max(1) as f64

@@ -1,4 +1,4 @@
-//! View dropout: the views that a mini-batch of the estimator's training may use, so that it also learns to work without the others.
+//! View dropout: restricts mini-batches to some views, so that the estimator also learns to work without the others.
 //!
 //! With N views, each is used alone in 1 / (N + 1) of the batches and all together in the rest: thirds for the paper's two views.
 
@@ -7,31 +7,29 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::networks::encoded::Encoded;
 
-/// Views of one mini-batch.
+/// Views in a mini-batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ViewSelection {
-    /// Only this view.
+    /// A single view.
     Only(usize),
     /// All views that saw the aircraft.
     All,
 }
 
-/// One kind of mini-batch.
+/// Kind of mini-batch.
 pub(crate) struct BatchKind {
-    /// The views that it uses.
     pub selection: ViewSelection,
-    /// Samples that it may draw.
+    /// Samples to draw from.
     pub from: Vec<usize>,
 }
 
-/// The kinds of mini-batches.
 pub(crate) struct ViewDropout {
     kinds: Vec<BatchKind>,
 }
 
 impl ViewDropout {
-    /// Single views draw from the samples that they saw, all views together from those that two or more saw. Kinds without samples are
-    /// left out.
+    /// Single views draw from the samples that they saw, all views together from samples in at least two views. Kinds without samples are
+    /// omitted.
     pub(crate) fn new(samples: &Encoded) -> Self {
         let one = |view| BatchKind {
             selection: ViewSelection::Only(view),
@@ -52,7 +50,7 @@ impl ViewDropout {
         Self { kinds }
     }
 
-    /// The kind that uses all views, if any sample was seen by two or more.
+    /// Batches with all views, if any sample is in at least two views.
     pub(crate) fn together(&self) -> Option<&BatchKind> {
         self.kinds
             .iter()
@@ -67,35 +65,14 @@ impl ViewDropout {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::networks::normalisation::Normalisation;
-    use crate::samples::{DistanceRange, Samples};
     use rand::SeedableRng;
-    use testkit::synthetic::SyntheticCorpus;
+
+    use super::*;
+    use crate::networks::encoded::boxes_of_two_views;
 
     #[test]
     fn each_of_two_views_is_alone_in_a_third_of_the_batches() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            miss_ratio: 0.3,
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let samples = Samples::read(
-            &corpus,
-            None,
-            DistanceRange {
-                min_nm: 0.0,
-                max_nm: None,
-            },
-        )
-        .unwrap();
-        let all: Vec<_> = samples.samples.iter().collect();
-        let encoded = Encoded::new(
-            all.iter().copied(),
-            &Normalisation::fit(&samples.views, &all, &all),
-        );
+        let encoded = boxes_of_two_views();
         let dropout = ViewDropout::new(&encoded);
         let mut random = ChaCha12Rng::seed_from_u64(0);
         let mut counts = [0_usize; 3];

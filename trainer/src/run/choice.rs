@@ -1,14 +1,14 @@
-//! The estimator that a training recommends, as `run.json` has it.
+//! Recommended estimator (`run.json`).
 
 use serde::{Deserialize, Serialize};
 
-/// The choice (`run.json`).
+/// Recommended estimator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Choice {
     /// Name of the estimator.
     pub estimator: String,
-    /// Standard deviation of the training flights to the side, metres.
+    /// Lateral standard deviation of the training flights, metres.
     pub lateral_spread_m: f64,
-    /// The reason in a sentence.
+    /// Reason, a sentence.
     pub reason: String,
 }

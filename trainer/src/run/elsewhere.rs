@@ -1,5 +1,5 @@
-//! A run at another runway than that of its training: the cameras that it knows move with the runway. All other numbers of a run are
-//! pixels and distances, which do not depend on the place.
+//! Use of a run at a different runway: the run's cameras move with the runway. All other numbers are pixels and distances, which do not
+//! depend on the place.
 
 use crate::run::trained::TrainedRun;
 use crate::samples::Samples;
@@ -7,7 +7,7 @@ use crate::samples::rig::are_same;
 use crate::samples::rig::moved_rig::Move;
 
 impl TrainedRun {
-    /// The run as if it had been trained at the runway of these samples. Images of the ground stay where they were taken.
+    /// Moves the cameras to the runway of `samples`. Background images are dropped: they show the other airport.
     #[must_use]
     pub(crate) fn at_runway_of(mut self, samples: &Samples) -> Self {
         // Cameras that stand where they stood have not moved with the runway.
@@ -16,8 +16,7 @@ impl TrainedRun {
             return self;
         }
         let to = samples.scenarios.first().map(|scenario| &scenario.runway);
-        let runways = self.summary.runway.as_ref().zip(to);
-        let Some(motion) = runways.and_then(|(from, to)| Move::between(from, to)) else {
+        let Some(motion) = to.and_then(|to| Move::between(&self.summary.runway, to)) else {
             return self;
         };
         let summary = &mut self.summary;

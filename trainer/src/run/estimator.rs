@@ -1,35 +1,35 @@
-//! The estimators of distance to touchdown: the one list of their names, their words in the report, and their answers.
+//! List of all estimators: names, descriptions for reports, and answers.
 //!
-//! One more estimator is one more variant: the compiler then names what this file lacks. What it learns is fitted by [`crate::training`]
-//! and stored by [`crate::run::trained`]. An estimator gets whole flights of observations, without the truth, and gives a distance or no
-//! answer per tick. Views are removed from the observations before it sees them.
+//! For a new estimator, add a variant: compiler errors then show all missing parts of this file. [`crate::training`] fits its numbers and
+//! [`crate::run::trained`] stores them. Estimators get whole flights of observations, without the truth, and return a distance or no
+//! answer per tick. Views are removed from the observations beforehand.
 
 use burn::tensor::Device;
 use onnx_graph::proto::ModelProto;
 use serde::Serialize;
 
+use crate::config::TARGET_UNIT_M;
 use crate::estimators::geometry::triangulation;
 use crate::estimators::inverse_range::flight_filter::{Estimate, Knowing};
-use crate::estimators::mono::network::MonoInputs;
-use crate::estimators::mono::pinhole;
+use crate::estimators::mono_network::MonoInputs;
+use crate::estimators::mono_pinhole;
 use crate::estimators::paper_lstm;
 use crate::networks::encoded::Encoded;
 use crate::networks::estimator_graph::EstimatorGraph;
-use crate::networks::normalisation::TARGET_UNIT_M;
 use crate::run::trained::TrainedRun;
 use crate::samples::{Observation, ScenarioSummary};
 
-/// Declares the enum with the list of its variants, from which none can be missing.
+/// Declares the enum together with the complete list of variants.
 macro_rules! estimators {
     ($($(#[$documented:meta])* $variant:ident,)*) => {
-        /// One estimator.
+        /// Estimator of distance to touchdown.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub(crate) enum Estimator {
             $($(#[$documented])* $variant,)*
         }
 
         impl Estimator {
-            /// All of them, in the order of tables, plots and columns.
+            /// Estimators in the order of tables, plots and columns.
             pub(crate) const ALL: [Self; [$(stringify!($variant)),*].len()] = [$(Self::$variant),*];
         }
     };
@@ -40,9 +40,9 @@ estimators! {
     PaperLstm,
     /// Least squares of the inverse range.
     InverseRange,
-    /// The same over the ticks so far.
+    /// Kalman filter over the previous ticks.
     InverseRangeFiltered,
-    /// The same over all ticks of the flight.
+    /// Smoother over the whole flight.
     InverseRangeSmoothed,
     /// The point that cameras agree on that were fitted to the training flights.
     SelfCalibrated,
@@ -58,33 +58,33 @@ estimators! {
     MonoPinhole,
     /// The mean distance of the training flights by time.
     NoVisionTime,
-    /// The same by time and weather.
+    /// The mean distance of the training flights by time and weather.
     NoVisionTimeWeather,
 }
 
-/// Part of an estimator in the comparison with the others.
+/// Role in comparisons.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Standing {
-    /// It is ranked.
+    /// Ranked.
     Competitor,
-    /// It is given what no installation has: it is compared with the others and never ranked among them.
+    /// Uses information that no installation has: compared, but never ranked.
     Oracle,
-    /// It sees no image: it shows what the others must be better than, and is never ranked among them.
+    /// Sees no image: a lower bound for the others, never ranked.
     NoVision,
 }
 
-/// Presentation of an estimator.
+/// Names and description for reports.
 pub(crate) struct Description {
     /// Name in `metrics.json` and, followed by `_dtd_m`, in `predictions.parquet`.
     pub(crate) name: &'static str,
     /// Title in the report.
     pub(crate) title: &'static str,
-    /// Its method in a line.
+    /// Method, a line.
     pub(crate) how: &'static str,
 }
 
-/// Flights to estimate, and what a training learned.
+/// Flights to estimate, and the run.
 pub(crate) struct Task<'a> {
     run: &'a TrainedRun,
     scenarios: &'a [ScenarioSummary],
@@ -93,8 +93,8 @@ pub(crate) struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
-    /// `scenarios` are those that the observations refer to. Observations are whole flights, one after the other: every tick in the
-    /// order of time, also those at which no view saw the aircraft.
+    /// Observations refer to `scenarios`. They are whole flights, one after the other: every tick in the order of time, including ticks
+    /// without detections.
     pub(crate) fn new(
         run: &'a TrainedRun,
         scenarios: &'a [ScenarioSummary],
@@ -108,7 +108,7 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// A network's answers in metres. It always returns something, even without any box.
+    /// Network answers in metres. Networks return a number even without any box; those are dropped.
     fn metres(&self, units: Vec<f32>) -> Vec<Option<f64>> {
         let metres = |(unit, observed): (f32, &Observation)| {
             (observed.detections() > 0).then(|| f64::from(unit) * TARGET_UNIT_M)
@@ -127,19 +127,17 @@ impl<'a> Task<'a> {
         self.metres(networks.predict(inputs, &self.encoded, loss, &Device::flex()))
     }
 
-    /// The answers of an estimator that needs one tick at a time.
+    /// Applies a formula tick by tick.
     fn each(&self, formula: impl Fn(&Observation) -> Option<f64>) -> Vec<Option<f64>> {
         self.observations.iter().map(formula).collect()
     }
 }
 
 impl Estimator {
-    /// Its name in files.
     pub(crate) fn name(self) -> &'static str {
         self.description().name
     }
 
-    /// Its part in the comparison with the others.
     pub(crate) fn standing(self) -> Standing {
         match self {
             Self::Triangulation => Standing::Oracle,
@@ -156,7 +154,7 @@ impl Estimator {
         }
     }
 
-    /// True if it can answer live: it needs neither later ticks, nor the runway, the weather or the start of a scenario.
+    /// True if live answers are possible: without later ticks, runway, weather or the scenario's start.
     pub(crate) fn is_online(self) -> bool {
         match self {
             Self::PaperLstm
@@ -174,7 +172,6 @@ impl Estimator {
         }
     }
 
-    /// Its names and its method.
     pub(crate) fn description(self) -> Description {
         let [name, title, how] = match self {
             Self::PaperLstm => [
@@ -241,7 +238,7 @@ impl Estimator {
         Description { name, title, how }
     }
 
-    /// Distances to touchdown in the order of the observations, metres, all finite; `None` where it has no answer.
+    /// Distances to touchdown in the order of the observations, metres, all finite; `None` for no answer.
     pub(crate) fn predict(self, task: &Task) -> Vec<Option<f64>> {
         let answers = self.answers(task).into_iter();
         answers
@@ -249,7 +246,7 @@ impl Estimator {
             .collect()
     }
 
-    /// The same as an ONNX model, which takes boxes in pixels; `None` for an estimator that needs the cameras, the time, or ticks before.
+    /// ONNX model, which takes boxes in pixels; `None` if cameras, time, or earlier ticks are needed.
     pub(crate) fn to_onnx(self, run: &TrainedRun) -> Option<ModelProto> {
         let (networks, baselines, loss) = (&run.networks, &run.baselines, run.config.target());
         let graph = &mut EstimatorGraph::new(&run.normalisation);
@@ -265,7 +262,7 @@ impl Estimator {
             Self::MonoNetworkPosition => {
                 (networks.mono_position).to_onnx(MonoInputs::Position, loss, graph)
             }
-            Self::MonoPinhole => pinhole::to_onnx(&baselines.pinholes, graph),
+            Self::MonoPinhole => mono_pinhole::to_onnx(&baselines.pinholes, graph),
             Self::Triangulation
             | Self::NoVisionTime
             | Self::NoVisionTimeWeather
@@ -276,7 +273,7 @@ impl Estimator {
         Some(graph.model(&metres, self.name()))
     }
 
-    /// Distances, speeds and times with intervals, in the order of the observations; `None` from an estimator that has none.
+    /// Distances, speeds and times with intervals, in the order of the observations; `None` for estimators without intervals.
     pub(crate) fn estimates(self, task: &Task) -> Option<Vec<Option<Estimate>>> {
         let knowing = match self {
             Self::InverseRangeFiltered => Knowing::Past,
@@ -324,7 +321,7 @@ impl Estimator {
             Self::MonoNetwork => task.mono(MonoInputs::Size),
             Self::MonoNetworkPosition => task.mono(MonoInputs::Position),
             Self::MonoNetworkBox => task.mono(MonoInputs::Box),
-            Self::MonoPinhole => task.each(|s| pinhole::predict(&baselines.pinholes, s)),
+            Self::MonoPinhole => task.each(|s| mono_pinhole::predict(&baselines.pinholes, s)),
             Self::NoVisionTime => task.each(|s| baselines.mean_by_time.at(s)),
             Self::NoVisionTimeWeather => task.each(|observed| {
                 let weather = &task.scenarios[observed.scenario].weather;

@@ -1,4 +1,4 @@
-//! The cameras that a training has fitted, for a registration of the views that does not depend on `calibration.json`.
+//! Fitted cameras, for registration without `calibration.json`.
 
 use std::collections::BTreeMap;
 

@@ -1,20 +1,20 @@
-//! The output folder of a training, from which its estimators can be loaded again.
+//! Run folder: the output of `dtd train`, from which estimators are loaded.
 //!
 //! ```text
 //! run/
 //!   config.json         settings of the training
-//!   run.json            what it was trained on, with which cameras, by which version
+//!   run.json            training data, cameras and version
 //!   normalisation.json  offset and scale of the features
 //!   baselines.json      the fitted formulas: pinholes, centre offsets, inverse range
 //!   weights.safetensors all networks
-//!   backgrounds.png     pictures that cameras are aligned with, if the settings say so
+//!   backgrounds.png     images for camera alignment, if the settings ask for it
 //!   convergence.json    errors on the validation side over both stages
-//!   replaces.json       which run was in its place when it was made
+//!   replaces.json       identity of the run that this one replaced
 //!   metrics.json  predictions.parquet  evaluation.json  report.html     (from `evaluate`)
 //!   MANIFEST.b3  DONE.json      the seal, as a scenario has it
 //! ```
 //!
-//! It appears and is replaced as a whole ([`crate::run::place`]), and every file is checked against the sealed hash when it is read.
+//! The folder appears and is replaced as a whole ([`crate::run::place`]). Files are checked against the sealed hashes when they are read.
 
 use std::path::{Path, PathBuf};
 
@@ -48,10 +48,10 @@ impl RunFolder {
     pub(crate) const PREDICTIONS: &str = "predictions.parquet";
     pub(crate) const REPORT: &str = "report.html";
     pub(crate) const REPLACES: &str = "replaces.json";
-    /// A training that was killed, in `training/` in the folder next to the run.
+    /// Checkpoint, in `training/` of the folder beside the run.
     pub(crate) const CHECKPOINT: &str = "checkpoint.json";
 
-    /// The files of a training.
+    /// Files written by a training.
     pub(crate) const TRAINED: [&str; 6] = [
         Self::CONFIG,
         Self::SUMMARY,
@@ -61,10 +61,10 @@ impl RunFolder {
         Self::CONVERGENCE,
     ];
 
-    /// A file of a training that is only there if the settings ask for it.
+    /// File that a training writes only if the settings ask for it.
     pub(crate) const OPTIONAL: &str = Self::BACKGROUNDS;
 
-    /// All files that a run may contain, in the order in which they are removed: without its summary it is none.
+    /// All files that a run may contain, in order of removal: a folder without a summary is not a run.
     pub const FILES: [&str; 14] = [
         Self::SUMMARY,
         Self::BACKGROUNDS,
@@ -94,7 +94,7 @@ impl RunFolder {
         &self.root
     }
 
-    /// Hash of the model whose detections it was trained on; `None` if the summary cannot be read.
+    /// Hash of the detection model; `None` if the summary cannot be read.
     pub fn model_hash(&self) -> Option<String> {
         #[derive(Deserialize)]
         struct Summary {
@@ -102,11 +102,6 @@ impl RunFolder {
         }
         let summary: Summary = read_json(&self.summary_path(), "summary of a run").ok()?;
         Some(summary.model_hash)
-    }
-
-    /// Path of `config.json`.
-    pub(crate) fn config_path(&self) -> PathBuf {
-        self.root.join(Self::CONFIG)
     }
 
     /// Path of `run.json`.
@@ -127,16 +122,6 @@ impl RunFolder {
     /// Path of `weights.safetensors`.
     pub fn weights_path(&self) -> PathBuf {
         self.root.join(Self::WEIGHTS)
-    }
-
-    /// Path of `backgrounds.png`.
-    pub(crate) fn backgrounds_path(&self) -> PathBuf {
-        self.root.join(Self::BACKGROUNDS)
-    }
-
-    /// Path of `convergence.json`.
-    pub(crate) fn convergence_path(&self) -> PathBuf {
-        self.root.join(Self::CONVERGENCE)
     }
 
     /// Path of `evaluation.json`.

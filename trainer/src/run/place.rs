@@ -1,17 +1,17 @@
-//! Location of a run: it is built in a workshop beside the final folder, which it replaces atomically.
+//! Run location: a new run is built in a workshop beside the final folder, and replaces that atomically.
 //!
 //! ```text
-//! RUN             the run that counts
-//! RUN.partial/    its workshop ([`dataset::corpus::workshop`])
-//!   new/          a run that is being made
-//!   old/          the run that it replaces, on its way out
-//!   training/     checkpoint of a training that was killed ([`crate::networks::checkpoint`])
+//! RUN             current run
+//! RUN.partial/    workshop ([`dataset::corpus::workshop`])
+//!   new/          run in the making
+//!   old/          replaced run, before its deletion
+//!   training/     checkpoint ([`crate::networks::checkpoint`])
 //! ```
 //!
-//! A run is built in `new/`, which records from the start which run it replaces (`replaces.json`), and sealed like a scenario
+//! A run is built in `new/`, which first records the identity of the run to replace (`replaces.json`), and is sealed like a scenario
 //! (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves to `old/`, `new/` to `RUN`, and `old/` is deleted. The next
-//! holder of the claim completes a committed change and drops an uncommitted one. Only the run that existed when the new one was started is
-//! ever replaced, and only files of a run are ever deleted. An evaluation also builds a complete run: the training's files, and its own.
+//! holder of the lock completes a committed change and drops an uncommitted one. Only the recorded run is ever replaced, and only run files
+//! are ever deleted. An evaluation also builds a complete run: the training's files plus the results.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -29,19 +29,19 @@ use crate::run::folder::RunFolder;
 const OLD: &str = "old";
 const TRAINING: &str = "training";
 
-/// A run's location, locked until this is dropped.
+/// Run location, locked until dropped.
 #[derive(Debug)]
 pub(crate) struct RunPlace {
     workshop: Workshop,
 }
 
 impl RunPlace {
-    /// Takes the location of a new run; it must be empty or contain a run.
+    /// Locks the location for a new run; it must be empty or contain a run.
     pub(crate) fn take(run: &RunFolder) -> Result<Self> {
         Self::take_if(run, |_| true)
     }
 
-    /// Takes a vacant location, for results that do not belong in a run's folder.
+    /// Locks a vacant location, for results outside run folders.
     pub(crate) fn take_vacant(folder: &Path) -> Result<Self> {
         let refuse_content = |folder: &Path| {
             let what = "is not empty, and an evaluation replaces no files:";
@@ -54,7 +54,7 @@ impl RunPlace {
         Ok(place)
     }
 
-    /// Takes the location of an existing run.
+    /// Locks an existing run.
     pub(crate) fn take_existing(run: &RunFolder) -> Result<Self> {
         let is_there = |run: &Path| {
             let beside = Workshop::beside(run);
@@ -102,18 +102,18 @@ impl RunPlace {
         Ok(RunFolder::at(&new))
     }
 
-    /// Checkpoint folder of a training until its run is in place.
+    /// Checkpoint path, until the run is in place.
     pub(crate) fn checkpoint(&self) -> PathBuf {
         self.workshop.path(TRAINING).join(RunFolder::CHECKPOINT)
     }
 
-    /// Removes the checkpoint of a training whose run is in place.
+    /// Removes the checkpoint after the run is in place.
     pub(crate) fn remove_checkpoint(&self) -> Result<()> {
         let checkpoint = &[RunFolder::CHECKPOINT];
         Ok(self.workshop.remove_files(TRAINING, checkpoint)?)
     }
 
-    /// Moves the new, completely written run into place.
+    /// Seals the completely written run and moves it into place.
     pub(crate) fn commit(&self, config_hash: &str) -> Result<()> {
         seal::seal_folder(&self.new_run(), config_hash)?;
         self.put_in_place().inspect_err(|_| {
@@ -132,7 +132,7 @@ impl RunPlace {
         self.workshop.path(OLD)
     }
 
-    /// Completes what a killed process had committed, and drops what it had not.
+    /// Completes a killed process's committed change, or drops an uncommitted one.
     fn recover(&self) -> Result<()> {
         self.workshop.tidy(TRAINING, &[RunFolder::CHECKPOINT])?;
         self.workshop.tidy(NEW, &RunFolder::FILES)?;
@@ -161,19 +161,14 @@ impl RunPlace {
 
     fn put_in_place(&self) -> Result<()> {
         let (run, new, old) = (self.place(), self.new_run(), self.old_run());
-        // Another program may have put something there since it was looked at.
+        // A different program may have written there since the last check.
         self.refuse_other_content()?;
         let there = match identity(run)? {
             None => identity(&old)?,
             there => there,
         };
         let replaces = new.join(RunFolder::REPLACES);
-        let expected = match read_json::<Replaces>(&replaces, "note of what a run replaces") {
-            Ok(Replaces { run }) => run,
-            // Of an earlier version, or foreign.
-            Err(error) if error.is_not_found() => None,
-            Err(error) => return Err(error.into()),
-        };
+        let Replaces { run: expected } = read_json(&replaces, "note of what a run replaces")?;
         if there.is_some() && there != expected {
             return Err(Error::run(run, RunFault::OtherRun { new }));
         }
@@ -188,7 +183,7 @@ impl RunPlace {
         Ok(self.workshop.remove_files(folder, &RunFolder::FILES)?)
     }
 
-    /// Rejects a folder that contains anything but a run: it will be replaced as a whole.
+    /// Rejects a folder that contains anything but a run, because it will be replaced as a whole.
     fn refuse_other_content(&self) -> Result<()> {
         let run = self.place();
         let is_own = |name: &str| RunFolder::FILES.contains(&name);
@@ -213,14 +208,14 @@ impl Drop for RunPlace {
     }
 }
 
-/// The new run's record of its destination (`replaces.json`).
+/// Content of `replaces.json`.
 #[derive(Serialize, Deserialize)]
 struct Replaces {
-    /// The run that existed; `null` if there was none.
+    /// Identity of the replaced run; `null` if there was none.
     run: Option<String>,
 }
 
-/// The identity of a run: the hash of its manifest, or of its `run.json` if it has no seal. `None` if there is no run.
+/// Identity: hash of the manifest, or of `run.json` without a seal. `None` if there is no run.
 fn identity(run: &Path) -> Result<Option<String>> {
     match seal::read_seal(run) {
         Ok(Some(seal)) => return Ok(Some(seal.manifest_blake3)),
@@ -235,7 +230,7 @@ fn identity(run: &Path) -> Result<Option<String>> {
     }
 }
 
-/// Refuses a path in the folder of a run.
+/// Refuses paths inside run folders.
 pub(crate) fn refuse_in_run(path: &Path) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if folder.join(RunFolder::SUMMARY).is_file() {

@@ -1,17 +1,17 @@
-//! A view that was fitted again after the training, as `run.json` has it.
+//! Record of refits (`run.json`).
 
 use serde::{Deserialize, Serialize};
 
-/// Record of a refit (`run.json`).
+/// Record of one refit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refit {
-    /// The view.
+    /// View.
     pub view: String,
-    /// The scenarios that it was fitted to.
+    /// Scenarios that the view was fitted to.
     pub scenarios: Vec<String>,
-    /// BLAKE3 of all numbers that do not belong to the view, before: of the run that this one was made from.
+    /// BLAKE3 of all numbers that do not belong to the view, in the original run.
     pub frozen_before_blake3: String,
-    /// The same after.
+    /// BLAKE3 of all numbers that do not belong to the view, in the new run.
     pub frozen_after_blake3: String,
     /// Wall-clock time, seconds.
     pub refit_s: f64,

@@ -1,4 +1,4 @@
-//! The files of a training, read back only if they match the seal.
+//! Run files, read only if they match the seal.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,10 +11,10 @@ use serde::de::DeserializeOwned;
 use crate::error::{Error, Result, RunFault};
 use crate::run::folder::RunFolder;
 
-/// Any file of a run. The largest are the weights.
+/// Limit for run files; the largest are the weights.
 const RUN_FILE: FileKind = FileKind::new("file of a run", 4 << 30).unlinked();
 
-/// The sealed files of a training, in memory.
+/// Sealed run files, in memory.
 pub(crate) struct SealedRun {
     root: PathBuf,
     seal: Sealed,
@@ -24,7 +24,7 @@ pub(crate) struct SealedRun {
 }
 
 impl SealedRun {
-    /// Reads the files that a training wrote; rejects those that do not match the seal.
+    /// Reads the training's files; rejects files that do not match the seal.
     pub(crate) fn read(folder: &RunFolder) -> Result<Self> {
         let root = folder.root();
         if !folder.summary_path().is_file() {
@@ -61,7 +61,7 @@ impl SealedRun {
         })
     }
 
-    /// BLAKE3 hash over all of them.
+    /// BLAKE3 over all files.
     pub(crate) fn blake3(&self) -> String {
         let mut hash = blake3::Hasher::new();
         for (name, bytes) in &self.files {
@@ -72,7 +72,7 @@ impl SealedRun {
         hash.finalize().to_string()
     }
 
-    /// Writes the same files into another folder.
+    /// Writes the files into `folder`.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
         for (name, bytes) in &self.files {
             write_unsynced(&folder.root().join(name), bytes)?;
@@ -80,12 +80,12 @@ impl SealedRun {
         Ok(())
     }
 
-    /// The content of one of [`RunFolder::TRAINED`].
+    /// `name` is in [`RunFolder::TRAINED`].
     pub(crate) fn bytes(&self, name: &'static str) -> &[u8] {
         &self.files[name]
     }
 
-    /// The content of [`RunFolder::OPTIONAL`], if it is there.
+    /// Content of [`RunFolder::OPTIONAL`], if present.
     pub(crate) fn optional_bytes(&self) -> Option<&[u8]> {
         self.files.get(RunFolder::OPTIONAL).map(Vec::as_slice)
     }
@@ -104,7 +104,7 @@ impl SealedRun {
         })
     }
 
-    /// A result of an evaluation beside them; `None` if it is not there or was edited.
+    /// Result of an evaluation; `None` if it is missing or was edited.
     pub(crate) fn result<T: DeserializeOwned>(
         &self,
         name: &'static str,
@@ -123,7 +123,6 @@ impl SealedRun {
         Ok(Some(parse_json(&bytes, &path, what)?))
     }
 
-    /// An error in one of the files.
     pub(crate) fn refused(&self, name: &str, fault: RunFault) -> Error {
         Error::run(&self.root.join(name), fault)
     }

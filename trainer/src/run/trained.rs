@@ -1,4 +1,4 @@
-//! Results of a training: in memory, and as files of a run folder.
+//! Training results, in memory and as run files.
 
 use std::collections::BTreeSet;
 
@@ -21,8 +21,8 @@ use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::inverse_range::InverseRange;
 use crate::estimators::inverse_range::flight_filter::FlightFilter;
-use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
-use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::mono_network::{MonoInputs, MonoNetworks};
+use crate::estimators::mono_pinhole::Pinhole;
 use crate::estimators::no_vision::MeanByTime;
 use crate::estimators::paper_lstm::calibration_training::{
     CalibrationLogEntry, CalibrationNetworks,
@@ -41,86 +41,73 @@ use crate::samples::rig::{Cameras, Rig};
 use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
-/// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 9;
+/// Run format, increased whenever numbers change their meaning or are added or removed.
+pub(crate) const RUN_FORMAT: u32 = 10;
 
-/// Version information that shows whether a run can be read.
+/// Version information, which decides whether a run can be read.
 #[derive(Deserialize)]
 struct FormatStamp {
-    /// Missing in runs written before formats were numbered.
-    #[serde(default)]
     format: u32,
     dtd: String,
 }
 
-/// The inputs of a training (`run.json`).
+/// Training inputs (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RunSummary {
     /// [`RUN_FORMAT`].
     pub format: u32,
-    /// Version of this software.
+    /// Version of dtd.
     pub dtd: String,
-    /// File name of the detection model whose boxes were used for training, if it has one.
+    /// File name of the detection model, if it has one.
     pub model: Option<String>,
-    /// Name of its detections, the start of the hash of the model and the settings next to it.
+    /// Name of the detections: the start of the hash over model and settings.
     pub model_hash: String,
-    /// Name of the rig.
     pub rig: String,
-    /// The runway of the training; missing in older runs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub runway: Option<Runway>,
-    /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
+    pub runway: Runway,
+    /// Cameras by view; those of the first scenario if they vary. The networks apply only to these cameras.
     pub cameras: Cameras,
-    /// True if other scenarios had cameras of the rig in other positions or directions.
+    /// True if camera positions or directions differ between scenarios.
     pub cameras_vary: bool,
-    /// The cameras as planned, before scenarios misplace or aim them; missing without a plan.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Planned cameras, before scenarios misplace or aim them; missing without a plan.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub planned_cameras: Option<Cameras>,
-    /// The cameras that the views of the training were registered with; missing if they were not, and in older runs.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Cameras that the views were registered with; missing without registration.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub registered_with: Option<RegisteredWith>,
-    /// Trajectories on the training side.
     pub training_trajectories: BTreeSet<String>,
-    /// Trajectories on the validation side.
     pub validation_trajectories: BTreeSet<String>,
-    /// Identities of these trajectories, independent of their names.
+    /// Flight identities, independent of trajectory names.
     pub training_flights: BTreeSet<String>,
-    /// The same of the validation side.
     pub validation_flights: BTreeSet<String>,
-    /// The split by scenario, if there is one: its sides share flights.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Split by scenario, if the settings ask for it: both sides share flights.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub scenario_split: Option<ScenarioSplit>,
-    /// Scenarios on the training side.
     pub training_scenarios: usize,
-    /// Scenarios on the validation side.
     pub validation_scenarios: usize,
-    /// Samples on the training side that the networks learned from, as recorded.
+    /// Training samples of the networks.
     pub training_samples: usize,
-    /// By view, boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them
-    /// unless the settings remove them.
+    /// Training boxes that do not contain the aircraft, by view. Formulas are fitted without them; networks learn from them unless the
+    /// settings remove them.
     pub dropped_training_boxes: DroppedByView,
-    /// Samples on the validation side.
     pub validation_samples: usize,
-    /// BLAKE3 of all that networks and formulas learned from and were judged by.
+    /// BLAKE3 of the training and validation samples.
     pub samples_blake3: String,
-    /// Error of `paper_lstm` on the validation side, percent.
+    /// Validation error of `paper_lstm`, percent.
     pub validation_mape_pct: f64,
-    /// Stages of the training, in their order.
     pub stages: Vec<StageSummary>,
-    /// The recommended estimator.
     pub choice: Choice,
-    /// BLAKE3 of the weights that the training started from, if they were not random.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// BLAKE3 of the initial weights, unless they were random.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub started_from_blake3: Option<String>,
-    /// Views that were fitted again after the training, in order.
+    /// Refits, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refits: Vec<Refit>,
-    /// Wall-clock time of the training, seconds.
+    /// Wall-clock time, seconds.
     pub training_s: f64,
 }
 
 impl RunSummary {
-    /// The summary in these files; an error if they have another format.
+    /// Reads the summary; an error if the format differs.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
         const WHAT: &str = "run summary";
         let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, WHAT)?;
@@ -136,7 +123,7 @@ impl RunSummary {
         sealed.json(RunFolder::SUMMARY, WHAT)
     }
 
-    /// With the flights of the run that the training started from, which its networks know.
+    /// Adds the flights of the run that the training started from, because the networks know them.
     pub(crate) fn with_flights_of(mut self, start: Option<&Self>) -> Self {
         if let Some(before) = start {
             let pairs = [
@@ -158,8 +145,7 @@ impl RunSummary {
         self
     }
 
-    /// The cameras of a corpus and of the run that must be the same; `None` if a sweep jitters or turns them and one of the two has no
-    /// plan.
+    /// Corpus cameras and run cameras that must be the same; `None` if a sweep jitters or turns them and a plan is missing.
     pub(crate) fn comparable<'a>(&'a self, rig: &'a Rig) -> Option<[&'a Cameras; 2]> {
         if !self.cameras_vary && !rig.cameras_vary {
             return Some([&rig.cameras, &self.cameras]);
@@ -167,7 +153,7 @@ impl RunSummary {
         Some([rig.planned()?, self.planned_cameras.as_ref()?])
     }
 
-    /// True if a flight was used for training or for its decisions.
+    /// True if the training used the flight, for learning or for decisions.
     pub(crate) fn knows(&self, scenario: &ScenarioSummary) -> bool {
         [&self.training_flights, &self.validation_flights]
             .iter()
@@ -175,22 +161,22 @@ impl RunSummary {
     }
 }
 
-/// Both convergence logs (`convergence.json`): errors of training and validation by step.
+/// Convergence logs of both stages (`convergence.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Convergence {
     /// Identifiers of the views.
     pub views: Vec<String>,
     /// Stage one.
     pub calibration: Vec<CalibrationLogEntry>,
-    /// Steps that made the calibration networks of the run.
+    /// Steps of the kept calibration networks.
     pub calibration_kept_step: usize,
     /// Stage two.
     pub estimator: Vec<EstimatorLogEntry>,
-    /// Steps that made the estimator of the run.
+    /// Steps of the kept estimator.
     pub estimator_kept_step: usize,
 }
 
-/// The fitted formulas (`baselines.json`).
+/// Fitted formulas (`baselines.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Baselines {
     /// Identifiers of the views.
@@ -205,16 +191,16 @@ pub(crate) struct Baselines {
     pub self_calibrated: Option<SelfCalibrated>,
     /// `inverse_range_filtered` and `inverse_range_smoothed`.
     pub flight_filter: FlightFilter,
-    /// The boxes that all estimators get.
+    /// Box selection of all estimators.
     pub paired_views: PairedViews,
     /// `no_vision_time` and `no_vision_time_weather`.
     pub mean_by_time: MeanByTime,
     /// Content of `backgrounds.png`; missing without it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub backgrounds: Option<Vec<StoredView>>,
 }
 
-/// All networks of a run.
+/// All networks.
 #[derive(Module, Debug)]
 pub(crate) struct Networks {
     /// Stage one.
@@ -249,12 +235,10 @@ impl Networks {
     }
 }
 
-/// No training produces such a number in a network.
-const MAX_WEIGHT: f32 = 1e6;
-/// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
-const MAX_OF_A_FORMULA: f64 = 1e12;
+/// Limit of weights and formula coefficients, such as pixels times metres of an airliner's span.
+const MAX_NUMBER: f64 = 1e12;
 
-/// Rejects numbers that make every answer meaningless: NaN, infinities, and those that no training produces.
+/// Rejects NaN, infinities and numbers that no training produces.
 fn check_numbers(
     sealed: &SealedRun,
     normalisation: &Normalisation,
@@ -303,62 +287,45 @@ fn check_numbers(
         .chain(baselines.flight_filter.constants())
         .chain(baselines.paired_views.constants())
         .chain(baselines.mean_by_time.constants());
-    // NaN is not below.
-    if let Some(number) = formulas.find(|number| !(0.0..=MAX_OF_A_FORMULA).contains(&number.abs()))
-    {
-        return Err(sealed.refused(
-            RunFolder::BASELINES,
-            RunFault::Formula {
-                number,
-                most: MAX_OF_A_FORMULA,
-            },
-        ));
+    let refused = |file, number| {
+        let most = MAX_NUMBER;
+        sealed.refused(file, RunFault::ImpossibleNumber { number, most })
+    };
+    if let Some(number) = formulas.find(is_impossible) {
+        return Err(refused(RunFolder::BASELINES, number));
     }
-    let mut worst = WorstWeight(None);
-    networks.visit(&mut worst);
-    match worst.0 {
-        None => Ok(()),
-        Some(weight) => Err(sealed.refused(
-            RunFolder::WEIGHTS,
-            RunFault::Weight {
-                weight,
-                most: MAX_WEIGHT,
-            },
-        )),
-    }
+    let mut weight = ImpossibleWeight(None);
+    networks.visit(&mut weight);
+    (weight.0).map_or(Ok(()), |weight| Err(refused(RunFolder::WEIGHTS, weight)))
 }
 
-/// An impossible weight, if there is one.
-struct WorstWeight(Option<f32>);
+/// True beyond [`MAX_NUMBER`], and for NaN.
+fn is_impossible(number: &f64) -> bool {
+    !(0.0..=MAX_NUMBER).contains(&number.abs())
+}
 
-impl ModuleVisitor for WorstWeight {
+/// First impossible weight.
+struct ImpossibleWeight(Option<f64>);
+
+impl ModuleVisitor for ImpossibleWeight {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let data = param.val().into_data();
-        let bad = data
-            .iter::<f32>()
-            .find(|weight| !(0.0..=MAX_WEIGHT).contains(&weight.abs()));
-        self.0 = self.0.or(bad);
+        self.0 = self.0.or_else(|| data.iter::<f64>().find(is_impossible));
     }
 }
 
-/// A trained run in memory. Its networks are on a device without autodiff.
+/// Run in memory, with networks on a device without autodiff.
 #[derive(Debug, Clone)]
 pub(crate) struct TrainedRun {
-    /// Settings.
     pub config: TrainConfig,
-    /// Its inputs.
     pub summary: RunSummary,
-    /// Features.
     pub normalisation: Normalisation,
-    /// Formulas.
     pub baselines: Baselines,
-    /// Networks.
     pub networks: Networks,
-    /// Logs.
     pub convergence: Convergence,
     /// References for aligning cameras, if the settings ask for it.
     pub backgrounds: Option<Backgrounds>,
-    /// True if its cameras were moved to another runway.
+    /// True if the cameras were moved to a different runway.
     pub is_elsewhere: bool,
 }
 
@@ -374,27 +341,29 @@ impl TrainedRun {
 
     /// Writes all files into an existing folder.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
-        write_json_unsynced(&folder.config_path(), &self.config)?;
-        write_json_unsynced(&folder.normalisation_path(), &self.normalisation)?;
-        write_json_unsynced(&folder.baselines_path(), &self.baselines)?;
-        write_json_unsynced(&folder.convergence_path(), &self.convergence)?;
-        write_unsynced(&folder.weights_path(), &self.weights(folder)?)?;
+        let path = |name| folder.root().join(name);
+        write_json_unsynced(&path(RunFolder::CONFIG), &self.config)?;
+        write_json_unsynced(&path(RunFolder::NORMALISATION), &self.normalisation)?;
+        write_json_unsynced(&path(RunFolder::BASELINES), &self.baselines)?;
+        write_json_unsynced(&path(RunFolder::CONVERGENCE), &self.convergence)?;
+        write_unsynced(&path(RunFolder::WEIGHTS), &self.weights(folder)?)?;
         if let Some(backgrounds) = &self.backgrounds {
-            write_unsynced(&folder.backgrounds_path(), &backgrounds.png())?;
+            write_unsynced(&path(RunFolder::BACKGROUNDS), &backgrounds.png())?;
         }
-        Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
+        Ok(write_json_unsynced(
+            &path(RunFolder::SUMMARY),
+            &self.summary,
+        )?)
     }
 
-    /// Puts the run into a place that we hold, as a whole.
-    pub(crate) fn commit(&self, place: &RunPlace) -> Result<()> {
-        let new = place.begin()?;
-        self.write(&new)?;
-        let config_hash = seal::hash_file(&new.config_path())?;
-        place.commit(&config_hash)
+    /// Writes the run into the new folder of `place` and moves it into place, as a whole.
+    pub(crate) fn commit(&self, place: &RunPlace, new: &RunFolder) -> Result<()> {
+        self.write(new)?;
+        place.commit(&seal::hash_file(&new.root().join(RunFolder::CONFIG))?)
     }
 
-    /// All networks in the format of Safetensors. The same numbers give the same bytes: with several entries, the library writes
-    /// the metadata in an order that varies between processes.
+    /// Networks in Safetensors format. The same numbers give the same bytes, because the metadata has a single entry: with several, their
+    /// order varies between processes.
     pub(crate) fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
         let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
         let mut store = SafetensorsStore::from_bytes(None)
@@ -404,7 +373,6 @@ impl TrainedRun {
         store.get_bytes().map_err(failed)
     }
 
-    /// The run in these files.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
         let summary = RunSummary::of(sealed)?;
         let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;
@@ -425,24 +393,23 @@ impl TrainedRun {
             let fault = RunFault::Lengths { views, lengths };
             return Err(sealed.refused(RunFolder::NORMALISATION, fault));
         }
-        if !baselines.inverse_range.is_of(views) {
-            let fault = RunFault::InverseRange { views };
-            return Err(sealed.refused(RunFolder::BASELINES, fault));
-        }
         let fitted = baselines.self_calibrated.as_ref();
-        if fitted.is_some_and(|fitted| !fitted.is_of(views)) {
-            let fault = RunFault::FittedCameras { views };
+        let formulas = [
+            ("inverse_range", baselines.inverse_range.is_of(views)),
+            (
+                "self_calibrated",
+                fitted.is_none_or(|fitted| fitted.is_of(views)),
+            ),
+            (
+                "flight_filter",
+                baselines.flight_filter.is_of(&baselines.inverse_range),
+            ),
+            ("paired_views", baselines.paired_views.is_of(views)),
+            ("mean_by_time", baselines.mean_by_time.is_whole()),
+        ];
+        if let Some((formula, _)) = formulas.into_iter().find(|(_, is_fit)| !is_fit) {
+            let fault = RunFault::OtherFormula { formula, views };
             return Err(sealed.refused(RunFolder::BASELINES, fault));
-        }
-        if !baselines.flight_filter.is_of(&baselines.inverse_range) {
-            return Err(sealed.refused(RunFolder::BASELINES, RunFault::FlightFilter));
-        }
-        if !baselines.paired_views.is_of(views) {
-            let fault = RunFault::PairedViews { views };
-            return Err(sealed.refused(RunFolder::BASELINES, fault));
-        }
-        if !baselines.mean_by_time.is_whole() {
-            return Err(sealed.refused(RunFolder::BASELINES, RunFault::MeanByTime));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
         let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();

@@ -1,4 +1,4 @@
-//! Choice of the estimator that a training recommends, and its reason.
+//! Choice of the recommended estimator.
 //!
 //! `inverse_range` learns everything that the images show from the training flights, including effects outside any camera model, but only
 //! near these flights: `docs/estimators.md` has figures. Fitted cameras also apply away from the flights. So flights that keep closely to
@@ -10,11 +10,11 @@ use crate::run::trained::Baselines;
 use crate::samples::Sample;
 use crate::samples::lateral_spread::lateral_spread_m;
 
-/// Least spread for `inverse_range`: flights 60 m off the usual path at 10 NM then cost it a quarter of its precision.
-const MIN_SPREAD_M: f64 = 2.0;
+/// Minimum lateral spread for `inverse_range`: flights 60 m off the usual path at 10 NM then cost a quarter of the precision.
+const MIN_LATERAL_SPREAD_M: f64 = 2.0;
 
 impl Choice {
-    /// The choice between what was fitted to these samples.
+    /// Chooses among the fitted estimators.
     pub(crate) fn of(baselines: &Baselines, training: &[&Sample]) -> Self {
         Self::for_spread(
             lateral_spread_m(training),
@@ -24,7 +24,7 @@ impl Choice {
     }
 
     fn for_spread(lateral_spread_m: f64, has_cameras: bool, has_fits: bool) -> Self {
-        let (estimator, reason) = match (lateral_spread_m < MIN_SPREAD_M, has_cameras) {
+        let (estimator, reason) = match (lateral_spread_m < MIN_LATERAL_SPREAD_M, has_cameras) {
             (_, true) if !has_fits => (
                 Estimator::SelfCalibrated,
                 "and no view saw enough for inverse_range to be fitted".to_owned(),
@@ -37,19 +37,19 @@ impl Choice {
             (false, _) => (
                 Estimator::InverseRange,
                 format!(
-                    "at least {MIN_SPREAD_M} m, so that it learned what an aircraft beside the usual path looks like"
+                    "at least {MIN_LATERAL_SPREAD_M} m, so that it learned what an aircraft beside the usual path looks like"
                 ),
             ),
             (true, true) => (
                 Estimator::SelfCalibrated,
                 format!(
-                    "less than {MIN_SPREAD_M} m, so that inverse_range would be wrong for an aircraft beside that path"
+                    "less than {MIN_LATERAL_SPREAD_M} m, so that inverse_range would be wrong for an aircraft beside that path"
                 ),
             ),
             (true, false) => (
                 Estimator::InverseRange,
                 format!(
-                    "less than {MIN_SPREAD_M} m, but no two views saw enough for cameras to be fitted; expect errors for an aircraft beside that path"
+                    "less than {MIN_LATERAL_SPREAD_M} m, but no two views saw enough for cameras to be fitted; expect errors for an aircraft beside that path"
                 ),
             ),
         };

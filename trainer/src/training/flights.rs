@@ -1,4 +1,4 @@
-//! The flights that a training learns from and is judged by, as its settings choose them.
+//! Selection of training and validation flights.
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
@@ -16,24 +16,23 @@ use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::{DroppedByView, TrainingCameras};
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
-/// The samples of all corpora, and which boxes of the training side are true.
+/// Samples of all corpora, with the ground-truth boxes of the training side.
 pub(crate) struct Flights {
-    /// Of all sides.
     pub(crate) samples: Samples,
-    /// The sides, if the settings draw them.
+    /// Split by scenario, if the settings ask for it.
     pub(crate) scenario_split: Option<ScenarioSplit>,
-    /// Directions of the cameras, if the settings ask for them.
+    /// Camera alignment, if the settings ask for it.
     pub(crate) backgrounds: Option<Backgrounds>,
-    /// The training side with its ground-truth boxes alone.
+    /// Training side, reduced to its ground-truth boxes.
     pub(crate) true_boxes: Vec<Sample>,
-    /// The other boxes of the training side, by view.
+    /// Removed boxes of the training side, by view.
     pub(crate) dropped_boxes: DroppedByView,
-    /// Relations of the views, learned from these.
+    /// Relations between the views, learned from ground-truth boxes.
     pub(crate) paired_views: PairedViews,
 }
 
 impl Flights {
-    /// Reads them. Errors about all corpora name the first.
+    /// Reads all corpora. Errors about all corpora name the first.
     ///
     /// # Errors
     /// A corpus does not suit the settings, or has no ground-truth box to learn from.
@@ -50,11 +49,11 @@ impl Flights {
         samples.move_common_to_shifts();
         watch.check()?;
         if config.scenario_split.is_some() && corpora.len() > 1 {
-            return Err(Error::Setting {
-                setting: "scenario_split".into(),
-                found: format!("set for {} corpora", corpora.len()),
-                expected: "a single corpus: one scenario may be in several".into(),
-            });
+            return Err(Error::setting(
+                "scenario_split",
+                format_args!("set for {} corpora", corpora.len()),
+                "a single corpus: one scenario may be in several",
+            ));
         }
         let scenario_split = (config.scenario_split.as_ref())
             .map(|config| ScenarioSplit::draw(&mut samples, config));
@@ -99,12 +98,12 @@ impl Flights {
         })
     }
 
-    /// The samples that formulas are fitted to: one box of another object outweighs thousands there.
+    /// Samples for formulas, which a single false box can spoil.
     pub(crate) fn with_true_boxes(&self) -> Vec<&Sample> {
         self.true_boxes.iter().collect()
     }
 
-    /// The samples that networks learn from.
+    /// Samples for networks.
     pub(crate) fn training(&self, config: &TrainConfig) -> Vec<&Sample> {
         if config.only_true_boxes {
             self.with_true_boxes()
@@ -113,7 +112,7 @@ impl Flights {
         }
     }
 
-    /// The validation side as an estimator sees it; samples without a trusted box are left out.
+    /// Validation side as estimators see it; samples without a trusted box are omitted.
     ///
     /// # Errors
     /// None is left.
@@ -140,7 +139,7 @@ impl Flights {
     }
 }
 
-/// Learns where the cameras look, and corrects boxes and shifts of the sides that a training uses.
+/// Learns the camera directions, and corrects boxes and shifts on the training and validation sides.
 fn align(samples: &mut Samples, watch: &dyn Watch) -> Result<Backgrounds> {
     let backgrounds = Backgrounds::learn(samples, watch)?;
     let alignment = backgrounds.align(samples, &[Side::Train, Side::Validation], watch)?;

@@ -1,11 +1,11 @@
-//! The networks of a run, trained one after the other.
+//! Training of all networks, one after the other.
 
 use burn::module::Module;
 use burn::tensor::Device;
 
-use crate::config::TrainConfig;
+use crate::config::{Plateau, StageEnd, TrainConfig};
 use crate::error::Result;
-use crate::estimators::mono::network::{MonoInputs, MonoNetworks};
+use crate::estimators::mono_network::{MonoInputs, MonoNetworks};
 use crate::estimators::paper_lstm::calibration_training::train_calibration;
 use crate::estimators::paper_lstm::train_estimator;
 use crate::estimators::paper_lstm::unit_features::with_unit_features;
@@ -18,13 +18,13 @@ use crate::training::stream::Stream;
 
 /// Result of training the networks.
 pub(crate) struct TrainedNetworks {
-    /// On the processor.
+    /// Networks, on the CPU.
     pub(crate) networks: Networks,
     /// Convergence logs.
     pub(crate) convergence: Convergence,
-    /// All stages, in their order.
+    /// Stages, in order.
     pub(crate) stages: Vec<StageSummary>,
-    /// Error of `paper_lstm` on the validation side, percent.
+    /// Validation error of `paper_lstm`, percent.
     pub(crate) validation_mape_pct: f64,
 }
 
@@ -39,17 +39,25 @@ pub(crate) fn train_networks(
 ) -> Result<TrainedNetworks> {
     let start = start.map(|networks| networks.clone().to_device(device));
     let start = start.as_ref();
-    let setup = |stream: Stream| Setup {
+    let setup = |stream: Stream, ends: StageEnd, first_cycle: usize| Setup {
         loss: config.target(),
         device: device.clone().autodiff(),
         random: stream.generator(config.seed),
+        plateau: (ends == StageEnd::Plateau).then_some(Plateau {
+            first_cycle,
+            threshold_pct: config.calibration.plateau_threshold_pct,
+        }),
     };
     let (calibration, calibration_log) = train_calibration(
         start.map(|networks| &networks.calibration),
         &sides.training,
         &sides.validation,
         &config.calibration,
-        setup(Stream::Calibration),
+        setup(
+            Stream::Calibration,
+            config.calibration.ends,
+            config.calibration.first_cycle,
+        ),
         companions,
     )?;
     let samples = sides.training.len();
@@ -62,7 +70,7 @@ pub(crate) fn train_networks(
     let calibration_kept_step = calibration.kept.step;
     let calibration = calibration.kept.network.valid();
     let calibration = match start {
-        // The LSTM of a start knows its features as they are.
+        // The initial LSTM was trained on these features.
         Some(_) => calibration,
         None => with_unit_features(calibration, &sides.training, device),
     };
@@ -72,19 +80,24 @@ pub(crate) fn train_networks(
         sides,
         &config.estimator,
         config.calibration.features,
-        setup(Stream::Estimator),
+        setup(
+            Stream::Estimator,
+            config.estimator.ends,
+            config.estimator.first_cycle,
+        ),
         companions,
     )?;
     let settings = &config.estimator.optimisation;
     stages.push(estimator.summary(Estimator::PaperLstm.name(), None, settings, samples));
     let mut mono = |start, inputs, estimator: Estimator, stream| -> Result<MonoNetworks> {
-        let (settings, setup) = (&config.mono, setup(stream));
+        let settings = &config.mono;
+        let setup = setup(stream, settings.ends, settings.first_cycle);
         let (networks, learned) =
             MonoNetworks::train_from(start, inputs, sides, settings, setup, companions)?;
         for (view, (name, learned)) in views.iter().zip(learned).enumerate() {
             if let Some(learned) = learned {
                 let samples = sides.training.seen_by(view).len();
-                let settings = &config.mono.optimisation;
+                let settings = &settings.optimisation;
                 stages.push(learned.summary(estimator.name(), Some(name), settings, samples));
             }
         }

@@ -1,11 +1,11 @@
 //! Refit for a new, moved or turned camera: everything that depends on it is fitted again to a few labelled approaches, and the rest stays
 //! untouched.
 //!
-//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the errors
-//! that the filter expects of them, its relations to the other views, its pinhole and centre offset, its calibration network (the paper's
-//! way), and the offset and scale of its features. Offset and scale follow from the old and the new fitted camera: they map a box in the
-//! new image to the features that the old camera would have given, so that the networks start where they were. The fingerprint of
-//! everything else ([`frozen`]) is compared and recorded.
+//! Fitted again for the view: the camera (`self_calibrated`), the fits of all view sets that contain the view (`inverse_range`) with their
+//! expected errors in the filter, the relations to the other views, pinhole and centre offset, the calibration network (as in the paper),
+//! and offset and scale of the features. Offset and scale follow from the old and the new fitted camera: they map a box in the new image to
+//! the features that the old camera would have given, so that the networks remain valid. The fingerprint of everything else ([`frozen`]) is
+//! compared and recorded.
 //!
 //! Networks, formulas and features are stored by view, so that everything else can be fingerprinted.
 
@@ -17,17 +17,15 @@ use std::time::Instant;
 
 use burn::tensor::Device;
 use dataset::corpus::Corpus;
-use dataset::corpus::seal;
 use dataset::corpus::splits::Side;
 use dataset::work::watch::Watch;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
-use crate::config::TrainConfig;
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::estimators::geometry::self_calibration::{MIN_TICKS, SelfCalibrated};
 use crate::estimators::geometry::triangulation::CentreOffset;
-use crate::estimators::mono::pinhole::Pinhole;
+use crate::estimators::mono_pinhole::Pinhole;
 use crate::evaluation::split_again;
 use crate::networks::encoded::Encoded;
 use crate::networks::normalisation::Normalisation;
@@ -44,24 +42,24 @@ use crate::samples::{DistanceRange, Sample, Samples};
 
 use network_refit::{RefitSamples, refit_network};
 
-/// Approaches that a refit may use.
+/// Maximum number of approaches for a refit.
 pub const MAX_APPROACHES: usize = 10;
-/// Number of different flights below which errors are poorly known: with three, 90 % intervals contain less than two thirds of the true
+/// Minimum number of different flights for reliable error estimates: with three, 90 % intervals contain less than two thirds of the true
 /// values.
 const FEW_FLIGHTS: usize = 5;
-/// One approach of this many is for judging, if there are several.
+/// Divisor: a fifth of the approaches is for judging.
 const JUDGED_ONE_OF: usize = 5;
 
-/// Settings of a refit.
+/// Refit settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefitConfig {
-    /// The view of the camera.
+    /// View to refit.
     pub view: String,
     /// Number of approaches, the first of the training side; at most [`MAX_APPROACHES`].
     pub approaches: usize,
 }
 
-/// Fits one view of a run again to approaches of `corpus`, and writes the result to `out`, as a whole and only on success.
+/// Fits a view of `run` again to approaches in `corpus`, and writes the result to `out`, as a whole and only on success.
 pub fn refit(
     run: &RunFolder,
     corpus: &Corpus,
@@ -71,11 +69,8 @@ pub fn refit(
 ) -> Result<Refit> {
     let started = Instant::now();
     if !(1..=MAX_APPROACHES).contains(&config.approaches) {
-        return Err(Error::Setting {
-            setting: "scenarios".into(),
-            found: config.approaches.to_string(),
-            expected: format!("a number from 1 to {MAX_APPROACHES}"),
-        });
+        let expected = format!("a number from 1 to {MAX_APPROACHES}");
+        return Err(Error::setting("scenarios", config.approaches, expected));
     }
     let same = |a: &Path, b: &Path| {
         a.canonicalize()
@@ -122,8 +117,7 @@ pub fn refit(
         return Err(Error::run(out, RunFault::NotFrozen { view }));
     }
     after.summary.refits.push(record.clone());
-    after.write(&new)?;
-    place.commit(&seal::hash_file(&new.config_path())?)?;
+    after.commit(&place, &new)?;
     Ok(record)
 }
 
@@ -156,7 +150,7 @@ fn check_others(
     Err(Error::corpus(corpus.root(), fault))
 }
 
-/// Indices of the scenarios to fit to: the first on the training side.
+/// Indices of the chosen scenarios: the first on the training side.
 fn approaches(
     corpus: &Corpus,
     samples: &Samples,
@@ -201,7 +195,6 @@ fn ids(samples: &Samples, scenarios: &[usize]) -> Vec<String> {
     scenarios.iter().map(id).collect()
 }
 
-/// Fits camera, formulas and features of the view.
 fn fit_formulas(
     corpus: &Corpus,
     run: &mut TrainedRun,
@@ -269,12 +262,6 @@ fn fit_formulas(
     Ok(())
 }
 
-/// Random numbers for the batches of a network.
-fn random(config: &TrainConfig) -> ChaCha12Rng {
-    ChaCha12Rng::seed_from_u64(config.seed)
-}
-
-/// Trains the calibration network of the view.
 fn fit_network(
     run: &mut TrainedRun,
     view: usize,
@@ -298,7 +285,8 @@ fn fit_network(
     let setup = Setup {
         loss: run.config.target(),
         device: Device::flex().autodiff(),
-        random: random(&run.config),
+        random: ChaCha12Rng::seed_from_u64(run.config.seed),
+        plateau: None,
     };
     run.networks.calibration = refit_network(
         view,
@@ -315,7 +303,7 @@ fn fit_network(
     Ok(())
 }
 
-/// Makes the run one for the new camera, whose approaches it has now seen.
+/// Updates the summary: the new camera, and the approaches as training flights.
 fn adopt(run: &mut TrainedRun, samples: &Samples, approaches: &[usize], view: &str) {
     let summary = &mut run.summary;
     summary.rig.clone_from(&samples.rig.name);

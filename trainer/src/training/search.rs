@@ -16,52 +16,51 @@ use serde::{Deserialize, Serialize};
 use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
 use crate::run::folder::RunFolder;
-use crate::training::{Finished, train_unless};
+use crate::training::train_unless_done;
 
-/// Name of the table in the folder of a search.
 const TABLE: &str = "search.json";
-/// Name of the link to the best run.
+/// Link to the best run.
 const BEST: &str = "best";
 
-/// Variants to train.
+/// Search over settings and seeds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Search {
-    /// Settings by name, whatever their seeds.
+    /// Settings by name; their seeds are ignored.
     pub variants: BTreeMap<String, TrainConfig>,
-    /// Each of them is trained with these.
+    /// Seeds of each variant.
     pub seeds: Vec<u64>,
 }
 
-/// The results (`search.json`).
+/// Results (`search.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SearchTable {
-    /// One for each variant, in the order of their names.
+    /// Variants, in the order of their names.
     pub variants: Vec<VariantResult>,
-    /// Name of the run of the variant with the lowest mean error, with its best seed; `null` if all trainings diverged.
+    /// Run name: the best seed of the variant with the lowest mean error; `null` if all trainings diverged.
     pub best: Option<String>,
 }
 
-/// Trainings that differ in their seeds only.
+/// Trainings that differ only in the seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct VariantResult {
-    /// Its name.
+    /// Variant name.
     pub variant: String,
-    /// In the order of the seeds.
+    /// Trainings, in the order of the seeds.
     pub trainings: Vec<TrainingResult>,
-    /// Mean of their errors, percent; `null` if one of them diverged.
+    /// Mean error, percent; `null` if a training diverged.
     pub mean_pct: Option<f64>,
-    /// Standard deviation of their errors, percent; `null` also for a single seed.
+    /// Standard deviation of the errors, percent; `null` also for a single seed.
     pub spread_pct: Option<f64>,
 }
 
-/// One training.
+/// Training of a variant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainingResult {
-    /// Its seed.
+    /// Seed.
     pub seed: u64,
-    /// Name of its run in the folder of the search.
+    /// Run name within the search folder.
     pub run: String,
-    /// Error of `paper_lstm` on the validation side, percent; `null` if the training diverged.
+    /// Validation error of `paper_lstm`, percent; `null` if the training diverged.
     pub validation_mape_pct: Option<f64>,
 }
 
@@ -91,7 +90,7 @@ pub fn search(
                 ..config.clone()
             };
             let run = format!("{variant}-{seed}");
-            let trained = train_unless(Finished::Stays, corpora, &out.join(&run), &config, watch);
+            let trained = train_unless_done(corpora, &out.join(&run), &config, watch);
             let validation_mape_pct = match trained {
                 Ok(outcome) => Some(outcome.validation_mape_pct),
                 Err(error @ Error::Diverged { .. }) => {
@@ -121,24 +120,17 @@ pub fn search(
 
 impl Search {
     fn check(&self) -> Result<()> {
-        let invalid = |setting: &str, found: String, expected: &str| {
-            let expected = expected.to_owned();
-            Err(Error::Setting {
-                setting: setting.to_owned(),
-                found,
-                expected,
-            })
-        };
         if self.variants.is_empty() {
-            return invalid("variants", "empty".into(), "at least one table");
+            return Err(Error::setting("variants", "empty", "at least one table"));
         }
         for (name, config) in &self.variants {
             if dataset::files::file_name::check(name).is_err() || name == BEST {
-                return invalid(
+                let expected = "names of letters, digits, - and _, not \"best\"";
+                return Err(Error::setting(
                     "variants",
-                    format!("{name:?}"),
-                    "names of letters, digits, - and _, not \"best\"",
-                );
+                    format_args!("{name:?}"),
+                    expected,
+                ));
             }
             config.check()?;
         }
@@ -146,7 +138,8 @@ impl Search {
         seeds.sort_unstable();
         seeds.dedup();
         if seeds.is_empty() || seeds.len() < self.seeds.len() {
-            return invalid("seeds", format!("{:?}", self.seeds), "numbers, each once");
+            let found = format!("{:?}", self.seeds);
+            return Err(Error::setting("seeds", found, "numbers, each once"));
         }
         Ok(())
     }
@@ -185,7 +178,7 @@ fn best_of(variants: &[VariantResult]) -> Option<String> {
     Some(run.run.clone())
 }
 
-/// Makes `link` one to a run beside it, in one step.
+/// Replaces the symbolic link `link` atomically.
 fn link(run: &str, link: &Path) -> Result<()> {
     let new: PathBuf = link.with_extension("new");
     let failed = |error| Error::from(dataset::Error::io("link the best run as", link)(error));

@@ -1,4 +1,4 @@
-//! Another run as the start of a training: its networks, and the features that they were trained on.
+//! Start of a training from an earlier run's networks and features.
 //!
 //! The networks need the same layers, and numbers with the same meaning. If the cameras are the same, offset and scale of the features are
 //! taken from the run; otherwise they follow from the fitted cameras, as for a camera that was moved ([`crate::training::refit`]). Formulas
@@ -19,16 +19,14 @@ use crate::samples::Samples;
 use crate::samples::json_differences::json_differences;
 use crate::samples::rig::{are_same, form};
 
-/// A run to start from.
+/// Run to start from.
 pub(crate) struct Start {
-    /// The run.
     pub(crate) run: TrainedRun,
-    /// BLAKE3 of its weights.
     pub(crate) weights_blake3: String,
 }
 
 impl Start {
-    /// The run that the settings name; rejects one that does not fit settings or corpus.
+    /// Reads the run that the settings name; rejects it if it does not fit settings or corpus.
     pub(crate) fn of(
         config: &TrainConfig,
         corpus: &Corpus,
@@ -55,7 +53,7 @@ impl Start {
         }))
     }
 
-    /// Offsets and scales that mean to the networks what they know, with the ranges of `fresh`, which was fitted to the new flights.
+    /// Offsets and scales that the networks were trained with, and the ranges of `fresh`, which was fitted to the new flights.
     pub(crate) fn normalisation(
         &self,
         fresh: Normalisation,

@@ -1,14 +1,14 @@
-//! The random streams of a training.
+//! Random streams.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
-/// Independent random streams, so that changing one part of a training leaves the others' draws alone.
+/// Independent random streams, so that a change to one part leaves the draws of the others alone.
 #[derive(Clone, Copy)]
 pub(crate) enum Stream {
-    /// The calibration networks of `paper_lstm`.
+    /// Calibration networks of `paper_lstm`.
     Calibration = 1,
-    /// Its LSTM.
+    /// LSTM of `paper_lstm`.
     Estimator,
     /// `mono_network`.
     MonoSize,
@@ -19,7 +19,6 @@ pub(crate) enum Stream {
 }
 
 impl Stream {
-    /// Its generator.
     pub(crate) fn generator(self, seed: u64) -> ChaCha12Rng {
         let mut generator = ChaCha12Rng::seed_from_u64(seed);
         generator.set_stream(self as u64);

@@ -1,15 +1,15 @@
-//! Settings of trainings that take seconds.
+//! Settings for trainings of seconds.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 use trainer::TrainConfig;
 use trainer::config::Optimisation;
 
-/// Formulas are as good as ever, networks are not.
+/// Formulas are fully fitted, networks are not.
 pub(crate) fn hardly_trained() -> TrainConfig {
     narrow(8, 20, 16, 1e-3)
 }
 
-/// Networks with one layer of this width, all of them trained for as many steps.
+/// Networks with a single layer, all trained for the same number of steps.
 pub(crate) fn narrow(
     width: usize,
     steps: usize,

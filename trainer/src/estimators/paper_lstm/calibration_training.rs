@@ -1,33 +1,35 @@
 //! Stage one: a calibration network per camera and one shared auxiliary head, trained by Algorithm 1.
 //!
-//! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same tick
+//! The loss of view i is its prediction error plus the distance from the mean prediction of the other views at the same tick
 //! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The paper's
-//! full-batch epochs are mini-batches here. Gradients come from [`gradients`] on the processor; on a GPU, and in a refit, from autodiff.
+//! full-batch epochs are mini-batches here.
 //! The stage ends on its plateau ([`crate::networks::stage`]): with every view within the gap threshold of the best, or with the gap that
 //! is left after a cycle of the lagging views alone.
 
-mod gradients;
+use std::ops::Range;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, Gradients, Tensor};
+use burn::tensor::{Device, Tensor};
 use onnx_graph::Graph;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use crate::config::{CalibrationConfig, Plateau, Target};
+use crate::config::{CalibrationConfig, Target};
 use crate::error::Result;
 use crate::estimators::paper_lstm::gap_balance::GapBalance;
 use crate::networks::dense::{Dense, widths};
 use crate::networks::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::networks::normalisation::BOX_FEATURES;
+use crate::networks::row_parts::{BatchLoss, loss_of_parts};
 use crate::networks::running_mean::RunningMean;
 use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 
 /// The networks of stage one.
 #[derive(Module, Debug)]
 pub(crate) struct CalibrationNetworks {
-    /// One network per view, box features to feature vector.
+    /// Networks from box features to feature vectors, one per view.
     views: Vec<Dense>,
     /// The shared auxiliary head, feature vector to distance.
     head: Dense,
@@ -73,12 +75,12 @@ impl CalibrationNetworks {
         Self::new(2, &config, &mut ChaCha12Rng::seed_from_u64(0), device)
     }
 
-    /// Feature vectors of one view's boxes, `[batch, 4]` to `[batch, features]`.
+    /// Feature vectors for boxes in a single view, `[batch, 4]` to `[batch, features]`.
     pub(crate) fn features(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
         self.views[view].forward(boxes)
     }
 
-    /// The same in an ONNX graph.
+    /// Adds the feature vectors of a view to an ONNX graph.
     pub(crate) fn features_to_onnx(&self, graph: &mut Graph, view: usize, boxes: &str) -> String {
         self.views[view].to_onnx(graph, boxes)
     }
@@ -88,7 +90,7 @@ impl CalibrationNetworks {
         self.head.forward(self.features(view, boxes))
     }
 
-    /// The same predictions from features that are less their means and divided by their deviations.
+    /// Equivalent networks with centred and scaled features.
     pub(crate) fn with_scaled_features(self, means: &[f32], deviations: &[f32]) -> Self {
         let views = self.views.into_iter();
         Self {
@@ -99,30 +101,25 @@ impl CalibrationNetworks {
         }
     }
 
-    /// The gradients of the parameters that are being trained: the head only together with all views. A parameter without a gradient stays
-    /// as it is.
-    fn gradients(&self, mut all: Gradients, balance: &GapBalance) -> GradientsParams {
-        let mut selected = GradientsParams::new();
-        for (network, optimised) in self.views.iter().zip(balance.optimised()) {
-            if *optimised {
-                take_gradients(&mut all, network, &mut selected);
+    /// Shares all weights; only the given views, and the head if `head_trains`, get gradients. burn keeps no graph of the others: a graph
+    /// that no backward pass consumes is never freed, and slows down every later step.
+    pub(crate) fn training_only(&self, views: &[bool], head_trains: bool) -> Self {
+        let part = |part: &Dense, trains: bool| {
+            if trains {
+                part.clone()
+            } else {
+                part.clone().no_grad()
             }
+        };
+        let views = self.views.iter().zip(views);
+        Self {
+            views: views.map(|(view, &trains)| part(view, trains)).collect(),
+            head: part(&self.head, head_trains),
         }
-        if balance.all_optimised() {
-            take_gradients(&mut all, &self.head, &mut selected);
-        }
-        selected
-    }
-
-    /// The gradients of one view's network.
-    pub(crate) fn gradients_of_view(&self, view: usize, mut all: Gradients) -> GradientsParams {
-        let mut of_view = GradientsParams::new();
-        take_gradients(&mut all, &self.views[view], &mut of_view);
-        of_view
     }
 }
 
-/// One entry of the convergence log.
+/// Entry of the convergence log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CalibrationLogEntry {
     /// Steps done.
@@ -203,18 +200,20 @@ impl SinceEntry {
         }
     }
 
-    /// Takes note of a batch: its loss, and what each view predicted.
+    /// Adds the loss and the predictions of a batch.
     fn add(
         &mut self,
-        loss_value: f32,
-        predictions: &[Tensor<2>],
+        of_batch: &BatchLoss<Vec<Vec<f32>>>,
         samples: &Encoded,
         batch: &[usize],
         loss: Target,
     ) {
-        self.loss.add(loss_value.into());
-        for (view, (mean, predicted)) in self.errors_pct.iter_mut().zip(predictions).enumerate() {
-            let predicted = numbers(predicted.clone());
+        self.loss.add(of_batch.value.into());
+        for (view, mean) in self.errors_pct.iter_mut().enumerate() {
+            let predicted = of_batch
+                .predictions
+                .iter()
+                .flat_map(|part| part[view].iter().copied());
             let seen = batch.iter().zip(predicted);
             let seen = seen.filter(|(sample, _)| samples.seen(**sample, view));
             let pairs = seen.map(|(&s, p)| (loss.distance(p), samples.distance(s)));
@@ -227,7 +226,6 @@ impl SinceEntry {
 
 impl Task for Calibration<'_> {
     type Network = CalibrationNetworks;
-    type State = CalibrationState;
     const NAME: &'static str = "calibration networks";
     const STAGE: &'static str = "calibration networks";
 
@@ -235,12 +233,8 @@ impl Task for Calibration<'_> {
         self.config.log_every
     }
 
-    fn patience(&self) -> Option<usize> {
-        self.config.patience
-    }
-
-    fn plateau(&self) -> Option<Plateau> {
-        self.config.plateau()
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
 
     fn observe_plateau(&mut self, errors_pct: &[Option<f64>]) {
@@ -251,16 +245,13 @@ impl Task for Calibration<'_> {
         self.state.balance.is_settled()
     }
 
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.setup.random
+    fn state(&self) -> serde_json::Result<Value> {
+        serde_json::to_value(&self.state)
     }
 
-    fn state(&self) -> CalibrationState {
-        self.state.clone()
-    }
-
-    fn restore(&mut self, state: CalibrationState) {
-        self.state = state;
+    fn restore(&mut self, state: &Value) -> serde_json::Result<()> {
+        self.state = CalibrationState::deserialize(state)?;
+        Ok(())
     }
 
     fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
@@ -276,29 +267,19 @@ impl Task for Calibration<'_> {
         } = &mut self.state;
         let Setup { loss, device, .. } = &self.setup;
         let samples = self.training;
-        let (predictions, value, gradients) = if self.setup.is_on_processor() {
-            let plain = networks.valid();
-            traced_gradients(&plain, samples, &batch, balance, *loss, device)
-        } else {
-            let optimised = balance.optimised();
-            let predictions = predictions_of(networks, samples, &batch, optimised, device);
-            let total = loss_of(&predictions, samples, &batch, optimised, *loss, device);
-            let value = total.clone().into_scalar();
-            let gradients = networks.gradients(total.backward(), balance);
-            let plain = predictions.into_iter().map(Tensor::inner);
-            (plain.collect(), value, gradients)
-        };
-        since_entry.add(value, &predictions, samples, &batch, *loss);
-        gradients
+        let of_batch = trained_loss(networks, samples, &batch, balance, *loss, device);
+        since_entry.add(&of_batch, samples, &batch, *loss);
+        of_batch.gradients
     }
 
     fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
-        validation_errors(
-            &networks.valid(),
-            self.validation,
-            self.setup.loss,
-            &self.setup.plain_device(),
-        )
+        let (networks, loss) = (networks.valid(), self.setup.loss);
+        let device = &self.setup.plain_device();
+        let error_pct = |view| {
+            let predict = |boxes| networks.predict(view, boxes);
+            self.validation.view_error_pct(view, loss, device, predict)
+        };
+        (0..self.validation.views()).map(error_pct).collect()
     }
 
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
@@ -308,7 +289,7 @@ impl Task for Calibration<'_> {
             log,
         } = &mut self.state;
         let before = log.last().map_or(0, |entry| entry.step);
-        if self.config.plateau().is_none() {
+        if self.setup.plateau.is_none() {
             balance.observe(done - before, &errors_pct);
         }
         let note = errors_pct
@@ -330,122 +311,80 @@ impl Task for Calibration<'_> {
     }
 }
 
-/// Predictions of all views, the loss, and the gradients of those that train, by hand. Networks must be without autodiff, the device with
-/// it.
-fn traced_gradients(
+/// Loss and gradients of the views that train, and the predictions of all views by part and view. The head trains only together with all
+/// views.
+fn trained_loss(
     networks: &CalibrationNetworks,
     samples: &Encoded,
     batch: &[usize],
     balance: &GapBalance,
     loss: Target,
     device: &Device,
-) -> (Vec<Tensor<2>>, f32, GradientsParams) {
+) -> BatchLoss<Vec<Vec<f32>>> {
     let optimised = balance.optimised();
-    let traced = networks.trace(samples, batch, optimised, &device.clone().inner());
-    let plain = traced.predictions();
-    let predictions: Vec<Tensor<2>> = (plain.iter().cloned().zip(optimised))
-        .map(|(prediction, &optimised)| {
-            if optimised {
-                Tensor::from_inner(prediction).require_grad()
-            } else {
-                Tensor::from_inner(prediction)
-            }
-        })
-        .collect();
-    let total = loss_of(&predictions, samples, batch, optimised, loss, device);
-    let value = total.clone().into_scalar();
-    let mut gradients = total.backward();
-    let of_predictions: Vec<_> = (predictions.iter().zip(optimised))
-        .map(|(prediction, &optimised)| {
-            optimised
-                .then(|| prediction.grad_remove(&mut gradients))
-                .flatten()
-        })
-        .collect();
-    let gradients = traced.gradients(&of_predictions, balance.all_optimised());
-    (plain, value, gradients)
+    let trained = networks.training_only(optimised, balance.all_optimised());
+    loss_of_parts(&trained, batch.len(), device, |networks, rows| {
+        batch_loss(networks, samples, batch, rows, optimised, loss, device)
+    })
 }
 
-/// Sum of the losses of the optimised views.
+/// Sum of the optimised views' losses over some rows of `batch`, and each view's predictions.
 pub(crate) fn batch_loss(
     networks: &CalibrationNetworks,
     samples: &Encoded,
     batch: &[usize],
+    rows: Range<usize>,
     optimised: &[bool],
     loss: Target,
     device: &Device,
-) -> Tensor<1> {
-    let predictions = predictions_of(networks, samples, batch, optimised, device);
-    loss_of(&predictions, samples, batch, optimised, loss, device)
+) -> (Tensor<1>, Vec<Vec<f32>>) {
+    let predict = |view| networks.predict(view, samples.inputs(&batch[rows.clone()], view, device));
+    let predictions: Vec<_> = (0..samples.views()).map(predict).collect();
+    let total = loss_of(&predictions, samples, batch, rows, optimised, loss, device);
+    let predictions = predictions.into_iter();
+    (total, predictions.map(|p| numbers(p.inner())).collect())
 }
 
-/// Predictions from each view, with autodiff for those that are optimised.
-fn predictions_of(
-    networks: &CalibrationNetworks,
-    samples: &Encoded,
-    batch: &[usize],
-    optimised: &[bool],
-    device: &Device,
-) -> Vec<Tensor<2>> {
-    // Views that are not optimised are computed without autodiff: a graph that no backward pass consumes is never freed, and burn's
-    // search for such graphs slows down every later step.
-    let plain_device = device.clone().inner();
-    let plain = networks.valid();
-    (0..samples.views())
-        .map(|view| {
-            if optimised[view] {
-                networks.predict(view, samples.inputs(batch, view, device))
-            } else {
-                Tensor::from_inner(plain.predict(view, samples.inputs(batch, view, &plain_device)))
-            }
-        })
-        .collect()
-}
-
-/// The same of the predictions from each view.
+/// Sum of the optimised views' losses over `rows` of `batch`; `predictions` are for these rows only.
 fn loss_of(
     predictions: &[Tensor<2>],
     samples: &Encoded,
     batch: &[usize],
+    rows: Range<usize>,
     optimised: &[bool],
     loss: Target,
     device: &Device,
 ) -> Tensor<1> {
     let views = samples.views();
-    let targets = samples.target_column(batch, loss, device);
+    let targets = samples.target_column(&batch[rows.clone()], loss, device);
     let masks: Vec<Vec<f32>> = (0..views).map(|view| samples.mask(batch, view)).collect();
     let mut total = Tensor::<1>::zeros([1], device);
     for view in (0..views).filter(|&view| optimised[view]) {
-        let weights = |other_seen: &dyn Fn(usize) -> bool| {
-            let raw: Vec<f32> = (0..batch.len())
-                .map(|row| {
-                    if other_seen(row) {
-                        masks[view][row] * loss.weight(samples.distance(batch[row]))
-                    } else {
-                        0.0
-                    }
-                })
-                .collect();
-            let count = (0..batch.len())
-                .filter(|&row| masks[view][row] > 0.0 && other_seen(row))
-                .count()
-                .max(1);
-            column(raw.into_iter().map(|w| w / count as f32).collect(), device)
+        // Each mean is over the rows of the whole batch.
+        let weights = |counts: &dyn Fn(usize) -> bool| {
+            let counts = |row: usize| masks[view][row] > 0.0 && counts(row);
+            let count = (0..batch.len()).filter(|&row| counts(row)).count().max(1);
+            let weight = |row: usize| {
+                if counts(row) {
+                    loss.weight(samples.distance(batch[row])) / count as f32
+                } else {
+                    0.0
+                }
+            };
+            column(rows.clone().map(weight).collect(), device)
         };
         let truth = (predictions[view].clone() - targets.clone()).square() * weights(&|_| true);
         total = total + truth.sum();
         let others: Vec<usize> = (0..views).filter(|&other| other != view).collect();
         let seen_by_others =
             |row: usize| others.iter().map(|&other| masks[other][row]).sum::<f32>();
-        if (0..batch.len()).any(|row| masks[view][row] > 0.0 && seen_by_others(row) > 0.0) {
-            let mut mean = Tensor::<2>::zeros([batch.len(), 1], device);
+        if (rows.clone()).any(|row| masks[view][row] > 0.0 && seen_by_others(row) > 0.0) {
+            let mut mean = Tensor::<2>::zeros([rows.len(), 1], device);
             for &other in &others {
-                let share = (0..batch.len())
-                    .map(|row| masks[other][row] / seen_by_others(row).max(1.0))
-                    .collect();
+                let share = |row: usize| masks[other][row] / seen_by_others(row).max(1.0);
                 mean = mean
                     + Tensor::from_inner(predictions[other].clone().inner())
-                        * column(share, device);
+                        * column(rows.clone().map(share).collect(), device);
             }
             let apart = (predictions[view].clone() - mean).square()
                 * weights(&|row| seen_by_others(row) > 0.0);
@@ -455,41 +394,75 @@ fn loss_of(
     total
 }
 
-/// The gradients of one part of a module.
-fn take_gradients<M: Module>(gradients: &mut Gradients, module: &M, into: &mut GradientsParams) {
-    struct Mover<'a> {
-        from: GradientsParams,
-        into: &'a mut GradientsParams,
+#[cfg(test)]
+mod tests {
+    use burn::module::{ModuleVisitor, Param};
+
+    use super::*;
+    use crate::config::Loss;
+    use crate::networks::encoded::boxes_of_two_views;
+
+    /// Compares the gradients of all parameters, and counts parameters with gradients.
+    struct Comparison<'a> {
+        found: &'a GradientsParams,
+        expected: &'a GradientsParams,
+        trained: usize,
     }
-    impl burn::module::ModuleVisitor for Mover<'_> {
-        fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<Tensor<D>>) {
-            if let Some(gradient) = self.from.remove::<D>(param.id) {
-                self.into.register(param.id, gradient);
+
+    impl ModuleVisitor for Comparison<'_> {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let numbers = |all: &GradientsParams| {
+                let gradient = all.get::<D>(param.id)?;
+                Some(gradient.into_data().try_into_vec::<f32>().unwrap())
+            };
+            match (numbers(self.found), numbers(self.expected)) {
+                (None, None) => {}
+                (Some(found), Some(expected)) => {
+                    let largest = expected.iter().fold(0.0_f32, |most, e| most.max(e.abs()));
+                    let mut pairs = found.iter().zip(&expected);
+                    assert!(largest > 0.0 && found.len() == expected.len());
+                    assert!(pairs.all(|(f, e)| (f - e).abs() <= 1e-5 * largest));
+                    self.trained += 1;
+                }
+                (found, expected) => panic!("{found:?} {expected:?}"),
             }
         }
     }
-    let from = GradientsParams::from_module(gradients, module);
-    module.visit(&mut Mover { from, into });
-}
 
-fn validation_errors(
-    networks: &CalibrationNetworks,
-    validation: &Encoded,
-    loss: Target,
-    device: &Device,
-) -> Vec<Option<f64>> {
-    (0..validation.views())
-        .map(|view| {
-            let seen = validation.seen_by(view);
-            if seen.is_empty() {
-                return None;
+    #[test]
+    fn parts_of_a_batch_give_the_gradients_of_the_whole_with_boxes_missing_and_a_view_that_lags() {
+        let samples = boxes_of_two_views();
+        let batch: Vec<usize> = (0..samples.len()).cycle().take(600).collect();
+        let device = Device::flex().autodiff();
+        let networks = CalibrationNetworks::narrow(&device);
+        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
+        for lags in [false, true] {
+            if lags {
+                (0..20).for_each(|_| balance.observe(100, &[Some(1.0), Some(3.0)]));
             }
-            let predicted = numbers(networks.predict(view, validation.inputs(&seen, view, device)));
-            mape_pct(
-                seen.iter()
-                    .zip(predicted)
-                    .map(|(&s, p)| (loss.distance(p), validation.distance(s))),
-            )
-        })
-        .collect()
+            let whole = networks.training_only(balance.optimised(), !lags);
+            assert_eq!(balance.all_optimised(), !lags);
+            for loss in [Loss::Squared, Loss::Relative] {
+                let loss = Target {
+                    loss,
+                    per_10_nm: 2.0,
+                };
+                let (optimised, rows) = (balance.optimised(), 0..batch.len());
+                let (total, _) =
+                    batch_loss(&whole, &samples, &batch, rows, optimised, loss, &device);
+                let expected_value: f32 = total.clone().into_scalar();
+                let expected = GradientsParams::from_grads(total.backward(), &whole);
+                let found = trained_loss(&networks, &samples, &batch, &balance, loss, &device);
+                assert!((found.value / expected_value - 1.0).abs() < 1e-5);
+                let mut comparison = Comparison {
+                    found: &found.gradients,
+                    expected: &expected,
+                    trained: 0,
+                };
+                networks.visit(&mut comparison);
+                let trained = if lags { 6 } else { 2 * 6 + 4 };
+                assert_eq!(comparison.trained, trained);
+            }
+        }
+    }
 }

@@ -3,8 +3,8 @@
 //! All views train until every view's error stagnates. Views that then lag behind the best one train on alone, with the shared head
 //! frozen, until the errors stagnate again. Input: each view's error on the validation side.
 //!
-//! Where a plateau ends the stage, errors stagnate if a whole cycle of the learning rate lowers none of them; otherwise, if the last log
-//! entries hardly differ. Entries within a cycle cannot tell: towards its end the rate falls to nearly nothing, and the errors with it.
+//! If a plateau ends the stage, errors stagnate when a whole learning-rate cycle lowers no error; otherwise, when the last log entries
+//! hardly differ. Entries within a cycle do not show stagnation: towards the end the rate falls to almost 0, and the errors fall with it.
 
 use dataset::numbers::spread::mean_and_deviation;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// Number of log entries over which errors must stagnate.
 const WINDOW: usize = 3;
 
-/// The state.
+/// Algorithm state.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct GapBalance {
     min_steps: usize,
@@ -21,7 +21,6 @@ pub(crate) struct GapBalance {
     optimised: Vec<bool>,
     steps_since_change: usize,
     log: Vec<Vec<Option<f64>>>,
-    #[serde(default)]
     is_settled: bool,
 }
 
@@ -71,7 +70,7 @@ impl GapBalance {
         }
     }
 
-    /// Records the errors after a cycle that lowered none of them: lagging views train on alone, unless they just have.
+    /// Records the errors after a cycle that lowered no error: lagging views train on alone, unless they have just done so.
     pub(crate) fn observe_plateau(&mut self, errors: &[Option<f64>]) {
         let lagging = self.lagging(errors);
         self.is_settled = !lagging.contains(&true) || lagging == self.optimised;
@@ -80,7 +79,7 @@ impl GapBalance {
         }
     }
 
-    /// True after a plateau on which no view lags, or which the lagging views reached alone.
+    /// True after a plateau without lagging views, or reached by the lagging views alone.
     pub(crate) fn is_settled(&self) -> bool {
         self.is_settled
     }

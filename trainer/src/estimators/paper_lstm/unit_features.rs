@@ -1,21 +1,21 @@
-//! Features of the calibration networks with mean 0 and deviation 1, as the LSTM gets them.
+//! Standardised features: mean 0 and deviation 1, as inputs of the LSTM.
 //!
-//! Trained with the shared head alone, features have deviations below a tenth, and from inputs as small as that an LSTM with PyTorch's
-//! initial weights learns far more slowly. The last layers of the networks and the first of the head change against each other, so that
-//! stage one predicts the same distances.
+//! Trained with the shared head alone, features have deviations below a tenth, and from such small inputs an LSTM with PyTorch's initial
+//! weights learns far more slowly. The last layers of the networks and the first layer of the head change against each other, so that stage
+//! one predicts the same distances.
 
 use burn::tensor::Device;
 
 use crate::estimators::paper_lstm::calibration_training::CalibrationNetworks;
 use crate::networks::encoded::{Encoded, numbers};
 
-/// Samples at once.
+/// Samples per batch.
 const CHUNK: usize = 2_048;
-/// Features are divided by at least this part of the largest deviation: what varies less is noise.
-const MIN_PART: f64 = 1e-3;
+/// Minimum divisor relative to the largest deviation: features that vary less are noise.
+const MIN_DEVIATION_SHARE: f64 = 1e-3;
 
-/// The same predictions, from features with mean 0 and deviation 1 over all boxes of some samples: in all views together, because the
-/// head is shared. Networks and device must be without autodiff.
+/// Equivalent networks whose features have mean 0 and deviation 1 over all boxes in `samples`: in all views together, because the head is
+/// shared. Networks and device must be without autodiff.
 pub(crate) fn with_unit_features(
     networks: CalibrationNetworks,
     samples: &Encoded,
@@ -40,7 +40,7 @@ pub(crate) fn with_unit_features(
     let deviations: Vec<f64> = (sums.iter())
         .map(|[sum, squares]| (squares / count - (sum / count).powi(2)).max(0.0).sqrt())
         .collect();
-    let least = MIN_PART * deviations.iter().copied().fold(0.0, f64::max);
+    let least = MIN_DEVIATION_SHARE * deviations.iter().copied().fold(0.0, f64::max);
     if least <= 0.0 {
         return networks;
     }

@@ -328,7 +328,6 @@ pub(super) fn stages(metrics: &Metrics) -> Table {
             match stage.ended_by {
                 EndedBy::Plateau => "its plateau",
                 EndedBy::Steps => "the number of steps",
-                EndedBy::Patience => "early stopping",
             }
             .to_owned(),
             cycles.join(", "),

@@ -1,6 +1,7 @@
 //! Ends, judgements and the rate of the loop.
 
 use super::*;
+use crate::config::TrainConfig;
 use crate::networks::dense::Dense;
 use crate::networks::encoded::numbers;
 use burn::tensor::Tensor;
@@ -30,27 +31,29 @@ struct Diary {
     errors_pct: Vec<f64>,
     /// After each number of steps but the last.
     weights: Vec<f32>,
-    patience: Option<usize>,
-    plateau: Option<Plateau>,
-    random: ChaCha12Rng,
+    keeps_best: bool,
+    setup: Setup,
 }
 
 impl Diary {
-    fn of(errors_pct: &[f64], patience: Option<usize>) -> Self {
+    fn of(errors_pct: &[f64]) -> Self {
         Self {
             entries: Vec::new(),
             errors_pct: errors_pct.to_vec(),
             weights: Vec::new(),
-            patience,
-            plateau: None,
-            random: ChaCha12Rng::seed_from_u64(0),
+            keeps_best: false,
+            setup: Setup {
+                loss: TrainConfig::default().target(),
+                device: Device::flex().autodiff(),
+                random: ChaCha12Rng::seed_from_u64(0),
+                plateau: None,
+            },
         }
     }
 }
 
 impl Task for Diary {
     type Network = Dense;
-    type State = ();
     const NAME: &'static str = "diary";
     const STAGE: &'static str = "diary";
 
@@ -58,21 +61,13 @@ impl Task for Diary {
         2
     }
 
-    fn patience(&self) -> Option<usize> {
-        self.patience
+    fn keeps_best(&self) -> bool {
+        self.keeps_best
     }
 
-    fn plateau(&self) -> Option<Plateau> {
-        self.plateau
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
-
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.random
-    }
-
-    fn state(&self) {}
-
-    fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, network: &Dense, step: usize) -> GradientsParams {
         self.entries.push(format!("step {step}"));
@@ -140,7 +135,7 @@ fn learn_steps(diary: &mut Diary, steps: usize) -> Result<(Learned<Dense>, Vec<S
 
 #[test]
 fn the_last_step_is_judged_too() {
-    let mut diary = Diary::of(&[9.0, 8.0, 7.0, 6.0], None);
+    let mut diary = Diary::of(&[9.0, 8.0, 7.0, 6.0]);
     let (learned, reported) = learn_steps(&mut diary, 3).unwrap();
     assert_eq!(diary.entries, ["step 0", "step 1", "step 2"]);
     let last = "3: kept step 3, MAPE 6.000 %";
@@ -153,31 +148,26 @@ fn the_last_step_is_judged_too() {
 }
 
 #[test]
-fn with_patience_the_best_network_is_kept_and_a_training_ends_that_no_longer_gets_better() {
-    let errors = [9.0, 8.0, 3.0, 2.0, 4.0, 1.0, 3.5, 1.0, 1.0];
-    for (patience, expected) in [(2, (2, 6)), (9, (8, 8))] {
-        let mut diary = Diary::of(&errors, Some(patience));
-        let (Learned { kept, .. }, _) = learn_steps(&mut diary, 8).unwrap();
-        let steps = diary
-            .entries
-            .iter()
-            .filter(|entry| entry.starts_with("step"));
-        assert_eq!((kept.step, steps.count()), expected, "patience {patience}");
+fn the_network_with_the_lowest_error_is_kept_if_the_task_asks_for_it() {
+    // Every second step is judged; no step of the last training improves on the initial network.
+    let trainings = [
+        (&[9.0, 8.0, 3.0, 2.0, 1.5, 1.0, 3.5][..], 4),
+        (&[1.0, 8.0, 3.0, 2.0, 4.0][..], 0),
+    ];
+    for (errors, expected) in trainings {
+        let mut diary = Diary::of(errors);
+        diary.keeps_best = true;
+        let steps = errors.len() - 1;
+        let (learned, reported) = learn_steps(&mut diary, steps).unwrap();
+        let Learned {
+            kept, steps: made, ..
+        } = learned;
+        assert_eq!((kept.step, made), (expected, steps));
         let then = diary.weights.get(kept.step);
         assert!(then.is_none_or(|&then| then == weight(&kept.network)));
+        let last = format!("kept step {}", kept.step);
+        assert!(reported.last().unwrap().contains(&last), "{reported:?}");
     }
-    // No step improved on the initial network.
-    let mut diary = Diary::of(&[1.0, 8.0, 3.0, 2.0, 4.0], Some(1));
-    let (learned, reported) = learn_steps(&mut diary, 4).unwrap();
-    assert_eq!(
-        (learned.kept.step, learned.ended_by),
-        (0, EndedBy::Patience)
-    );
-    assert_eq!(diary.entries, ["step 0", "step 1"]);
-    assert!(
-        reported.last().unwrap().contains("kept step 0"),
-        "{reported:?}"
-    );
 }
 
 #[test]
@@ -185,8 +175,8 @@ fn a_training_goes_on_until_a_cycle_no_longer_lowers_the_error() {
     // Cycles end after 2, 6, 14 and 30 steps.
     let mut errors = [9.0; 63];
     (errors[2], errors[6], errors[14], errors[30]) = (8.0, 4.0, 4.1, 1.0);
-    let mut diary = Diary::of(&errors, None);
-    diary.plateau = Some(Plateau {
+    let mut diary = Diary::of(&errors);
+    diary.setup.plateau = Some(Plateau {
         first_cycle: 2,
         threshold_pct: 0.5,
     });
@@ -202,7 +192,7 @@ fn a_training_goes_on_until_a_cycle_no_longer_lowers_the_error() {
 
 #[test]
 fn a_training_whose_errors_are_no_longer_finite_ends_with_its_name_and_step() {
-    let mut diary = Diary::of(&[9.0, 8.0, f64::NAN], None);
+    let mut diary = Diary::of(&[9.0, 8.0, f64::NAN]);
     let message = learn_steps(&mut diary, 3).unwrap_err().to_string();
     assert!(
         message.contains("training of diary diverged at step 2"),

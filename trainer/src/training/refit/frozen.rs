@@ -1,5 +1,5 @@
-//! The fingerprint of everything in a run that does not belong to one view: settings, networks, formulas and cameras of the other views,
-//! and what all views share.
+//! Fingerprint of everything in a run except a single view: settings, shared numbers, and the networks, formulas and cameras of all other
+//! views.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -11,15 +11,15 @@ use crate::error::{Error, Result, RunFault};
 use crate::run::folder::RunFolder;
 use crate::run::trained::TrainedRun;
 
-/// Name of the metadata among the tensors of a Safetensors file.
+/// Name of the metadata entry in Safetensors headers.
 const METADATA: &str = "__metadata__";
 
 #[derive(Deserialize)]
-struct Place {
+struct TensorEntry {
     data_offsets: [usize; 2],
 }
 
-/// BLAKE3 over the numbers of `run` that do not belong to the view with this index. `folder` is named in errors.
+/// BLAKE3 over the numbers of `run` that do not belong to `view`. Errors name `folder`.
 pub(super) fn fingerprint(run: &TrainedRun, view: usize, folder: &RunFolder) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(others(run, view).to_string().as_bytes());
@@ -66,7 +66,7 @@ fn without<T>(view: usize, of_views: &[T]) -> Vec<&T> {
         .collect()
 }
 
-/// Byte ranges of the tensors in a Safetensors file, by name; `None` if it is not one.
+/// Byte ranges of the tensors in a Safetensors file, by name; `None` if the format is wrong.
 fn tensors(file: &[u8]) -> Option<BTreeMap<String, Range<usize>>> {
     let length = u64::from_le_bytes(file.get(..8)?.try_into().ok()?);
     let data = 8_usize.checked_add(usize::try_from(length).ok()?)?;
@@ -74,7 +74,7 @@ fn tensors(file: &[u8]) -> Option<BTreeMap<String, Range<usize>>> {
     let named = header.into_iter().filter(|(name, _)| name != METADATA);
     named
         .map(|(name, place)| {
-            let Place {
+            let TensorEntry {
                 data_offsets: [from, to],
             } = serde_json::from_value(place).ok()?;
             let place = data.checked_add(from)?..data.checked_add(to)?;

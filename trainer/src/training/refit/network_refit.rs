@@ -1,37 +1,34 @@
-//! Training of one view's calibration network; the shared head, the other networks and the estimator stay as they are.
+//! Training of a single calibration network; the shared head, the other networks and the estimator are frozen.
 //!
-//! The loss is the loss of stage one for this view, plus the error of the estimator's answer: an estimator that compares views needs
-//! features that keep their meaning to a fraction of a pixel, which the head alone does not require. The networks with the lowest error on
-//! the judged approaches are kept, even if they are the initial ones.
+//! The loss is the view's loss of stage one plus the error of the estimator's answer: an estimator that compares views needs features that
+//! keep their meaning to subpixel precision, which the head alone does not require. The networks with the lowest error on the judged
+//! approaches are kept, even if they are the initial ones.
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
-use burn::tensor::Tensor;
 use dataset::work::watch::Watch;
-use rand_chacha::ChaCha12Rng;
 
 use crate::config::{Optimisation, TrainConfig};
 use crate::error::Result;
 use crate::estimators::paper_lstm::calibration_training::{CalibrationNetworks, batch_loss};
-use crate::estimators::paper_lstm::{PaperLstm, predict};
+use crate::estimators::paper_lstm::{PaperLstm, features_of, predict};
 use crate::networks::checkpoint::Checkpoints;
-use crate::networks::encoded::{Encoded, column, draw, mape_pct};
-use crate::networks::lstm::ViewFeatures;
+use crate::networks::encoded::{Encoded, draw, mape_pct};
 use crate::networks::training_loop::{Companions, Setup, Task, learn};
+use crate::networks::view_dropout::ViewSelection;
 
 /// Steps: about a minute of the default networks on two cores.
 const STEPS: usize = 200;
 const JUDGED_EVERY: usize = 20;
-/// Part of the learning rate of a training from the start: the network is nearly right.
-const RATE: f64 = 0.1;
+/// Learning rate relative to a training from random weights: the network is nearly right.
+const LEARNING_RATE_RATIO: f64 = 0.1;
 
-/// Samples of the new camera's approaches.
 pub(super) struct RefitSamples<'a> {
     pub(super) training: &'a Encoded,
     pub(super) judged: &'a Encoded,
 }
 
-/// The calibration networks after training the network of `view`.
+/// Trains the network of `view`.
 pub(super) fn refit_network(
     view: usize,
     networks: &CalibrationNetworks,
@@ -48,13 +45,12 @@ pub(super) fn refit_network(
     let settings = Optimisation {
         steps: STEPS,
         batch_size: config.calibration.optimisation.batch_size,
-        learning_rate: RATE * config.calibration.optimisation.learning_rate,
+        learning_rate: LEARNING_RATE_RATIO * config.calibration.optimisation.learning_rate,
     };
     let mut task = NetworkRefit {
         optimised: (0..samples.training.views())
             .map(|other| other == view)
             .collect(),
-        view,
         seen,
         batch_size: settings.batch_size,
         estimator: estimator.clone().train().no_grad(),
@@ -72,8 +68,7 @@ pub(super) fn refit_network(
 }
 
 struct NetworkRefit<'a> {
-    view: usize,
-    /// By view.
+    /// True for the refitted view.
     optimised: Vec<bool>,
     /// Samples that the view saw.
     seen: Vec<usize>,
@@ -84,34 +79,8 @@ struct NetworkRefit<'a> {
     setup: Setup,
 }
 
-impl NetworkRefit<'_> {
-    /// Features of all views, with a gradient for this view alone.
-    fn features(&self, networks: &CalibrationNetworks, batch: &[usize]) -> Vec<ViewFeatures> {
-        let device = &self.setup.device;
-        let plain_device = self.setup.plain_device();
-        let plain = networks.valid();
-        let samples = self.samples.training;
-        let of_view = |view: usize| {
-            let features = if view == self.view {
-                networks.features(view, samples.inputs(batch, view, device))
-            } else {
-                let inputs = samples.inputs(batch, view, &plain_device);
-                Tensor::from_inner(plain.features(view, inputs))
-            };
-            let mask = samples.mask(batch, view);
-            let all_present = mask.iter().all(|&present| present > 0.0);
-            ViewFeatures {
-                features,
-                present: (!all_present).then(|| column(mask, device)),
-            }
-        };
-        (0..samples.views()).map(of_view).collect()
-    }
-}
-
 impl Task for NetworkRefit<'_> {
     type Network = CalibrationNetworks;
-    type State = ();
     const NAME: &'static str = "calibration network";
     const STAGE: &'static str = "calibration network";
 
@@ -119,27 +88,33 @@ impl Task for NetworkRefit<'_> {
         JUDGED_EVERY
     }
 
-    /// All steps, and then the best of them.
-    fn patience(&self) -> Option<usize> {
-        Some(STEPS)
+    fn keeps_best(&self) -> bool {
+        true
     }
 
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.setup.random
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
-
-    fn state(&self) {}
-
-    fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
         let batch = draw(&self.seen, self.batch_size, &mut self.setup.random);
         let Setup { loss, device, .. } = &self.setup;
         let samples = self.samples.training;
-        let alone = batch_loss(networks, samples, &batch, &self.optimised, *loss, device);
-        let answer = self.estimator.forward(&self.features(networks, &batch));
+        let rows = 0..batch.len();
+        let trained = networks.training_only(&self.optimised, false);
+        let (alone, _) = batch_loss(
+            &trained,
+            samples,
+            &batch,
+            rows,
+            &self.optimised,
+            *loss,
+            device,
+        );
+        let views = features_of(&trained, samples, &batch, ViewSelection::All, device);
+        let answer = self.estimator.forward(&views);
         let together = samples.squared_error(answer, &batch, batch.len() as f32, *loss, device);
-        networks.gradients_of_view(self.view, (alone + together).backward())
+        GradientsParams::from_grads((alone + together).backward(), networks)
     }
 
     fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {

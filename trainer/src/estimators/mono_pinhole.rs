@@ -1,13 +1,12 @@
-//! The monoscopic baseline as a formula: an aircraft of known size looks smaller the farther away it is.
+//! Monoscopic baseline as a formula: an aircraft of known size looks smaller the farther away it is.
 //!
 //! `range = k S / w` with focal length k, span S and box width w. The camera is not at the touchdown target, so the distance to
 //! touchdown is that range minus a constant. Both `k S` and the constant are fitted per view on the training side: a detector's box
 //! is not exactly as wide as the span.
 //!
-//! The noise is in the width, and false boxes make it wrong by any factor. So the fit compares widths, as ratios: the setback is
-//! the one for which `width * range` scatters least about its median, in mean absolute logarithm, and that median is `k S`. However
-//! far off, a few boxes among many hardly move a median; under least squares of the predicted distance, in which the width is a
-//! divisor, one box of a few pixels outweighs a thousand.
+//! The noise is in the width, and false boxes make it wrong by any factor. So the fit compares widths, as ratios: the setback minimises
+//! the scatter of `width * range` about its median, in mean absolute logarithm, and that median is `k S`. A few outliers hardly move a
+//! median; under least squares of the predicted distance, with the width as a divisor, a single tiny box outweighs a thousand.
 
 use dataset::numbers::spread::median;
 use onnx_graph::proto::DOUBLE;
@@ -18,9 +17,9 @@ use crate::networks::estimator_graph::{BOXES, EstimatorGraph};
 use crate::samples::{Observation, Sample};
 
 /// Maximum distance of a camera behind the touchdown target, unless the training side reaches farther, metres.
-const FARTHEST_SETBACK_M: f64 = 20_000.0;
+const MAX_SETBACK_M: f64 = 20_000.0;
 
-/// The fitted formula of one view: `dtd = focal_times_span / width - setback`.
+/// Fitted formula: `dtd = focal_times_span / width - setback`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Pinhole {
     /// k S, pixel metres.
@@ -30,7 +29,7 @@ pub(crate) struct Pinhole {
 }
 
 impl Pinhole {
-    /// Fits one view; `None` if it did not see the aircraft at two distances or more.
+    /// Fits a view; `None` without boxes at two or more distances.
     pub(crate) fn fit(view: usize, training: &[&Sample]) -> Option<Self> {
         let seen: Vec<Seen> = training
             .iter()
@@ -50,7 +49,7 @@ impl Pinhole {
         // The camera is behind the nearest position, and not farther behind the target than an approach is long.
         let search = Search {
             from: -nearest_m,
-            to: farthest_m.max(FARTHEST_SETBACK_M),
+            to: farthest_m.max(MAX_SETBACK_M),
             parts: 40,
             rounds: 10,
         };
@@ -61,13 +60,13 @@ impl Pinhole {
         })
     }
 
-    /// Distance to touchdown from a box's width, metres.
+    /// Distance to touchdown from the box width, metres.
     pub(crate) fn dtd_m(&self, width_px: f64) -> f64 {
         self.focal_times_span_px_m / width_px - self.setback_m
     }
 }
 
-/// One box of the training side.
+/// Training box.
 struct Seen {
     width_px: f64,
     dtd_m: f64,
@@ -111,9 +110,9 @@ pub(crate) fn predict(pinholes: &[Option<Pinhole>], observed: &Observation) -> O
     (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64)
 }
 
-/// The same in an ONNX graph.
+/// Adds the mean over the views to an ONNX graph, metres.
 pub(crate) fn to_onnx(pinholes: &[Option<Pinhole>], graph: &mut EstimatorGraph) -> String {
-    /// Column of the width of a box.
+    /// Column of the box width.
     const WIDTH: usize = 2;
     let (nothing, none) = (graph.graph.double(0.0), graph.graph.double(f64::NAN));
     // Both sums start at 0, so that they exist even without pinholes; a count of 0 means no answer.

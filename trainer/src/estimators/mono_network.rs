@@ -8,17 +8,18 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{MonoConfig, Plateau, Target};
+use crate::config::{MonoConfig, Target};
 use crate::error::Result;
 use crate::networks::dense::{Dense, widths};
-use crate::networks::encoded::{Encoded, EncodedSides, draw, mape_pct, numbers};
+use crate::networks::encoded::{Encoded, EncodedSides, draw, numbers};
 use crate::networks::estimator_graph::EstimatorGraph;
 use crate::networks::normalisation::BOX_FEATURES;
+use crate::networks::row_parts::loss_of_parts;
 use crate::networks::training_loop::{Companions, Learned, Setup, Task, learn};
 
 /// Steps between two judgements.
 const JUDGED_EVERY: usize = 500;
-/// Features of a box that are its centre: the first.
+/// Number of centre features, which come first.
 const CENTRE: usize = 2;
 
 /// Box features that the network sees.
@@ -33,7 +34,7 @@ pub(crate) enum MonoInputs {
 }
 
 impl MonoInputs {
-    /// Its part of the features of a box.
+    /// Range of the network's inputs among the box features.
     fn columns(self) -> Range<usize> {
         match self {
             Self::Size => CENTRE..BOX_FEATURES,
@@ -48,7 +49,7 @@ impl MonoInputs {
     }
 }
 
-/// One network per view.
+/// Monoscopic networks, one per view.
 #[derive(Module, Debug)]
 pub(crate) struct MonoNetworks {
     views: Vec<Dense>,
@@ -136,7 +137,7 @@ impl MonoNetworks {
 }
 
 impl MonoNetworks {
-    /// The mean in metres, in an ONNX graph.
+    /// Adds the mean to an ONNX graph, metres.
     pub(crate) fn to_onnx(
         &self,
         inputs: MonoInputs,
@@ -163,7 +164,7 @@ impl MonoNetworks {
     }
 }
 
-/// The network of one view.
+/// Training of a single view's network.
 struct MonoTask<'a> {
     inputs: MonoInputs,
     training: &'a Encoded,
@@ -177,7 +178,6 @@ struct MonoTask<'a> {
 
 impl Task for MonoTask<'_> {
     type Network = Dense;
-    type State = ();
     const NAME: &'static str = "mono_network";
     const STAGE: &'static str = "monoscopic network";
 
@@ -185,41 +185,30 @@ impl Task for MonoTask<'_> {
         JUDGED_EVERY
     }
 
-    fn plateau(&self) -> Option<Plateau> {
-        self.config.plateau()
+    fn setup(&mut self) -> &mut Setup {
+        &mut self.setup
     }
-
-    fn random(&mut self) -> &mut ChaCha12Rng {
-        &mut self.setup.random
-    }
-
-    fn state(&self) {}
-
-    fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, network: &Dense, _step: usize) -> GradientsParams {
         let batch_size = self.config.optimisation.batch_size;
         let batch = draw(&self.seen, batch_size, &mut self.setup.random);
         let Setup { loss, device, .. } = &self.setup;
-        let inputs = self.training.inputs(&batch, self.view, device);
-        let predicted = network.forward(self.inputs.of(inputs));
         let size = batch.len() as f32;
-        let error = (self.training).squared_error(predicted, &batch, size, *loss, device);
-        GradientsParams::from_grads(error.backward(), network)
+        let loss = loss_of_parts(network, batch.len(), device, |network, rows| {
+            let batch = &batch[rows];
+            let inputs = self.training.inputs(batch, self.view, device);
+            let predicted = network.forward(self.inputs.of(inputs));
+            let error = (self.training).squared_error(predicted, batch, size, *loss, device);
+            (error, ())
+        });
+        loss.gradients
     }
 
     fn errors_pct(&self, network: &Dense) -> Vec<Option<f64>> {
-        let (samples, loss) = (self.validation, self.setup.loss);
-        let seen = samples.seen_by(self.view);
-        if seen.is_empty() {
-            return vec![None];
-        }
-        let inputs = samples.inputs(&seen, self.view, &self.setup.plain_device());
-        let predicted = numbers(network.valid().forward(self.inputs.of(inputs)));
-        let pairs = seen.iter().zip(predicted);
-        vec![mape_pct(pairs.map(|(&sample, p)| {
-            (loss.distance(p), samples.distance(sample))
-        }))]
+        let (network, device) = (network.valid(), self.setup.plain_device());
+        let predict = |features| network.forward(self.inputs.of(features));
+        let loss = self.setup.loss;
+        vec![(self.validation).view_error_pct(self.view, loss, &device, predict)]
     }
 
     fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {

@@ -1,4 +1,0 @@
-//! Monoscopic baselines: estimators that see a single view.
-
-pub(crate) mod network;
-pub(crate) mod pinhole;
