@@ -26,7 +26,7 @@ use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
 use crate::networks::stage::{Cycle, EndedBy};
 use crate::networks::training_loop::Task;
-use crate::samples::json_differences::json_differences;
+use crate::samples::rig::json_differences::json_differences;
 
 /// The weights of the largest networks, three times, in base 64.
 const CHECKPOINT: FileKind = FileKind::new("checkpoint", 16 << 30).unlinked();

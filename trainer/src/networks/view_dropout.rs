@@ -69,28 +69,19 @@ impl ViewDropout {
 mod tests {
     use super::*;
     use crate::networks::normalisation::Normalisation;
-    use crate::samples::{DistanceRange, Samples};
+    use crate::samples::Samples;
     use rand::SeedableRng;
     use testkit::synthetic::SyntheticCorpus;
 
     #[test]
     fn each_of_two_views_is_alone_in_a_third_of_the_batches() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            miss_ratio: 0.3,
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let samples = Samples::read(
-            &corpus,
-            None,
-            DistanceRange {
-                min_nm: 0.0,
-                max_nm: None,
+        let samples = Samples::synthetic(
+            &SyntheticCorpus {
+                miss_ratio: 0.3,
+                ..SyntheticCorpus::tiny()
             },
-        )
-        .unwrap();
+            0.0,
+        );
         let all: Vec<_> = samples.samples.iter().collect();
         let encoded = Encoded::new(
             all.iter().copied(),

@@ -13,6 +13,7 @@ use dataset::numbers::limits::{self, Check};
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::background::{Backgrounds, StoredView};
 use crate::config::{PaperDeviation, TrainConfig};
@@ -249,6 +250,16 @@ impl Networks {
     }
 }
 
+/// A number in a JSON value that no training produces in a formula.
+fn excessive(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(number) => number.as_f64().filter(|n| n.abs() > MAX_OF_A_FORMULA),
+        Value::Array(values) => values.iter().find_map(excessive),
+        Value::Object(values) => values.values().find_map(excessive),
+        Value::Null | Value::Bool(_) | Value::String(_) => None,
+    }
+}
+
 /// No training produces such a number in a network.
 const MAX_WEIGHT: f32 = 1e6;
 /// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
@@ -290,22 +301,8 @@ fn check_numbers(
     if let Some(fault) = std::mem::take(check).first() {
         return Err(sealed.refused(RunFolder::BASELINES, RunFault::OutOfLimits(fault)));
     }
-    let pinholes = baselines.pinholes.iter().flatten();
-    let mut formulas = pinholes
-        .flat_map(|pinhole| [pinhole.focal_times_span_px_m, pinhole.setback_m])
-        .chain(baselines.centre_offsets.iter().flat_map(|offset| {
-            let [right, down] = offset.constant_px;
-            let [of_width, of_height] = offset.part_of_size;
-            [right, down, of_width, of_height]
-        }))
-        .chain(baselines.inverse_range.constants())
-        .chain((baselines.self_calibrated.iter()).flat_map(SelfCalibrated::constants))
-        .chain(baselines.flight_filter.constants())
-        .chain(baselines.paired_views.constants())
-        .chain(baselines.mean_by_time.constants());
-    // NaN is not below.
-    if let Some(number) = formulas.find(|number| !(0.0..=MAX_OF_A_FORMULA).contains(&number.abs()))
-    {
+    let formulas: Value = sealed.json(RunFolder::BASELINES, "set of baselines")?;
+    if let Some(number) = excessive(&formulas) {
         return Err(sealed.refused(
             RunFolder::BASELINES,
             RunFault::Formula {

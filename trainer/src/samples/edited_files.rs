@@ -1,4 +1,4 @@
-//! Files that training and evaluation refuse to read: those that do not match the seal, or their source. Both read samples through
+//! Files that training and evaluation reject because they do not match the seal or their source. Both read samples through
 //! [`Samples::read`].
 
 use std::fs;
@@ -16,7 +16,7 @@ const ALL: DistanceRange = DistanceRange {
     max_nm: None,
 };
 
-/// The error for a tiny corpus after `edit` changed its first scenario; the second is there to copy from.
+/// Error message for a tiny corpus after an edit of its first scenario; the second is a source for copies.
 fn said_after(edit: impl FnOnce(&ScenarioFolder, &ScenarioFolder)) -> String {
     let folder = tempfile::tempdir().unwrap();
     let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
