@@ -738,30 +738,4 @@ fn choose_detections(
 }
 
 #[cfg(test)]
-impl Samples {
-    /// Samples from a synthetic corpus, beyond a minimum distance in nautical miles.
-    pub(crate) fn synthetic(corpus: &testkit::synthetic::SyntheticCorpus, min_nm: f64) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = corpus.write(folder.path()).unwrap();
-        let range = DistanceRange {
-            min_nm,
-            max_nm: None,
-        };
-        Self::read(&corpus, None, range).unwrap()
-    }
-}
-
-/// A tiny corpus with registered views.
-#[cfg(test)]
-pub(crate) fn registered_corpus(shift_noise_px: f64) -> testkit::synthetic::SyntheticCorpus {
-    testkit::synthetic::SyntheticCorpus {
-        shift_noise_px: Some(shift_noise_px),
-        ..testkit::synthetic::SyntheticCorpus::tiny()
-    }
-}
-
-#[cfg(test)]
-mod edited_files;
-
-#[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -106,13 +106,9 @@ impl Reference {
                 .collect::<Vec<_>>()
         };
         let mut chosen = most(0, ACROSS);
-        let down = most(1, DOWN);
-        chosen.extend(
-            down.iter()
-                .filter(|corner| !chosen[..].contains(corner))
-                .copied()
-                .collect::<Vec<_>>(),
-        );
+        let mut down = most(1, DOWN);
+        down.retain(|corner| !chosen.contains(corner));
+        chosen.append(&mut down);
         Self {
             blurred: BLURS_PX.map(|sigma_px| picture.blurred(sigma_px)),
             picture,
@@ -227,7 +223,7 @@ impl Reference {
         let mut motion = start;
         let mut sd_px = f64::INFINITY;
         for _ in 0..STEPS {
-            let told: Vec<PatchConstraint> = self
+            let constraints: Vec<PatchConstraint> = self
                 .patches
                 .par_iter()
                 .filter_map(|&corner| {
@@ -241,7 +237,7 @@ impl Reference {
                 })
                 .collect();
             let mut step = [0.0; UNKNOWNS];
-            let mut misfits: Vec<f64> = vec![0.0; told.len()];
+            let mut misfits: Vec<f64> = vec![0.0; constraints.len()];
             for _ in 0..8 {
                 let mut equations = NormalEquations::new(UNKNOWNS);
                 for (unknown, sd) in USUAL.into_iter().enumerate() {
@@ -249,28 +245,20 @@ impl Reference {
                     row[unknown] = 1.0;
                     equations.add(&row, -motion.to_array()[unknown], sd.powi(-2));
                 }
-                for (told, misfit) in told.iter().zip(&misfits) {
-                    let weight = told.weight / (1.0 + (misfit / TOLERATED).powi(2));
-                    for (row, value, certainty) in told.equations() {
-                        equations.add(&row, value, weight * certainty);
+                for (constraint, misfit) in constraints.iter().zip(&misfits) {
+                    for (row, value, certainty) in constraint.equations() {
+                        equations.add(&row, value, constraint.weight_at(*misfit) * certainty);
                     }
                 }
                 step = equations.solve_for::<UNKNOWNS>()?;
-                for (told, misfit) in told.iter().zip(&mut misfits) {
-                    *misfit = told.misfit(&step);
+                let [mut squares, mut weights] = [0.0; 2];
+                for (constraint, misfit) in constraints.iter().zip(&mut misfits) {
+                    *misfit = constraint.misfit(&step);
+                    let weight = constraint.weight_at(*misfit);
+                    squares += weight * *misfit * *misfit;
+                    weights += 2.0 * weight;
                 }
-                let weights = || {
-                    told.iter().zip(&misfits).map(|(told, misfit)| {
-                        (told.weight / (1.0 + (misfit / TOLERATED).powi(2)), misfit)
-                    })
-                };
-                let spread = weights()
-                    .map(|(weight, misfit)| weight * misfit * misfit)
-                    .sum::<f64>()
-                    / weights()
-                        .map(|(weight, _)| 2.0 * weight)
-                        .sum::<f64>()
-                        .max(1.0);
+                let spread = squares / f64::max(weights, 1.0);
                 sd_px = (equations.inverse()?[1][1] * spread.max(1.0)).sqrt() * camera.focal_px;
             }
             let mut next = motion.to_array();
@@ -390,6 +378,10 @@ impl PatchConstraint {
                 axis.x * axis.x * xx + 2.0 * axis.x * axis.y * xy + axis.y * axis.y * yy;
             (row, axis.dot(self.best), certainty.max(0.0))
         })
+    }
+
+    fn weight_at(&self, misfit: f64) -> f64 {
+        self.weight / (1.0 + (misfit / TOLERATED).powi(2))
     }
 
     /// Difference between the best shift and a step, in standard deviations.

@@ -51,9 +51,10 @@ pub(crate) struct ObjectTick {
 impl PairedViews {
     /// Learns from samples with only true boxes.
     pub(crate) fn fit(views: usize, true_boxes: &[&Sample]) -> Self {
-        let pairs = (0..views).flat_map(|one| (one + 1..views).map(move |other| [one, other]));
         Self {
-            relations: pairs.filter_map(|pair| fitted(pair, true_boxes)).collect(),
+            relations: (pairs_among(views))
+                .filter_map(|pair| fitted(pair, true_boxes))
+                .collect(),
             paths: (0..views)
                 .filter_map(|view| fitted_path(view, true_boxes))
                 .collect(),
@@ -71,9 +72,7 @@ impl PairedViews {
                 aside::MIN_FLIGHTS
             )
         });
-        let pairs =
-            (0..views.len()).flat_map(|one| (one + 1..views.len()).map(move |other| [one, other]));
-        pairs
+        pairs_among(views.len())
             .filter(|pair| !self.relations.iter().any(|relation| relation.views == *pair))
             .map(|pair| {
                 let [one, other] = pair.map(|view| &views[view]);
@@ -222,6 +221,10 @@ impl PairedViews {
 fn is_related(relations: &[Relation], view: usize) -> bool {
     let mut relations = relations.iter();
     relations.any(|relation| relation.views.contains(&view))
+}
+
+fn pairs_among(views: usize) -> impl Iterator<Item = [usize; 2]> {
+    (0..views).flat_map(move |one| (one + 1..views).map(move |other| [one, other]))
 }
 
 fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {

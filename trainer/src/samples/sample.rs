@@ -10,8 +10,6 @@ use glam::DVec2;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::view_shift::ViewShift;
-#[cfg(test)]
-use crate::samples::view_shift::{box_at, shift_of};
 
 /// Usability of a view's image at a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -257,41 +255,5 @@ impl Observation {
         let looks = vec![Look::Placed; views];
         let at = (scenario, tick, time_ns);
         Self::of(at, &vec![None; views], &vec![None; views], looks)
-    }
-}
-
-#[cfg(test)]
-impl Observation {
-    /// An aircraft in these columns of two registered views, with one tick per second.
-    pub(crate) fn registered(tick: u32, [first_px, second_px]: [f64; 2]) -> Self {
-        let boxes = [first_px, second_px].map(|cx_px| box_at(cx_px, 600.0));
-        let shift = shift_of([first_px, 600.0], [second_px - first_px, 0.0]);
-        let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
-        observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
-        observed.tick = tick;
-        observed.time_ns = i64::from(tick) * 1_000_000_000;
-        observed
-    }
-}
-
-#[cfg(test)]
-impl Sample {
-    /// A sample with only boxes, for tests that need no more.
-    pub(crate) fn of_boxes(dtd_m: f64, boxes: Vec<Option<PixelBox>>) -> Self {
-        Self {
-            observed: Observation {
-                boxes: boxes.clone(),
-                ..Observation::unseen((0, 0, 0), boxes.len())
-            },
-            dtd_m,
-            along_track_m: dtd_m,
-            cross_track_m: 0.0,
-            position: Geodetic {
-                latitude_deg: 1.0,
-                longitude_deg: 103.0,
-                altitude_msl_m: 100.0,
-            },
-            transmission: Some(1.0),
-        }
     }
 }

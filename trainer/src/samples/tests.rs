@@ -1,5 +1,8 @@
 //! Reading samples from corpora.
 
+mod edited_files;
+pub(crate) mod fixtures;
+
 use std::path::Path;
 
 use dataset::corpus::detections::{self, NewTables};
@@ -11,6 +14,7 @@ use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use super::*;
+use fixtures::registered_corpus;
 use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};
 
 const ALL: DistanceRange = DistanceRange::ALL;

@@ -131,12 +131,3 @@ impl TrainingCameras {
         self.fits[view].place_px(sample.scenario, camera, sample.position.to_ecef())
     }
 }
-
-#[cfg(test)]
-impl Samples {
-    /// The training side with only those boxes that contain the aircraft.
-    pub(crate) fn with_true_boxes(&self) -> Vec<Sample> {
-        let training = self.of_side(dataset::corpus::splits::Side::Train);
-        TrainingCameras::of(self, &training).true_boxes(&training)
-    }
-}

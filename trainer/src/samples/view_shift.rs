@@ -120,35 +120,10 @@ impl Places {
 }
 
 #[cfg(test)]
-pub(crate) fn box_at(cx_px: f64, cy_px: f64) -> PixelBox {
-    PixelBox {
-        cx_px,
-        cy_px,
-        width_px: 40.0,
-        height_px: 14.0,
-    }
-}
-
-/// A registered shift with usual precision.
-#[cfg(test)]
-pub(crate) fn shift_of([x_px, y_px]: [f64; 2], [dx_px, dy_px]: [f64; 2]) -> Shift {
-    Shift {
-        x_px,
-        y_px,
-        dx_px,
-        dy_px,
-        sd_x_px: 0.03,
-        sd_y_px: 0.04,
-        scale: 1.0,
-        gain: 1.0,
-        correlation: 0.9,
-    }
-}
-
-#[cfg(test)]
 mod tests {
     use super::*;
     use crate::samples::Sample;
+    use crate::samples::tests::fixtures::{box_at, shift_of};
 
     fn shift(x_px: f64, dx_px: f64) -> Shift {
         shift_of([x_px, 600.0], [dx_px, 4.0])

@@ -100,7 +100,8 @@ mod tests {
 
     use super::*;
     use crate::samples::CommonError;
-    use crate::samples::view_shift::{ViewShift, box_at, shift_of};
+    use crate::samples::tests::fixtures::{box_at, shift_of};
+    use crate::samples::view_shift::ViewShift;
 
     const SD_PX: f64 = 0.04;
 

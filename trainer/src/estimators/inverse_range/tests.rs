@@ -5,7 +5,8 @@ use glam::DVec2;
 
 use super::*;
 use crate::samples::sides::flight_parts::FlightParts;
-use crate::samples::{CommonError, Samples, registered_corpus};
+use crate::samples::tests::fixtures::registered_corpus;
+use crate::samples::{CommonError, Samples};
 
 fn fit(samples: &Samples, training: &[&Sample]) -> InverseRange {
     InverseRange::fit(samples.views.len(), training)

@@ -169,7 +169,7 @@ impl Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::view_shift::{box_at, shift_of};
+    use crate::samples::tests::fixtures::{box_at, shift_of};
 
     fn candidate(cx_px: f64) -> Candidate {
         Candidate {

@@ -7,7 +7,8 @@ use dataset::geometry::imaging::Imaging;
 use testkit::synthetic::{Changed, SyntheticCorpus};
 
 use super::*;
-use crate::samples::{Samples, registered_corpus};
+use crate::samples::Samples;
+use crate::samples::tests::fixtures::registered_corpus;
 
 fn fit(rig: &Cameras, samples: &Samples, training: &[&Sample]) -> Option<SelfCalibrated> {
     let config = SelfCalibrationConfig::default();
