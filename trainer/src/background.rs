@@ -2,7 +2,7 @@
 //!
 //! Cameras that are slightly displaced between scenarios (`[jitter]`, wind, a new mast) show the aircraft at a different position, and
 //! everything that learned image positions is off by that amount. Runway, ships and islands reveal the offset. Training keeps some
-//! backgrounds from different times of day and weathers as references, aligned with one another. Every scenario is aligned with them
+//! backgrounds from different times of day and weathers as mutually aligned references. Every scenario is aligned with them
 //! ([`alignment`]), and its boxes and registered shifts are mapped to the direction of the first reference. The scenario's known camera is
 //! turned accordingly, so code that uses it (checks of labels, the oracle) sees the same rays as before. Focal length and horizon row come
 //! from the planned cameras; the actual directions are not read.
@@ -47,7 +47,7 @@ const MIN_ROWS: usize = 64;
 /// Factor for standard deviations, because backgrounds differ by more than noise, and their minimum, pixels.
 const UNDERSTATED: f64 = 3.0;
 const MIN_SD_PX: f64 = 0.03;
-/// Maximum standard deviation of an aligned scenario's direction, px. Images of a shaking camera that are off by less show the usual
+/// Maximum standard deviation for an aligned scenario's direction, px. Images from a shaking camera that are off by less show the usual
 /// direction.
 const MAX_SD_PX: f64 = 0.5;
 /// Stored levels per grey level.
@@ -64,7 +64,7 @@ struct ViewBackgrounds {
     references: Vec<PlacedReference>,
 }
 
-/// A view as planned, independent of its calibration.
+/// A planned view, regardless of the calibration.
 #[derive(Debug, Clone)]
 struct ViewPlace {
     view: String,
@@ -85,7 +85,7 @@ struct PlacedReference {
     reference: Reference,
 }
 
-/// Turn of a scenario's camera from the first reference, and its horizontal standard deviation, pixels.
+/// Camera turn in a scenario from the first reference, and its horizontal standard deviation, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CameraDirection {
     turn_rad: DVec3,
@@ -176,7 +176,7 @@ fn is_usual(row: &ViewHealth) -> bool {
 }
 
 impl ViewBackgrounds {
-    /// References from some scenarios, aligned with one another.
+    /// Mutually aligned references from some scenarios.
     fn of(place: ViewPlace, pictures: Vec<(String, GreyImage)>) -> Self {
         let references = pictures
             .into_iter()
@@ -260,7 +260,7 @@ impl ViewBackgrounds {
         }
     }
 
-    /// Direction of a scenario's camera; `None` if its background does not resemble the references.
+    /// Camera direction in a scenario; `None` if its background does not resemble the references.
     fn locate(&self, scenario: &OpenScenario, model: &str) -> Result<Option<CameraDirection>> {
         let Some(picture) = self.place.picture(scenario, model)? else {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! Evaluation of a run on unseen trajectories: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
+//! Run evaluation on unseen trajectories: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
 //!
 //! Estimators process one whole flight after the other, first as observed, and then again for each removal of views
 //! ([`crate::evaluation::view_removal`]). `evaluation-rules.toml` defines which ticks count, and how.
@@ -46,7 +46,7 @@ use crate::samples::sides::leave_out::LeftOut;
 use crate::samples::sides::marked_scenarios;
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
-/// Input and output of an evaluation.
+/// Evaluation input and output.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EvaluationConfig {
     /// Scenarios to evaluate.
@@ -73,7 +73,7 @@ struct FlightAnswers<'a> {
 }
 
 /// Evaluates a run on a corpus. The results go to a new folder, or are added to the run, which is replaced by a copy with the same networks
-/// and all results. Results of a different evaluation are never replaced.
+/// and all results. Results from a different evaluation are never replaced.
 pub fn evaluate(
     run: &RunFolder,
     corpus: &Corpus,
@@ -257,7 +257,7 @@ impl TrainedRun {
         Ok(moved)
     }
 
-    /// Whole flights with the boxes of one aircraft, without boxes that are unlike training.
+    /// Whole flights with boxes from one aircraft, without boxes that are unlike training.
     pub(crate) fn believed(
         &self,
         observations: &[Observation],

@@ -10,7 +10,7 @@
 //!                            InSight                -> phase, filter -> Answer
 //! ```
 //!
-//! `dtd predict --online` feeds it the ticks of a corpus with the boxes that counted at that moment. Nothing uses a later tick, and memory
+//! `dtd predict --online` feeds it corpus ticks with the boxes that counted at that moment. Nothing uses a later tick, and memory
 //! does not grow with their number: objects are forgotten a minute after they were last seen.
 
 mod answer;
@@ -117,7 +117,7 @@ impl OnlineRun {
         self.estimator.name()
     }
 
-    /// File name of the detector used in training, if recorded, and the name of its detections.
+    /// File name of the detector used in training, if recorded, and the detections' name.
     pub fn model(&self) -> (Option<&str>, &str) {
         let summary = &self.run.summary;
         (summary.model.as_deref(), &summary.model_hash)

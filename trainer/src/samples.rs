@@ -2,7 +2,7 @@
 //!
 //! Input: `splits.json`, and for each scenario its record, calibration, labelled ticks, one model's detections with their registrations,
 //! and the camera health ([`crate::samples::camera_health`]). Boxes cut off by the image's edge are ignored (see
-//! [`crate::samples::trusted_boxes`]). The remaining boxes of a view are sorted by score; [`crate::samples::paired_views`] chooses among
+//! [`crate::samples::trusted_boxes`]). The remaining boxes are sorted by score; [`crate::samples::paired_views`] chooses among
 //! them for whole flights. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed
 //! scenario that is missing from the split is an error.
 
@@ -77,7 +77,7 @@ impl DistanceRange {
     }
 }
 
-/// Moment at which boxes are accepted or rejected.
+/// Time of the decision about boxes: offline or live.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
     /// Whole flights: all boxes of confirmed tracks, corrected where a camera was off.
@@ -92,7 +92,7 @@ pub(crate) struct ScenarioSummary {
     pub id: String,
     pub folder: ScenarioFolder,
     pub trajectory: String,
-    /// Identity of the trajectory, independent of its name (see [`flight_of`]).
+    /// Trajectory identity, regardless of names (see [`flight_of`]).
     pub flight: String,
     /// Hash of the sealed manifest.
     pub manifest_blake3: String,
@@ -222,7 +222,7 @@ impl Samples {
         scenarios.map(|s| (s.flight.clone(), s.side)).collect()
     }
 
-    /// Reads the flights of a corpus, with all ticks. Labels and a split are not needed: there are no samples, and sides have no meaning.
+    /// Reads all flights with all ticks. Labels and a split are not needed: there are no samples, and sides have no meaning.
     pub(crate) fn without_truth(
         corpus: &Corpus,
         asked: Option<&str>,
@@ -271,7 +271,7 @@ impl Samples {
         self.scenarios.retain(is_kept);
     }
 
-    /// Rejects copies of a training trajectory on the test side under a different name.
+    /// Rejects training trajectories that reappear on the test side under a different name.
     fn refuse_flights_on_two_sides(&self, corpus: &Corpus) -> Result<()> {
         let mut first: BTreeMap<&str, &ScenarioSummary> = BTreeMap::new();
         for scenario in &self.scenarios {
@@ -625,11 +625,11 @@ fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
         .collect()
 }
 
-/// Times at which positions identify a flight, seconds.
+/// Sampling times for flight identities, seconds.
 const KNOWN_BY_S: [i64; 4] = [0, 60, 120, 180];
 
-/// Identity of a trajectory, independent of its name: the hash of the recording that it replays, or of the flown path. Live flights from
-/// two sweeps may share a name, and copies of a recording may have different ones. A path is identified by its positions at whole minutes,
+/// Trajectory identity, regardless of names: the hash of the replayed recording, or of the flown path. Live flights from
+/// two sweeps may share a name, and copied recordings may have different ones. A path is identified by its positions at whole minutes,
 /// because the same flight may be recorded at different frame rates; a path shorter than a minute, by all its ticks.
 fn flight_of(flight: &Flight, frames: &Frames) -> String {
     if let Flight::Recorded { blake3, .. } = flight {

@@ -3,8 +3,8 @@
 //! Brightness, contrast and even its sign differ: houses are white at noon and black at dawn. So the reference is cut into patches, each
 //! with a free gain and offset in the second image, and weighted by its own misfit. First, a search finds the shift with the largest
 //! squared correlations of the most structured patches. Gauss-Newton steps for all patches and the whole motion follow, from blurred to
-//! sharp images, in which contradicting patches lose their weight. Stripes of grass constrain rows only, the hull of a ship constrains both
-//! axes: each patch counts in the directions in which it has structure.
+//! sharp images; contradicting patches lose their weight. Grass stripes constrain rows only, a ship's hull constrains both axes: each patch
+//! counts along its structure.
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::least_squares::NormalEquations;
@@ -30,7 +30,7 @@ const BLURS_PX: [f64; 3] = [3.0, 1.5, 0.7];
 const STEPS: usize = 12;
 /// Minimum squared correlation.
 const MIN_CORRELATION: f64 = 0.3;
-/// Minimum noise of a mean image, grey levels.
+/// Minimum noise in mean images, grey levels.
 const NOISE_LEVELS: f64 = 0.1;
 /// Number of neighbouring pixels with a common error.
 const SHARED: f64 = 4.0;
@@ -46,7 +46,7 @@ pub(crate) struct Aligned {
     pub(crate) sd_px: f64,
 }
 
-/// First column and row of a patch in the camera's image.
+/// First column and row of the patch in the camera's image.
 type Corner = (usize, usize);
 
 /// A background for comparison with others.

@@ -1,4 +1,4 @@
-//! Background of a fixed camera: the mean of a flight's first images, from just above the horizon down.
+//! Stationary background: the mean of the first images in a flight, from just above the horizon down.
 //!
 //! Clouds are left out with the sky. The mean removes noise and rain; the aircraft covers few patches, and moves.
 
@@ -10,7 +10,7 @@ use crate::error::Result;
 /// Number of averaged images: their mean has a fifth of the noise.
 const PICTURES: usize = 24;
 
-/// Grey levels in some rows of a camera's image.
+/// Grey levels in some image rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct GreyImage {
     pub(crate) width: usize,
@@ -21,8 +21,8 @@ pub(crate) struct GreyImage {
 }
 
 impl GreyImage {
-    /// Mean of a view's first images, from the row `top` down. Images that are not `is_usual`, in the order of the video, are skipped if
-    /// others are usual; images past the end of the list are used.
+    /// Mean over the first images from a view, from the row `top` down. Images that are not `is_usual`, in the order of the video, are
+    /// skipped if others are usual; images past the end of the list are used.
     pub(crate) fn of_view(
         scenario: &OpenScenario,
         view: &str,

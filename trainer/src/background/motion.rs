@@ -1,7 +1,7 @@
-//! Motion of a fixed camera between two images of the same scene: a rotation and a small change in height.
+//! Camera motion between two images of the same scene: a rotation and a small change in height.
 //!
 //! A rotation moves every direction alike. Height moves the ground below the horizon, the more the closer it is: a point at depth z is
-//! drawn `focal H / z` below the horizon, so raising the camera by a fraction s of its height H stretches everything below the horizon by
+//! drawn `focal H / z` below the horizon, so raising the camera from height H by s H stretches everything below the horizon by
 //! s. The horizon itself, and an aircraft beyond it, stays.
 
 use dataset::geometry::camera::Camera;
@@ -31,7 +31,7 @@ impl Motion {
         }
     }
 
-    /// Position of a ground point in the second image, with the horizon in the given row.
+    /// Ground point position in the second image, with the horizon in the given row.
     pub(crate) fn of_ground(&self, camera: &Camera, horizon_px: f64, place: DVec2) -> DVec2 {
         let down = self.stretch * (place.y - horizon_px).max(0.0);
         turned(camera, matrix(self.turn_rad), place) + DVec2::new(0.0, down)

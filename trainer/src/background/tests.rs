@@ -27,7 +27,7 @@ fn planned() -> CameraEntry {
     )
 }
 
-/// Grey levels of a scene without repetition: smooth, with flat blobs some pixels wide, as near a horizon.
+/// Grey levels in a scene without repetition: smooth, with flat blobs some pixels wide, as near a horizon.
 fn scene(place: DVec2) -> f64 {
     let node = |x: f64, y: f64| {
         let mixed = (x * 12.9898 + y * 78.233).sin() * 43_758.545;

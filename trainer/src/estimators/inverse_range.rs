@@ -56,7 +56,7 @@ pub(crate) struct InverseRange {
     rows: Vec<RowRelation>,
 }
 
-/// Input views of a formula.
+/// Input views for a formula.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct ViewSet {
     /// View indices, ascending.
@@ -107,7 +107,7 @@ impl InverseRange {
         self.fits.iter().position(applies)
     }
 
-    /// Whether each fit contains this view.
+    /// True for each fit that contains this view.
     pub(crate) fn contain(&self, view: usize) -> impl Iterator<Item = bool> {
         self.fits
             .iter()
@@ -220,7 +220,7 @@ impl ViewSet {
         }
     }
 
-    /// Ticks at which all views saw the aircraft, with normalised positions.
+    /// Ticks with the aircraft in all views, with normalised positions.
     fn rows(&self, training: &[&Sample]) -> (Rows, Scales) {
         let mut rows = Rows::new(self.views.len());
         for sample in training {

@@ -100,7 +100,7 @@ pub(crate) struct Answers {
     /// Number of views with accepted boxes.
     detections: Vec<u8>,
     removed: Vec<bool>,
-    /// In the order of [`Estimator::ALL`].
+    /// Indexed like [`Estimator::ALL`].
     by_estimator: [EstimatorAnswers; Estimator::ALL.len()],
 }
 
@@ -167,7 +167,7 @@ impl Answers {
     }
 }
 
-/// Whether every estimator with any answer has answered each tick.
+/// Ticks answered by every estimator that has any answer.
 pub(crate) fn common_ticks<'a, T: 'a>(
     ticks: usize,
     of_estimators: impl Iterator<Item = &'a [T]>,

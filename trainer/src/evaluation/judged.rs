@@ -1,4 +1,4 @@
-//! Identity of an evaluation, as stored in `evaluation.json`: scenarios, boxes and rules.
+//! Evaluation identity, as stored in `evaluation.json`: scenarios, boxes and rules.
 
 use std::collections::BTreeSet;
 
@@ -47,7 +47,7 @@ pub(crate) fn runways(samples: &Samples) -> BTreeSet<String> {
         .collect()
 }
 
-/// Identity of an evaluation (`evaluation.json`), which distinguishes evaluations of a run.
+/// Evaluation identity (`evaluation.json`), which distinguishes evaluations of the same run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Judged {
@@ -55,7 +55,7 @@ pub struct Judged {
     pub corpus: String,
     /// Hash of the scenario identifiers and manifests.
     pub scenarios_blake3: String,
-    /// Hash of these, of the observations (boxes and registered shifts), and of the ground truth.
+    /// Hash that also covers the observations (boxes and registered shifts) and the ground truth.
     pub samples_blake3: String,
     /// Evaluated part of the scenarios.
     pub side: JudgedSide,
@@ -98,7 +98,7 @@ impl Judged {
         }
     }
 
-    /// True if the folder has results of a different evaluation.
+    /// True if the folder has results from a different evaluation.
     pub(crate) fn is_other_than_in(&self, folder: &RunFolder) -> bool {
         let path = folder.evaluation_path();
         let same = |there: Self| {

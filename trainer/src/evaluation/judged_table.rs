@@ -35,7 +35,7 @@ use crate::samples::sides::marked_scenarios;
 use crate::samples::truth::Truth;
 use crate::samples::{Sample, Samples};
 
-/// Input and output of a table evaluation.
+/// Table evaluation: input and output.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct TableEvaluationConfig {
     /// Scenarios to evaluate.
@@ -44,7 +44,7 @@ pub struct TableEvaluationConfig {
     pub out: Option<PathBuf>,
 }
 
-/// Identity of a table evaluation (`evaluation.json`).
+/// Table evaluation identity (`evaluation.json`).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JudgedTable {
     /// Name of the table's file.
@@ -99,7 +99,7 @@ pub struct TableFlights {
     pub trajectories: usize,
 }
 
-/// `metrics.json` of a table evaluation: as for a run ([`crate::Metrics`]), without the parts that need a run.
+/// `metrics.json` for a table evaluation: as for a run ([`crate::Metrics`]), without the parts that need a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TableMetrics {
     /// Rules of the evaluation.
@@ -117,8 +117,7 @@ pub struct TableMetrics {
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }
 
-/// Evaluates the predictions in a table (Parquet, or CSV if its name ends in `.csv`) against the labels of a corpus, which needs no
-/// detections.
+/// Evaluates the predictions in a table (Parquet, or CSV if its name ends in `.csv`) against corpus labels; the corpus needs no detections.
 ///
 /// The table has the columns `scenario`, `tick`, and for each estimator `NAME_dtd_m` in metres, null where it has no prediction. Optional
 /// columns are the ends of 90 % intervals, `NAME_dtd_m_from` and `NAME_dtd_m_to`, and `detections`, the number of views that saw the

@@ -1,4 +1,4 @@
-//! `metrics.json`: rules, identity and figures of an evaluation.
+//! `metrics.json`: evaluation rules, identity and figures.
 //!
 //! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all answers, not n - 1). *Dual* are the
 //! ticks that two or more views saw, *combination* those that at least one view saw. Answers that are not finite count as missing. A tick
@@ -98,24 +98,24 @@ pub struct EstimatorMetrics {
     pub stated_intervals: Option<StatedIntervals>,
     /// Figures over the ticks answered by every estimator with any answer.
     pub common: ErrorFigures,
-    /// By view removal.
+    /// Figures by view removal.
     pub views_removed: BTreeMap<String, RemovedFigures>,
-    /// By weather name.
+    /// Figures by weather name.
     pub by_weather: BTreeMap<String, SplitFigures>,
-    /// By local time.
+    /// Figures by local time.
     pub by_time: BTreeMap<String, SplitFigures>,
-    /// By weather name and local time, separated by a space.
+    /// Figures by weather name and local time, separated by a space.
     pub by_weather_and_time: BTreeMap<String, SplitFigures>,
-    /// By the only remaining view; empty with a single view, and for a table.
+    /// Figures by the only remaining view; empty with a single view, and for a table.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub single_views: BTreeMap<String, SingleViewFigures>,
-    /// By distance, without gaps.
+    /// Figures by distance, without gaps.
     pub by_distance_nm: Vec<DistanceBin>,
-    /// By scenario.
+    /// Figures by scenario.
     pub by_flight: Vec<FlightFigures>,
 }
 
-/// Size of one side.
+/// Sizes on one side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SideCount {
     /// Number of scenarios.
@@ -154,7 +154,7 @@ pub struct TickCounts {
     pub common: usize,
 }
 
-/// Steps and duration of a training.
+/// Training steps and duration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainingFigures {
     /// Stages in order.
@@ -201,7 +201,7 @@ pub struct Metrics {
 #[derive(Default)]
 pub(crate) struct WithoutViews {
     pub views_removed: BTreeMap<String, RemovedFigures>,
-    /// By the only remaining view.
+    /// Figures by the only remaining view.
     pub single_views: BTreeMap<String, SingleViewFigures>,
 }
 

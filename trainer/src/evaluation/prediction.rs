@@ -21,7 +21,7 @@ use crate::run::trained::TrainedRun;
 use crate::samples::camera_health::Corrections;
 use crate::samples::{Moment, Observation, Samples};
 
-/// Size of a prediction.
+/// Prediction size.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Predicted {
     /// Number of scenarios.

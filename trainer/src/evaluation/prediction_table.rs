@@ -6,7 +6,7 @@ use crate::estimators::inverse_range::flight_filter::{Estimate, Estimated};
 use crate::evaluation::answers::Answered;
 use crate::run::estimator::Estimator;
 
-/// Adds the answers at some ticks of a flight.
+/// Adds the answers at some ticks in a flight.
 pub(crate) fn add_answers(
     mut table: TableWriter,
     ticks: &[usize],

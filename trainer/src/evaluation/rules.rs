@@ -14,7 +14,7 @@ const TEXT: &str = include_str!("../../evaluation-rules.toml");
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvaluationRules {
-    /// Incremented with every change of a value.
+    /// Incremented whenever a value changes.
     pub version: u32,
     /// Minimum distance to touchdown, nautical miles.
     pub min_dtd_nm: f64,
@@ -52,7 +52,7 @@ pub struct BootstrapRules {
     pub seed: u64,
     /// Number of resamples.
     pub resamples: usize,
-    /// Coverage of an interval.
+    /// Interval coverage.
     pub share: f64,
 }
 

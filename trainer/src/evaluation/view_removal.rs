@@ -12,9 +12,9 @@ use crate::samples::{Observation, ScenarioSummary};
 pub(crate) enum ViewRemoval {
     /// All views but this one, always.
     AllBut(usize),
-    /// One view at random ticks.
+    /// A single view at random ticks.
     AtRandom,
-    /// One view for this long, repeatedly; seconds.
+    /// A single view for this long, repeatedly; seconds.
     Bursts(f64),
 }
 
@@ -22,7 +22,7 @@ pub(crate) enum ViewRemoval {
 pub(crate) struct Remaining {
     /// All ticks, with the remaining boxes.
     pub observations: Vec<Observation>,
-    /// Whether a view was removed at each tick, even if it had not seen the aircraft.
+    /// True at ticks with a removed view, even if it had not seen the aircraft.
     pub removed: Vec<bool>,
 }
 
@@ -148,7 +148,7 @@ mod tests {
         )
     }
 
-    /// Ticks at which both views see the aircraft.
+    /// Ticks with the aircraft in both views.
     fn observations(samples: &Samples) -> Vec<Observation> {
         let all = samples.samples.iter().map(|sample| &sample.observed);
         let seen = all.filter(|observed| observed.detections() == 2);

@@ -5,7 +5,7 @@ use dataset::geometry::geodesy::Geodetic;
 use super::{JudgedAircraft, Phase};
 use crate::estimators::inverse_range::flight_filter::Estimated;
 
-/// State of one aircraft at a tick.
+/// Aircraft state at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
     /// Track number, kept through gaps.
@@ -46,7 +46,7 @@ pub struct Position {
     pub latitude_deg: f64,
     /// Longitude, degrees.
     pub longitude_deg: f64,
-    /// Height as in the poses of a corpus, metres.
+    /// Height as in corpus poses, metres.
     pub height_m: f64,
     /// Standard deviation, root of the sum over the axes, metres.
     pub sd_m: f64,

@@ -78,7 +78,7 @@ impl InSight {
             .collect()
     }
 
-    /// `None` for an object without any usable box so far.
+    /// `None` for an object that never had a usable box.
     fn judge(
         &mut self,
         run: &TrainedRun,

@@ -1,4 +1,4 @@
-//! Phase of an aircraft, from its track: arrival or not.
+//! Flight phase from the track: arrival or not.
 //!
 //! Estimates are valid for approaches, so a departure, an aircraft that taxis or crosses, a lamp, and a climb after a missed approach get
 //! none. Two speeds decide: the closing speed, from the distances measured by the most precise fit, and the vertical speed, from the box's
@@ -16,16 +16,16 @@ use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
 
-/// Minimum closing speed of an arrival, m/s: a light aircraft against the wind.
+/// Minimum closing speed for an arrival, m/s: a light aircraft against the wind.
 const MIN_CLOSING_MPS: f64 = 25.0;
-/// Maximum climb of an arrival, and minimum descent that ends a climb, m/s.
+/// Maximum climb for an arrival, and minimum descent that ends a climb, m/s.
 const MAX_CLIMB_MPS: f64 = 3.0;
 const MIN_DESCENT_MPS: f64 = 1.0;
-/// Minimum duration of a climb, seconds: shorter ones are gusts.
+/// Minimum climb duration, seconds: shorter ones are gusts.
 const CLIMB_S: f64 = 3.0;
 /// Distance within which a climb is a missed approach, which ends with a descent, not with level flight, metres.
 const MISSED_WITHIN_M: f64 = 8_000.0;
-/// Significance of a decision, in standard deviations.
+/// Significance for decisions, in standard deviations.
 const SURE: f64 = 2.5;
 /// Time window, seconds, and its minimum number of ticks.
 const WINDOW_S: f64 = 10.0;
@@ -34,12 +34,12 @@ const MIN_COUNT: usize = 6;
 const STEP_S: f64 = 0.2;
 /// Number of consecutive ticks with a common error.
 const ALIKE: f64 = 3.0;
-/// Minimum standard deviation of an elevation, radians: a third of a pixel at a focal length of 11,000 px.
+/// Minimum elevation standard deviation, radians: 0.33 px at a focal length of 11,000 px.
 const MIN_ELEVATION_SD: f64 = 3e-5;
 /// Minimum scatter of measurements, relative to their stated new error.
 const MIN_NEW_PART: f64 = 0.5;
 
-/// Phase of a flight.
+/// Flight phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Phase {
     /// Arrival.

@@ -20,7 +20,7 @@ use glam::DVec2;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{CommonError, Observation};
 
-/// Maximum standard deviation of a corrected direction, pixels: at ten nautical miles, with masts 600 m apart, it causes an error in
+/// Maximum standard deviation for corrected directions, pixels: at ten nautical miles, with masts 600 m apart, it causes an error in
 /// distance of 0.1 %.
 const MAX_SD_PX: f64 = 0.3;
 

@@ -11,7 +11,7 @@ use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::view_shift::ViewShift;
 
-/// Usability of a view's image at a tick.
+/// Image usability at a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Look {
     /// No usable image.
@@ -67,8 +67,8 @@ pub(crate) struct Observation {
 }
 
 impl Observation {
-    /// Observation of a scenario at a tick and a time in nanoseconds. `found`: whole boxes per view, sorted by score, empty if the image's
-    /// edge cuts all of them off; `registered`, `looks`: per view.
+    /// Observation at this scenario, tick and time in nanoseconds. `found`: whole boxes per view, sorted by score, empty if the image's
+    /// edge cuts all boxes off; `registered`, `looks`: per view.
     pub(crate) fn of(
         (scenario, tick, time_ns): (usize, u32, i64),
         found: &[Option<Vec<Candidate>>],
@@ -103,7 +103,7 @@ impl Observation {
         self.time_ns as f64 / 1e9
     }
 
-    /// The tick with some boxes removed. Shifts and further boxes of a removed box go as well.
+    /// The tick with some boxes removed. Their shifts and the further boxes in their views go as well.
     pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
         let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
             seen.is_some() && boxes[shift.reference].is_some()
@@ -198,7 +198,7 @@ impl Observation {
     }
 }
 
-/// Standard deviation of a sum of independent errors.
+/// Standard deviation for the sum of independent errors.
 fn in_quadrature(sds: impl IntoIterator<Item = DVec2>) -> DVec2 {
     let squares: DVec2 = sds.into_iter().map(|sd| sd * sd).sum();
     DVec2::new(squares.x.sqrt(), squares.y.sqrt())

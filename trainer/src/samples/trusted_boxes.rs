@@ -1,6 +1,6 @@
 //! Selection of detected boxes for fits and measurements.
 //!
-//! A detector also reports other objects, and parts of an aircraft that leaves the image. A few such boxes in thousands ruin a
+//! A detector also reports other objects, and parts of aircraft that leave the image. A few such boxes in thousands ruin a
 //! least-squares fit: they are wrong by hundreds of percent, correct ones by one percent. Two rules exclude them, and every consumer of
 //! samples gets them from [`crate::samples`]:
 //!

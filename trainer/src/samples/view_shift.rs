@@ -1,4 +1,4 @@
-//! Image positions of an aircraft relative to a second view.
+//! Aircraft positions relative to a second view.
 //!
 //! Box errors are independent between views, and distance follows from the difference between views. Registration
 //! ([`dataset::tables::registrations`]) measures this difference several times more precisely than two boxes do.
@@ -10,7 +10,7 @@ use glam::DVec2;
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
 
-/// Error that the stated standard deviation of a shift does not cover, px: perspective, lights seen from two sides.
+/// Shift error beyond its stated standard deviation, px: perspective, lights seen from two sides.
 pub(crate) const MIN_SD_PX: f64 = 0.05;
 
 /// Position in a view minus position in the reference view.

@@ -71,7 +71,7 @@ fn common_point_m(rays: &[Ray]) -> Option<DVec3> {
     rays.iter().all(meets).then_some(point_m)
 }
 
-/// Indices of the rays to one aircraft: all of them, or else the largest group that meets. `None` if no two rays meet, or if two different
+/// Indices of the rays to one aircraft: all rays, or else the largest group that meets. `None` if no two rays meet, or if two different
 /// groups are equally large, so that either may be right.
 pub(crate) fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
     if common_point_m(rays).is_some() {

@@ -5,8 +5,8 @@
 //! ([`correlated_error`]), because such errors last for many ticks. At a tick any views may be missing: the most precise available fit
 //! corrects the distance; without a measurement the filter only predicts. Like those fits, the filter hardly depends on the calibration.
 //!
-//! Input: the observations of one flight in temporal order. Output: per tick distance, ground speed and time to touchdown, each with a
-//! standard deviation and a 90 % interval. The flight's own misfits reveal outliers and the size of its errors ([`forward`]); interval
+//! Input: observations during a flight in temporal order. Output: per tick distance, ground speed and time to touchdown, each with a
+//! standard deviation and a 90 % interval. The flight's own misfits reveal outliers and error sizes ([`forward`]); interval
 //! widths are chosen to hold 90 % ([`held_share`]) of the labels on flights that the fits did not see ([`labelled_flight`]).
 //!
 //! Intervals also grow where the rows of the views fit each other badly, and with common errors ([`widening`]).
@@ -54,9 +54,9 @@ pub(crate) struct FlightFilter {
     tick_s: f64,
     /// Usual row misfit ([`InverseRange::row_misfit_px`]), pixels: errors grow with it.
     usual_misfit_px: Option<f64>,
-    /// Half widths for the filter's 90 % intervals.
+    /// Interval half widths for the filter.
     filtered: HalfWidths,
-    /// Half widths for the smoother's 90 % intervals.
+    /// Interval half widths for the smoother.
     smoothed: HalfWidths,
 }
 
@@ -205,7 +205,7 @@ impl FlightFilter {
             .estimate(&self.motion, &known.motion, widening)
     }
 
-    /// Standard deviation of a measurement's slowly varying error, metres, its half-life, seconds, and standard deviation of the new error
+    /// Slowly varying measurement error as a standard deviation, metres, its half-life, seconds, and standard deviation of the new error
     /// per tick, metres.
     pub(crate) fn deviations_m(&self, measurement: &Measurement) -> (f64, f64, f64) {
         let error = &self.errors[measurement.fit];
@@ -291,7 +291,7 @@ fn usual_tick_s(flights: &[LabelledFlight]) -> Option<f64> {
     (usual.median > 0.0).then_some(usual.median)
 }
 
-/// Measurements at each tick of a flight.
+/// Measurements at each tick in a flight.
 fn ticks<O: Borrow<Observation>>(
     fits: &InverseRange,
     flight: impl IntoIterator<Item = O>,

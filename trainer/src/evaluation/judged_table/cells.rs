@@ -1,4 +1,4 @@
-//! Cells of a prediction table, from a Parquet or a CSV file.
+//! Prediction table cells, from a Parquet or a CSV file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -104,7 +104,7 @@ impl Cells {
     }
 }
 
-/// Line number where a record begins. The reader ends a record before the line feed of a Windows line end.
+/// Line number where a record begins. The reader ends a record before the line feed in Windows line ends.
 fn line_of(bytes: &[u8], record: &StringRecord) -> usize {
     let end = record.position().map_or(0, |place| place.byte() as usize);
     let rest = bytes.get(end..).unwrap_or_default();

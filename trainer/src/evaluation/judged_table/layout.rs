@@ -1,5 +1,5 @@
-//! Columns of a prediction table: `scenario`, `tick`, optionally `detections`, and per estimator `NAME_dtd_m`, optionally with the ends of
-//! a 90 % interval.
+//! Prediction table columns: `scenario`, `tick`, optionally `detections`, and per estimator `NAME_dtd_m`, optionally with 90 % interval
+//! ends.
 
 use std::collections::BTreeSet;
 
@@ -104,7 +104,7 @@ fn check_name(name: &str, column: &str) -> Result<(), PredictionsFault> {
     })
 }
 
-/// Interval columns of an estimator, if any.
+/// Interval columns for an estimator, if any.
 fn interval(name: &str, there: &BTreeSet<&str>) -> Result<Option<[String; 2]>, PredictionsFault> {
     for ends in INTERVALS {
         let [from, to] = ends.map(|end| format!("{name}{end}"));

@@ -1,4 +1,4 @@
-//! Rows of a prediction table, checked and matched with the ticks of the corpus.
+//! Prediction table rows, checked and matched with the ticks of the corpus.
 
 use std::collections::{BTreeSet, HashMap};
 

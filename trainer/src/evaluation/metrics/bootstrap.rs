@@ -75,7 +75,7 @@ impl Intervals {
     }
 }
 
-/// Mean, median and 95 % quantile of sorted errors, each weighted by the draws of its trajectory.
+/// Mean, median and 95 % quantile of sorted errors, each weighted by trajectory draws.
 fn figures(errors: &[(f64, usize)], times: &[usize]) -> [f64; 3] {
     let count: usize = errors.iter().map(|&(_, t)| times[t]).sum();
     let ranks = [0.5, 0.95].map(|share| (count as f64 * share).ceil() as usize);

@@ -25,7 +25,7 @@ pub struct ErrorFigures {
     pub ticks: usize,
     /// `samples / ticks`.
     pub coverage: Option<f64>,
-    /// Coverage without the ticks at which fog hides the aircraft.
+    /// Coverage without ticks hidden by fog.
     pub coverage_in_sight: Option<f64>,
 }
 

@@ -13,11 +13,11 @@ pub struct SingleViewFigures {
     /// All ticks.
     #[serde(flatten)]
     pub all: ErrorFigures,
-    /// By weather name.
+    /// Figures by weather name.
     pub by_weather: BTreeMap<String, ErrorFigures>,
-    /// By local time.
+    /// Figures by local time.
     pub by_time: BTreeMap<String, ErrorFigures>,
-    /// By weather name and local time, separated by a space.
+    /// Figures by weather name and local time, separated by a space.
     pub by_weather_and_time: BTreeMap<String, ErrorFigures>,
 }
 

@@ -5,7 +5,7 @@ use super::*;
 /// Distance of the camera behind the target, metres.
 const SETBACK_M: f64 = 1_500.0;
 
-/// Relative errors of a fit: slowly varying and new ones.
+/// Relative fit errors: slowly varying and new ones.
 #[derive(Clone, Copy)]
 struct Errors {
     slow: f64,
@@ -28,7 +28,7 @@ fn jitter(seed: u32, step: u32) -> f64 {
     f64::from(mixed ^ mixed >> 15) / f64::from(u32::MAX) * 2.0 - 1.0
 }
 
-/// Phases of a flight at five ticks per second.
+/// Phases during a flight with five ticks per second.
 fn phases(seconds: u32, errors: Errors, at: impl Fn(f64) -> [f64; 2]) -> Vec<Phase> {
     let mut judge = PhaseJudge::default();
     let ticks = 0..5 * seconds;
@@ -56,7 +56,7 @@ fn phases(seconds: u32, errors: Errors, at: impl Fn(f64) -> [f64; 2]) -> Vec<Pha
         .collect()
 }
 
-/// The first second from which on all phases agree.
+/// Start of the final phase, seconds.
 fn from_s(phases: &[Phase], phase: Phase) -> Option<f64> {
     let last_other = phases.iter().rposition(|found| *found != phase);
     let first = last_other.map_or(0, |last| last + 1);

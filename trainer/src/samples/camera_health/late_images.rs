@@ -55,7 +55,7 @@ fn doubt_s(lag_s: f64, sd_s: f64) -> f64 {
 /// Box centres per view and track, by time in seconds.
 type Tracks = BTreeMap<(usize, Option<u32>), Vec<(f64, DVec2)>>;
 
-/// Corrects the ticks of a scenario for the lag of each view, and counts the changes.
+/// Corrects a scenario's ticks for the lag of each view, and counts the changes.
 pub(crate) fn in_time(
     observations: Vec<Observation>,
     late: &[Late],

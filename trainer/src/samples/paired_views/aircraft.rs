@@ -13,7 +13,7 @@ use crate::samples::trusted_boxes::other_boxes::Candidate;
 
 /// Minimum time for a motion estimate, seconds.
 const MIN_MOTION_S: f64 = 2.0;
-/// Maximum speed of a stationary object, px/s: at 10 NM, an aircraft 300 m to the side of a mast moves six times as fast.
+/// Maximum speed for a stationary object, px/s: at 10 NM, an aircraft 300 m beside a mast moves six times as fast.
 const STILL_PX_S: f64 = 0.1;
 /// Standard deviations of a distant box's centre and width, pixels: a stationary object may exceed [`STILL_PX_S`] by chance, ...
 const CENTRE_SD_PX: f64 = 0.35;
@@ -22,7 +22,7 @@ const WIDTH_SD_PX: f64 = 1.3;
 /// with 0.6 px/s takes five seconds, one with 0.15 px/s ten.
 const SURE: f64 = 4.0;
 /// Maximum distance from the expected position, in box widths: immediately, and per second with and without a motion estimate. An airliner
-/// at 2 NM moves by a fifth of its width per second.
+/// at 2 NM moves by 0.2 widths per second.
 const AWAY_AT_ONCE: f64 = 1.0;
 const AWAY_PER_S: f64 = 0.1;
 const AWAY_PER_S_WITHOUT_MOTION: f64 = 0.3;
@@ -48,7 +48,7 @@ impl Slope {
     }
 }
 
-/// Sightings of an object in one view.
+/// An object's sightings in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trace {
     last: Sighting,
@@ -112,7 +112,7 @@ impl Trace {
         Some(motion.is_over(STILL_PX_S) || growth.is_over(STILL_GROWTH / lasted_s))
     }
 
-    /// Regression line through a quantity of its sightings, at least two, with a minimum standard deviation.
+    /// Regression line for a quantity over at least two sightings, with a minimum standard deviation.
     fn slope(&self, least_sd: f64, number: impl Fn(&PixelBox) -> f64) -> Option<Slope> {
         let sightings = self.earlier.iter().chain([&self.last]);
         let numbers: Vec<_> = sightings
@@ -267,7 +267,7 @@ impl Aircraft {
         }
     }
 
-    /// One object per view, after a long contradiction between views. All pairing is lost.
+    /// Splits the object by view, after a long contradiction. All pairing is lost.
     pub(super) fn divided(self, mut number: impl FnMut() -> usize) -> Vec<Self> {
         let views = 0..self.traces.len();
         let of_view = |view: usize| {

@@ -73,7 +73,7 @@ fn line<'a>(pairs: impl Iterator<Item = &'a Pair<'a>> + Clone) -> Option<[f64; 4
     Some(column)
 }
 
-/// Columns by which the second view is off to the right, pixels.
+/// Column offset in the second view, to the right, pixels.
 fn off_px(column: &[f64; 4], [first, second]: [&PixelBox; 2]) -> f64 {
     second.cx_px - dot(column, &terms(first))
 }

@@ -350,7 +350,7 @@ struct Tick<'a> {
     boxes: &'a [Vec<Candidate>],
     /// Views that are not blind.
     looks: &'a [bool],
-    /// True if the edge of an image cuts off everything that a view sees.
+    /// True if an image edge cuts off everything in a view.
     has_cut_off: bool,
 }
 

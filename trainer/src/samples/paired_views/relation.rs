@@ -1,4 +1,4 @@
-//! Appearance of an aircraft in two views: a relation between its boxes, learned from true boxes.
+//! Aircraft appearance in two views: a relation between its boxes, learned from true boxes.
 //!
 //! Cameras beside one runway see a distant aircraft in nearly the same row (the epipolar constraint, nearly linear for small fields of
 //! view) and in nearly the same size, and the parallax between columns is proportional to the size. This gives three residuals, each with a
@@ -14,7 +14,7 @@ use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
 
 /// Minimum number of pairs.
 pub(super) const MIN_PAIRS: usize = 30;
-/// Maximum residual of an aircraft that both views have been following, in standard deviations: a cloud may hide parts.
+/// Maximum residual for an aircraft that both views have been following, in standard deviations: a cloud may hide parts.
 const MAX_FOLLOWED_DEVIATIONS: f64 = 9.0;
 /// Minimum standard deviation of rows, px: flights beside the training's paths differ by more than its boxes.
 const MIN_ROW_SD_PX: f64 = 0.7;
@@ -95,7 +95,7 @@ impl Relation {
             row_sd_px: row_sd_px.max(MIN_ROW_SD_PX),
             size: [size, size_sd.max(MIN_SIZE_SD)],
             parallax: [apart_px, slope],
-            // A slope of one column per pixel in width reflects the aircraft's shape, not a baseline between cameras.
+            // A slope with one column per pixel in width reflects the aircraft's shape, not a baseline between cameras.
             parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(MIN_SIZE_SD)),
             common_px: [ends(0), ends(1)],
             columns: Columns::fit(flights),
@@ -119,7 +119,7 @@ impl Relation {
         [row, size, parallax.unwrap_or(0.0)]
     }
 
-    /// Half the sum of squared residuals; `None` if the boxes cannot show one new aircraft.
+    /// Negative log likelihood of the residuals, up to a constant; `None` if the boxes cannot show one new aircraft.
     pub(super) fn misfit(&self, pair: [&PixelBox; 2]) -> Option<f64> {
         let residuals = self.residuals(pair);
         let is_one = residuals.iter().all(|r| r.abs() <= MAX_DEVIATIONS);

@@ -11,7 +11,7 @@ use super::*;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes};
 use crate::samples::{Look, Samples};
 
-/// Only the first view has an image.
+/// The second view has no image.
 const ONE_LOOKS: [Look; 2] = [Look::Placed, Look::Blind];
 
 /// Relations from the training side, and test flights beyond 1 NM.
@@ -451,7 +451,7 @@ fn erring(exact: PixelBox, random: &mut ChaCha12Rng) -> PixelBox {
     }
 }
 
-/// Images in which only the first view sees something.
+/// Ticks with objects in the first view only.
 fn alone(
     like: &Observation,
     step_ns: i64,

@@ -19,7 +19,7 @@ use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
 const PRIOR_SD: [f64; UNKNOWNS] = [2.0, 2.0, 2.0, 5.0, 20.0, 20.0, 20.0];
 /// Steps for numerical derivatives, in the same order.
 const STEPS: [f64; UNKNOWNS] = [1e-4, 1e-4, 1e-4, 1e-3, 1e-2, 1e-2, 1e-2];
-/// Error of a box centre, pixels, and its distance from the labelled point, metres: a gear, half a fin.
+/// Box centre error, pixels, and its distance from the labelled point, metres: a gear, half a fin.
 const BOX_SD_PX: f64 = 1.0;
 const POINT_SD_M: f64 = 3.0;
 /// Standard deviations beyond which residuals hardly count.
@@ -119,7 +119,7 @@ impl CameraFit {
         Some(off_px / seen.sd_px)
     }
 
-    /// Robust standard deviation of a camera's residuals, relative to the expected one.
+    /// Robust standard deviation of the residuals, relative to the expected one.
     fn spread(&self, seen: &[LabelledBox], adjustment: &Adjustment) -> f64 {
         let residuals = seen.iter().filter_map(|s| self.residual(s, adjustment));
         deviation_from_zero(residuals.flat_map(|residual| residual.to_array()))

@@ -5,12 +5,12 @@ use std::fmt;
 use super::TrainingCameras;
 use super::camera_fit::CameraFit;
 
-/// Minimum reported differences: degrees, percent and metres. The centre of a box is some metres away from the labelled point: in the
+/// Minimum reported differences: degrees, percent and metres. Box centres are some metres away from the labelled point: in the
 /// corpus of `dtd paper --frame-rate 2`, whose cameras are true, a fitted camera is 10 m off along the approach.
 const MIN_TURN_DEG: f64 = 0.05;
 const MIN_FOCAL_PCT: f64 = 1.0;
 const MIN_MOVE_M: f64 = 15.0;
-/// Minimum significance of a difference.
+/// Minimum significance for differences.
 const MIN_DEVIATIONS: f64 = 5.0;
 
 /// A view whose fitted camera differs from the stated one.

@@ -22,7 +22,7 @@ const MAX_STEPS: usize = 60;
 const MAX_HALVINGS: u32 = 10;
 /// Maximum move in the last step, in standard deviations.
 const SETTLED: f64 = 1e-2;
-/// Residual of a point behind the camera, pixels.
+/// Residual for a point behind the camera, pixels.
 const BEHIND_PX: f64 = 1e5;
 
 pub(super) struct Tick {
@@ -33,7 +33,7 @@ pub(super) struct Tick {
     pub(super) measured: Vec<Measured>,
 }
 
-/// Input of a fit.
+/// Fit input.
 pub(super) struct Bundle {
     /// Rig cameras per view.
     pub(super) rig: Vec<Camera>,

@@ -47,7 +47,7 @@ fn errors_pct(fitted: &SelfCalibrated, samples: &Samples) -> (f64, f64) {
     (mean, errors.iter().copied().fold(0.0, f64::max))
 }
 
-/// Error of each number of a fitted camera, in its standard deviations.
+/// Normalised error of each camera number.
 fn deviations_off(fitted: &FittedCamera, truth: &Camera) -> [f64; UNKNOWNS] {
     let found = fitted.camera();
     let seen = found.ecef_from_camera.transpose() * truth.ecef_from_camera;

@@ -1,4 +1,4 @@
-//! Smoother: states from all ticks of a flight, along the decisions of the most likely final hypothesis.
+//! Smoother: states from all ticks, along the decisions of the most likely final hypothesis.
 
 use super::forward::{Tick, fits_of};
 use super::gaussian::{Gaussian, Step};

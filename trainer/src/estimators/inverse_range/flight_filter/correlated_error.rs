@@ -30,7 +30,7 @@ pub(crate) struct CorrelatedError {
     pub(super) deviations: Vec<f64>,
     /// New share of the variance per tick.
     pub(super) new_share: f64,
-    /// Half-life of the rest, seconds.
+    /// Correlation half-life for the rest, seconds.
     pub(super) half_time_s: f64,
 }
 
@@ -89,7 +89,7 @@ impl CorrelatedError {
         Some(best)
     }
 
-    /// The same process with the error sizes of other flights.
+    /// Copy with error sizes from other flights.
     pub(super) fn with_deviations_of(&self, flights: &[Vec<ErrorSample>]) -> Self {
         match deviations_by_distance(flights) {
             None => self.clone(),
@@ -138,7 +138,7 @@ impl CorrelatedError {
         }
     }
 
-    /// Standard deviations of a measurement's error, metres: smooth part, and new part per tick.
+    /// Measurement error as standard deviations, metres: smooth part, and new part per tick.
     pub(super) fn parts_m(&self, measurement: &Measurement, distance_m: f64) -> [f64; 2] {
         let least_m = self.deviation_at(distance_m) * scale_m(distance_m);
         let whole_m = least_m / measurement.precision;

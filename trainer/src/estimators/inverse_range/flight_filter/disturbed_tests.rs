@@ -10,10 +10,10 @@ use super::*;
 struct Disturbance {
     /// Probability per tick that a group of outliers begins.
     outliers: f64,
-    /// Maximum length of a group, in ticks, and whether all its ticks share one relative error.
+    /// Maximum group length, in ticks, and whether all its ticks share one relative error.
     longest: usize,
     is_consistent: bool,
-    /// Minimum and maximum relative size of an outlier.
+    /// Minimum and maximum relative outlier size.
     sizes: [f64; 2],
     /// Standard deviation of additional new errors, relative to the usual one.
     new: f64,

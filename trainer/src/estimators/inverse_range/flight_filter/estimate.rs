@@ -8,12 +8,12 @@ use crate::estimators::inverse_range::scale_m;
 
 /// Maximum relative standard deviation of the distance in an answer.
 const MAX_DEVIATION: f64 = 0.2;
-/// Minimum speed of an approach, m/s.
+/// Minimum approach speed, m/s.
 const MIN_SPEED_MPS: f64 = 5.0;
 /// Maximum prediction step towards touchdown, seconds.
 const LOOK_AHEAD_S: f64 = 10.0;
 const ITERATIONS: usize = 10;
-/// Half width of the central 90 % of a normal distribution, in standard deviations.
+/// Normal quantile for a central 90 % interval.
 const NORMAL_90: f64 = 1.644_853_626_951_472_7;
 
 /// A number with standard deviation and 90 % interval.
@@ -52,7 +52,7 @@ pub(super) struct Widening {
     pub(super) common_sd_per_m: f64,
 }
 
-/// Half widths of 90 % intervals, in standard deviations.
+/// 90 % interval half widths, in standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HalfWidths {
     pub(super) distance: f64,
@@ -61,7 +61,7 @@ pub(crate) struct HalfWidths {
 }
 
 impl HalfWidths {
-    /// Half widths for normal distributions.
+    /// Widths for normal distributions.
     pub(super) const NORMAL: Self = Self {
         distance: NORMAL_90,
         ground_speed: NORMAL_90,

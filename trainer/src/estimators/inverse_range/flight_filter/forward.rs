@@ -30,7 +30,7 @@ const LEVEL_CHANGE: f64 = 0.003;
 /// Maximum factor of new errors: a camera that shakes by two pixels makes them 65 times as large.
 const MAX_ERROR: f64 = 100.0;
 const MAX_HYPOTHESES: usize = 10;
-/// Minimum weight of a tick, and of a hypothesis relative to the heaviest one at a usual tick. A former answer that a new track displaced
+/// Minimum tick weight, and minimum hypothesis weight relative to the heaviest at a usual tick. A former answer that a new track displaced
 /// keeps this weight ...
 const MIN_WEIGHT: f64 = 1e-3;
 /// ... until it had no measurement for [`MEMORY_S`] or this many usual ticks: false boxes rarely last longer.
@@ -108,13 +108,13 @@ struct WeightedHypothesis {
     log_weight: f64,
     /// Logarithm of the weight from all ticks, without the minimum for a former answer.
     log_whole: f64,
-    /// Tick number of its start.
+    /// Tick number at the start.
     began: usize,
     /// True if the heaviest hypothesis once started there.
     was_answer: bool,
     /// Time of the last accepted measurement, seconds.
     taken_s: f64,
-    /// Its last entry in [`Filter::decided`].
+    /// Last entry in [`Filter::decided`].
     decided: usize,
 }
 
@@ -126,7 +126,7 @@ struct DecisionEntry {
     before: Option<usize>,
 }
 
-/// A continuation of a hypothesis.
+/// Possible continuation.
 struct Branch {
     /// Index of the hypothesis.
     of: usize,
@@ -290,7 +290,7 @@ impl Filter {
         }
     }
 
-    /// All continuations of a hypothesis.
+    /// All continuations for a hypothesis.
     fn ways(
         &self,
         model: Model,
@@ -350,7 +350,7 @@ impl Filter {
         }
     }
 
-    /// The heaviest branches, and the heaviest branch of a former answer, with weights relative to the heaviest.
+    /// The heaviest branches, and a former answer's heaviest branch, with weights relative to the heaviest.
     fn heaviest(mut ways: Vec<Branch>, count: f64) -> Vec<Branch> {
         ways.retain(|way| !way.log_weight.is_nan());
         ways.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
@@ -429,7 +429,7 @@ impl Filter {
     }
 }
 
-/// Logarithm of a sum from two logarithms.
+/// Log-sum-exp for two numbers.
 fn log_sum(a: f64, b: f64) -> f64 {
     a.max(b) + (-(a - b).abs()).exp().ln_1p()
 }

@@ -55,7 +55,7 @@ impl Step {
         self.transition.times_vector(unknowns)
     }
 
-    /// Transition times covariance, block by block: most elements of a transition are 0.
+    /// Transition times covariance, block by block: most transition elements are 0.
     fn times(&self, covariance: &Matrix) -> Matrix {
         let size = covariance.size;
         let mut product = Matrix::zero(size);
@@ -91,7 +91,7 @@ impl Step {
     }
 }
 
-/// Transition and noise of a block.
+/// Transition and noise for a block.
 pub(super) type Block<const N: usize> = ([[f64; N]; N], [[f64; N]; N]);
 
 /// A linear function of two unknowns with an error.
@@ -132,7 +132,7 @@ impl Gaussian {
         }
     }
 
-    /// Variance of a reading's misfit.
+    /// Misfit variance for a reading.
     pub(super) fn variance_of(&self, reading: &Reading) -> f64 {
         let [(a, from_a), (b, from_b)] = reading.parts;
         let of = |i, j| self.covariance[(i, j)];
@@ -190,7 +190,7 @@ impl Gaussian {
     }
 }
 
-/// Log likelihood of a sequence of times and numbers, each the first unknown with this error variance; without constants.
+/// Log likelihood for a sequence with times and numbers, each the first unknown with this error variance; without constants.
 pub(super) fn log_likelihood(
     start: &Gaussian,
     sequence: &[(f64, f64)],

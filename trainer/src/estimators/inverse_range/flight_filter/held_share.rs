@@ -80,7 +80,7 @@ impl Pool {
         largest
     }
 
-    /// Mean coverage of a left-out flight by the quantile at this level.
+    /// Mean coverage on a left-out flight by the quantile at this level.
     fn held_of_others(&self, level: f64) -> f64 {
         let held = self.flights.iter().enumerate().map(|(number, errors)| {
             let width = self.quantile(level, Some(number));

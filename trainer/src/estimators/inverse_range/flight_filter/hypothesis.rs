@@ -1,7 +1,7 @@
-//! A hypothesis about a flight: its outliers, the size of its other errors, and the resulting state.
+//! A hypothesis about a flight: outliers, the size of other errors, and the resulting state.
 //!
 //! Given these decisions, a Kalman filter is exact. All variances share a factor that the flight itself determines: the squared normalised
-//! misfits, with some usual ones as prior. So the likelihood of a misfit is Student's t.
+//! misfits, with some usual ones as prior. So misfits have Student's t as likelihood.
 
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
@@ -141,7 +141,7 @@ impl Hypothesis {
         self.is_outlier = false;
     }
 
-    /// Learns the error of a single view next to a better measurement, without affecting the motion.
+    /// Learns a single view's error next to a better measurement, without affecting the motion.
     pub(super) fn learn(
         &mut self,
         model: Model,
@@ -234,7 +234,7 @@ pub(super) fn step(model: Model, fits: &[usize], seconds: f64) -> Step {
     step
 }
 
-/// Index of a fit's error among the unknowns.
+/// Index for a fit's error among the unknowns.
 fn place(number: usize) -> usize {
     Motion::UNKNOWNS + CorrelatedError::UNKNOWNS * number
 }

@@ -22,7 +22,7 @@ const HELD: f64 = 0.9;
 /// Measurements with ground truth.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LabelledFlight {
-    /// Flight number, independent of its name: equal numbers are copies.
+    /// Flight number: copies share it, whatever their names.
     pub(super) flown: usize,
     pub(super) ticks: Vec<Tick>,
     pub(super) distances_m: Vec<f64>,
@@ -50,7 +50,7 @@ impl LabelledFlight {
         flights
     }
 
-    /// Flights of these ticks, each part measured by fits to the others, if these exist.
+    /// The flights, each part measured by fits to the others, if these exist.
     pub(super) fn left_out(
         fits: &CrossFitted,
         ticks: &[&Sample],

@@ -5,8 +5,8 @@ use super::motion::Motion;
 
 /// Share of the weight within the estimate's covariance.
 const COVERED: f64 = 0.95;
-/// Weight from which on hypotheses that accept the last measurement answer, although the heaviest one rejects it. If they are wrong, so is
-/// the measurement; if they are right, only the filter is wrong.
+/// Minimum weight for an answer from hypotheses that accept the last measurement, although the heaviest one rejects it. If they are wrong,
+/// so is the measurement; if they are right, only the filter is wrong.
 const FOLLOWED: f64 = 0.2;
 
 /// A hypothesis.

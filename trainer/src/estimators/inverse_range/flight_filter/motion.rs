@@ -1,4 +1,4 @@
-//! Motion model of an approach: its acceleration decays, and its speed slowly returns to the usual one.
+//! Approach motion model: its acceleration decays, and its speed slowly returns to the usual one.
 //!
 //! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights. In
 //! continuous time, so that ticks may be any time apart.
@@ -17,9 +17,9 @@ const QUADRATURE: [(f64, f64); 5] = [
 ];
 /// Spacing of labels for the fit, seconds: closer ones add no information about the motion.
 const LABEL_STEP_S: f64 = 1.0;
-/// Standard deviation of a label, metres: recordings are resampled.
+/// Label standard deviation, metres: recordings are resampled.
 const LABEL_SD_M: f64 = 0.05;
-/// Standard deviation of an unknown flight's speed, m/s: a few training flights do not determine the speed of the next one. On the demo's
+/// Speed standard deviation for an unknown flight, m/s: a few training flights do not determine the speed of the next one. On the demo's
 /// training and validation flights, each left out in turn, a filter with a single view is off by 1.50 % with the flights' spread of 6 m/s,
 /// by 1.45 % with this, and by 1.90 % with 40 m/s, which takes errors in the first seconds for speed.
 const SPEED_SD_MPS: f64 = 20.0;
@@ -112,7 +112,7 @@ impl Motion {
         })
     }
 
-    /// Variances of an unknown flight's speed and acceleration; the distance has variance 0.
+    /// Speed and acceleration variances for an unknown flight; the distance has variance 0.
     pub(super) fn variances(&self) -> [f64; Self::UNKNOWNS] {
         [
             0.0,
@@ -126,7 +126,7 @@ impl Motion {
         let noise_per_s = 2.0 * self.acceleration_sd_mps2.powi(2) / self.acceleration_time_s;
         let mut noise = [[0.0; Self::UNKNOWNS]; Self::UNKNOWNS];
         for (place, weight) in QUADRATURE {
-            // Present effect of an earlier impulse of acceleration.
+            // Present effect from an earlier acceleration impulse.
             let transition = self.transition(0.5 * seconds * (1.0 + place));
             let effect = transition.map(|row| row[2]);
             for (row, a) in noise.iter_mut().zip(effect) {
@@ -152,7 +152,7 @@ impl Motion {
         ]
     }
 
-    /// Rate at which the speed returns to the mean, consistent with its standard deviation.
+    /// Decay rate towards the mean speed, consistent with its standard deviation.
     fn returning_per_s(&self, fading_per_s: f64) -> f64 {
         let ratio = self.acceleration_sd_mps2 / self.speed_sd_mps;
         let root = (fading_per_s.powi(2) + 4.0 * ratio.powi(2)).sqrt();

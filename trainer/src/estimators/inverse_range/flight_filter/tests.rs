@@ -161,7 +161,7 @@ fn rows_that_misfit_widen_intervals_unless_the_filter_found_larger_errors_by_its
     }
 }
 
-/// The ticks of a flight with some measurements missing.
+/// Flight ticks with some measurements missing.
 fn without(flown: &SyntheticFlight, is_missing: impl Fn(usize, usize) -> bool) -> Vec<Tick> {
     let mut ticks = flown.labelled.ticks.clone();
     for (number, tick) in ticks.iter_mut().enumerate() {
@@ -170,7 +170,7 @@ fn without(flown: &SyntheticFlight, is_missing: impl Fn(usize, usize) -> bool) -
     ticks
 }
 
-/// One view is missing: neither its own fit nor the common one applies.
+/// A view is missing: neither its own fit nor the common one applies.
 fn one_view_missing(fit: usize) -> bool {
     fit != ALONE[1]
 }
@@ -613,7 +613,7 @@ fn a_flight_that_is_faster_than_all_of_the_training_is_followed_with_one_view_be
     });
     let (sum, count) = measured.fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
     let alone_pct = sum / count;
-    // With the spread of a few training flights as the prior for speed.
+    // With the spread over a few training flights as the prior for speed.
     let mut narrow = fitted.clone();
     narrow.motion.speed_sd_mps = 6.0;
     let (_, _, narrow_pct) = of_flights(&narrow, &others, Knowing::Past, alone);

@@ -1,9 +1,10 @@
 //! Uncertainty beyond the filter's covariance.
 //!
-//! **Misfits**: where rows of the views fit each other badly, distances are less certain ([`crate::estimators::inverse_range::row_misfit`]).
+//! **Misfits**: where rows of the views fit each other badly, distances are less certain
+//! ([`crate::estimators::inverse_range::row_misfit`]).
 //!
-//! **Common errors**, such as a lag error or a turned camera, affect all ticks of a flight. Averaging over ticks does not reduce them, and
-//! they cause no contradictions between measurements from the same views. So they do not affect the weights of measurements; they widen the
+//! **Common errors**, such as a lag error or a turned camera, affect a whole flight. Averaging over ticks does not reduce them, and they
+//! cause no contradictions between measurements from the same views. So they do not affect the weights of measurements; they widen the
 //! final estimate. A tick that happens to be free from such an error, because a view is missing, does not undo the effect of others on the
 //! state.
 
@@ -13,7 +14,7 @@ use super::Knowing;
 use super::forward::{MEMORY_S, Tick};
 use crate::estimators::inverse_range::scale_m;
 
-/// Maximum weight of a tick, seconds.
+/// Maximum tick weight, seconds.
 const MAX_OF_TICK_S: f64 = 2.0;
 /// Maximum misfit relative to the usual one: larger ones are outliers, which the filter treats.
 const MAX_RATIO: f64 = 6.0;
@@ -55,8 +56,8 @@ fn scale(square_s: f64, seconds: f64) -> f64 {
     ((square_s + MEMORY_S) / (seconds + MEMORY_S)).powf(0.25)
 }
 
-/// Part of a factor that the filter does not include already: at a level above 0 it has found larger new errors. The factor is proportional
-/// to the square root of the misfit, so the level counts half.
+/// Remainder after the factor that the filter does not include already: at a level above 0 it has found larger new errors. The factor is
+/// proportional to the square root of the misfit, so the level counts half.
 pub(super) fn beyond(scale: f64, level: f64) -> f64 {
     let known = (level / 2.0).exp2();
     scale.min((scale / known).max(1.0))
