@@ -1,4 +1,4 @@
-//! Samples of a corpus: one per tick before touchdown, seen or not.
+//! Corpus samples: one per tick before touchdown, seen or not.
 //!
 //! Input: `splits.json`, and for each scenario its record, calibration, labelled ticks, one model's detections with their registrations,
 //! and the camera health ([`crate::samples::camera_health`]). Boxes cut off by the image's edge are ignored (see

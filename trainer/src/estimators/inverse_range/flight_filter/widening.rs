@@ -56,8 +56,8 @@ fn scale(square_s: f64, seconds: f64) -> f64 {
     ((square_s + MEMORY_S) / (seconds + MEMORY_S)).powf(0.25)
 }
 
-/// Remainder after the factor that the filter does not include already: at a level above 0 it has found larger new errors. The factor is
-/// proportional to the square root of the misfit, so the level counts half.
+/// Factor that remains beyond the filter's own: at a level above 0 it has already found larger new errors. The factor is proportional to
+/// the square root of the misfit, so the level counts half.
 pub(super) fn beyond(scale: f64, level: f64) -> f64 {
     let known = (level / 2.0).exp2();
     scale.min((scale / known).max(1.0))
