@@ -1,11 +1,11 @@
 //! Alignment of each scenario's cameras by the stationary background in their images.
 //!
-//! Cameras that are slightly misplaced from scenario to scenario (`[jitter]`, wind, a new mast) show the aircraft at a different position,
-//! and everything that learned image positions is off by that amount. Runway, ships and islands reveal the offset. A training keeps some of
-//! its backgrounds as references, of different times of day and weathers, aligned with one another. Every scenario is aligned with them
-//! ([`alignment`]), and its boxes and registered shifts are moved to where a camera with the direction of the first reference would have
-//! seen them. The known camera of the scenario is turned accordingly, so code that uses it (checks of labels, the oracle) sees the same
-//! rays as before. Focal length and horizon row are taken from the planned cameras; the actual directions are not read.
+//! Cameras that are slightly displaced between scenarios (`[jitter]`, wind, a new mast) show the aircraft at a different position, and
+//! everything that learned image positions is off by that amount. Runway, ships and islands reveal the offset. Training keeps some
+//! backgrounds from different times of day and weathers as mutually aligned references. Every scenario is aligned with them
+//! ([`alignment`]), and its boxes and registered shifts are mapped to the direction of the first reference. The scenario's known camera is
+//! turned accordingly, so code that uses it (checks of labels, the oracle) sees the same rays as before. Focal length and horizon row come
+//! from the planned cameras; the actual directions are not read.
 //!
 //! A view that cannot be aligned counts as empty: its boxes are dropped, and the scenario is reported.
 //!
@@ -13,8 +13,8 @@
 //! single camera.
 
 mod alignment;
+mod grey_image;
 mod motion;
-mod picture;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -25,6 +25,7 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
+use dataset::numbers::spread::median;
 use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
 use dataset::work::watch::Watch;
 use glam::{DVec2, DVec3};
@@ -34,27 +35,24 @@ use serde::{Deserialize, Serialize};
 use crate::error::Result;
 use crate::samples::{Observation, Samples, ScenarioSummary};
 use alignment::{Aligned, Compared, Reference};
+use grey_image::GreyImage;
 use motion::{after, matrix, turned};
-use picture::Picture;
 
-/// References of each view.
+/// References per view.
 const MAX_REFERENCES: usize = 5;
-/// Greatest elevation of stationary objects above the horizon, radians.
+/// Maximum elevation of stationary objects above the horizon, radians.
 const ABOVE_HORIZON_RAD: f64 = 0.006;
-/// A view with fewer rows below that has no background.
+/// Minimum number of background rows.
 const MIN_ROWS: usize = 64;
-/// Misfits of whole pairs are larger than their patches say: what they see differs in more than noise. Standard deviations are multiplied
-/// by this, and none is below the least, pixels.
+/// Factor for standard deviations, because backgrounds differ by more than noise, and their minimum, pixels.
 const UNDERSTATED: f64 = 3.0;
 const MIN_SD_PX: f64 = 0.03;
-/// A scenario whose direction is less certain is not aligned, pixels.
+/// Maximum standard deviation for an aligned scenario's direction, px. Images from a shaking camera that are off by less show the usual
+/// direction.
 const MAX_SD_PX: f64 = 0.5;
-/// An image of a shaking camera that is off by less shows the usual direction, pixels.
-const MAX_USUAL_PX: f64 = 0.5;
-/// Levels of the stored images per grey level.
+/// Stored levels per grey level.
 const PARTS: f32 = 256.0;
 
-/// The references of a training.
 #[derive(Debug, Clone)]
 pub(crate) struct Backgrounds {
     views: Vec<ViewBackgrounds>,
@@ -63,10 +61,10 @@ pub(crate) struct Backgrounds {
 #[derive(Debug, Clone)]
 struct ViewBackgrounds {
     place: ViewPlace,
-    references: Vec<Placed>,
+    references: Vec<PlacedReference>,
 }
 
-/// Properties of a view that do not depend on its calibration.
+/// A planned view, regardless of the calibration.
 #[derive(Debug, Clone)]
 struct ViewPlace {
     view: String,
@@ -74,35 +72,35 @@ struct ViewPlace {
     camera: Camera,
     /// Row of the horizon in the planned camera's image.
     horizon_px: f64,
-    /// First row of its backgrounds; `None` if there is too little below.
+    /// First background row; `None` if too few rows are below the horizon.
     top: Option<usize>,
 }
 
-/// A reference, and the turn from the first one of its view to it, with its standard deviation across.
+/// A reference with the turn from its view's first reference, and the horizontal standard deviation.
 #[derive(Debug, Clone)]
-struct Placed {
+struct PlacedReference {
     scenario: String,
     turn_rad: DVec3,
     sd_px: f64,
     reference: Reference,
 }
 
-/// The direction of a scenario's camera: the turn from the first reference, and its standard deviation across, pixels.
+/// Camera turn in a scenario from the first reference, and its horizontal standard deviation, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Located {
+struct CameraDirection {
     turn_rad: DVec3,
     sd_px: f64,
 }
 
-/// Result of aligning the views.
+/// Result of the alignment.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Alignment {
-    /// Views of scenarios that were aligned.
+    /// Number of aligned views over all scenarios.
     pub aligned: usize,
-    /// Their median standard deviation across, pixels; missing without any.
+    /// Median horizontal standard deviation, pixels; missing without any.
     pub median_sd_px: Option<f64>,
-    /// Views that could not be, as `scenario view`: their boxes do not count.
+    /// Views that could not be aligned, as `scenario view`: their boxes are dropped.
     pub unaligned: Vec<String>,
 }
 
@@ -119,7 +117,7 @@ impl fmt::Display for Alignment {
     }
 }
 
-/// `backgrounds` of `baselines.json`: what the images of `backgrounds.png` are, from top to bottom.
+/// `backgrounds` in `baselines.json`: description of the images in `backgrounds.png`, from top to bottom.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StoredView {
@@ -155,20 +153,20 @@ impl ViewPlace {
         }
     }
 
-    /// `model`: the detections that tell when the camera looked in its usual direction.
-    fn picture(&self, scenario: &OpenScenario, model: &str) -> Result<Option<Picture>> {
+    /// `model`: detections with the health table that identifies images in the usual direction.
+    fn picture(&self, scenario: &OpenScenario, model: &str) -> Result<Option<GreyImage>> {
         let size_px = [self.camera.width_px, self.camera.height_px];
         let health = scenario.health(model)?.unwrap_or_default();
         let of_view = health.iter().filter(|row| row.view == self.view);
         let is_usual: Vec<bool> = of_view.map(is_usual).collect();
-        let of = |top| Picture::of_view(scenario, &self.view, top, size_px, &is_usual);
+        let of = |top| GreyImage::of_view(scenario, &self.view, top, size_px, &is_usual);
         self.top.map(of).transpose()
     }
 }
 
-/// True for an image that shows the background where it usually is.
+/// True for an image with the background in its usual position.
 fn is_usual(row: &ViewHealth) -> bool {
-    let is_near = |turn: CameraTurn| turn.shift_x_px.hypot(turn.shift_y_px) <= MAX_USUAL_PX;
+    let is_near = |turn: CameraTurn| turn.shift_x_px.hypot(turn.shift_y_px) <= MAX_SD_PX;
     match row.state {
         HealthState::Steady | HealthState::Unknown | HealthState::Inconsistent => true,
         HealthState::Moved | HealthState::Shaking | HealthState::Frozen => {
@@ -178,14 +176,16 @@ fn is_usual(row: &ViewHealth) -> bool {
 }
 
 impl ViewBackgrounds {
-    /// References of some scenarios, aligned among one another.
-    fn of(place: ViewPlace, pictures: Vec<(String, Picture)>) -> Self {
-        let references = pictures.into_iter().map(|(scenario, picture)| Placed {
-            scenario,
-            turn_rad: DVec3::ZERO,
-            sd_px: 0.0,
-            reference: Reference::of(picture),
-        });
+    /// Mutually aligned references from some scenarios.
+    fn of(place: ViewPlace, pictures: Vec<(String, GreyImage)>) -> Self {
+        let references = pictures
+            .into_iter()
+            .map(|(scenario, picture)| PlacedReference {
+                scenario,
+                turn_rad: DVec3::ZERO,
+                sd_px: 0.0,
+                reference: Reference::of(picture),
+            });
         let mut all = Self {
             place,
             references: references.collect(),
@@ -201,7 +201,7 @@ impl ViewBackgrounds {
                 motions.extend(motion.map(|motion| ((from, to), motion)));
             }
         }
-        // From those that are placed to the one that they are surest of, then again from all others.
+        // First from the placed references to the most certain next one, then again from all others.
         let place = |all: &Self, from: &[usize], to: usize| {
             let measured = from.iter().filter(|&&from| from != to).filter_map(|&from| {
                 let motion = motions.get(&(from, to))?;
@@ -236,7 +236,7 @@ impl ViewBackgrounds {
         all
     }
 
-    fn place_reference(&mut self, reference: usize, located: &Located) {
+    fn place_reference(&mut self, reference: usize, located: &CameraDirection) {
         let placed = &mut self.references[reference];
         (placed.turn_rad, placed.sd_px) = (located.turn_rad, located.sd_px);
     }
@@ -251,45 +251,44 @@ impl ViewBackgrounds {
             .filter(|motion| motion.sd_px.is_finite())
     }
 
-    fn located(&self, from: usize, measured: &Aligned) -> Located {
+    fn located(&self, from: usize, measured: &Aligned) -> CameraDirection {
         let from = &self.references[from];
         let sd_px = (UNDERSTATED * measured.sd_px).hypot(from.sd_px);
-        Located {
+        CameraDirection {
             turn_rad: after(measured.motion.turn_rad, from.turn_rad),
             sd_px: sd_px.max(MIN_SD_PX),
         }
     }
 
-    /// The direction of a scenario's camera; `None` if its background does not resemble the references.
-    fn locate(&self, scenario: &OpenScenario, model: &str) -> Result<Option<Located>> {
+    /// Camera direction in a scenario; `None` if its background does not resemble the references.
+    fn locate(&self, scenario: &OpenScenario, model: &str) -> Result<Option<CameraDirection>> {
         let Some(picture) = self.place.picture(scenario, model)? else {
             return Ok(None);
         };
         let compared = Compared::of(&picture);
         let measured = (0..self.references.len())
             .filter_map(|from| Some(self.located(from, &self.motion(from, &compared)?)));
-        let measured: Vec<Located> = measured.collect();
+        let measured: Vec<CameraDirection> = measured.collect();
         let located = combined(&measured, self.place.camera.focal_px);
         Ok(located.filter(|located| located.sd_px <= MAX_SD_PX))
     }
 }
 
-/// The mean of what references say, by their certainty; those that contradict the others count less. The standard deviation is at least
-/// their spread. `None` without any.
-fn combined(measured: &[Located], focal_px: f64) -> Option<Located> {
+/// Weighted mean of directions; contradicting ones have less weight. The standard deviation is at least their spread. `None` without any.
+fn combined(measured: &[CameraDirection], focal_px: f64) -> Option<CameraDirection> {
     let surest = measured.iter().min_by(|a, b| a.sd_px.total_cmp(&b.sd_px))?;
     let mut found = *surest;
     for _ in 0..10 {
         let weights: Vec<f64> = measured
             .iter()
             .map(|located| {
-                // Across: by the turn around the axis down.
+                // Horizontal distance, by the turn around the downward axis.
                 let away = (located.turn_rad.y - found.turn_rad.y) * focal_px / located.sd_px;
                 located.sd_px.powi(-2) / (1.0 + (away / 3.0).powi(2))
             })
             .collect();
         let sum: f64 = weights.iter().sum();
-        let mean = |value: &dyn Fn(&Located) -> DVec3| {
+        let mean = |value: &dyn Fn(&CameraDirection) -> DVec3| {
             let weighted = measured
                 .iter()
                 .zip(&weights)
@@ -302,7 +301,7 @@ fn combined(measured: &[Located], focal_px: f64) -> Option<Located> {
             away_px * away_px * weight
         });
         let spread_px = (squares.sum::<f64>() / sum).sqrt();
-        found = Located {
+        found = CameraDirection {
             turn_rad,
             sd_px: sum.sqrt().recip().max(spread_px).max(MIN_SD_PX),
         };
@@ -311,7 +310,7 @@ fn combined(measured: &[Located], focal_px: f64) -> Option<Located> {
 }
 
 impl Backgrounds {
-    /// References from the training side.
+    /// Learns references from the training side.
     pub(crate) fn learn(samples: &Samples, watch: &dyn Watch) -> Result<Self> {
         let chosen = references(samples);
         watch.begin("backgrounds", chosen.len() as u64);
@@ -336,7 +335,7 @@ impl Backgrounds {
         })
     }
 
-    /// Aligns the scenarios of some sides, and corrects their cameras, boxes and shifts.
+    /// Aligns scenarios on some sides, and corrects their cameras, boxes and shifts.
     pub(crate) fn align(
         &self,
         samples: &mut Samples,
@@ -350,7 +349,7 @@ impl Backgrounds {
         alignment
     }
 
-    /// The same for observations without truth.
+    /// Alignment for observations without ground truth.
     pub(crate) fn align_observations<'a>(
         &self,
         samples: &mut Samples,
@@ -398,13 +397,12 @@ impl Backgrounds {
         for observed in observations {
             self.correct(observed, &turns[observed.scenario]);
         }
-        sds_px.sort_by(f64::total_cmp);
         alignment.aligned = sds_px.len();
-        alignment.median_sd_px = sds_px.get(sds_px.len() / 2).copied();
+        alignment.median_sd_px = (!sds_px.is_empty()).then(|| median(&mut sds_px));
         Ok(alignment)
     }
 
-    /// Moves what was seen to where the first references would have seen it.
+    /// Maps an observation to the first references' directions.
     fn correct(&self, observed: &mut Observation, turns: &[Option<DVec3>]) {
         let place = |view: usize, place: DVec2| {
             let back = matrix(turns[view]?).transpose();
@@ -413,7 +411,6 @@ impl Backgrounds {
         *observed = observed.moved(place);
     }
 
-    /// Number of views.
     pub(crate) fn views(&self) -> usize {
         self.views.len()
     }
@@ -443,7 +440,7 @@ impl Backgrounds {
         views.collect()
     }
 
-    /// Their images, one below the other: a PNG with 16 bits.
+    /// Reference images, one below the other: a PNG with 16 bits.
     pub(crate) fn png(&self) -> Vec<u8> {
         let pictures = || {
             self.views
@@ -471,7 +468,7 @@ impl Backgrounds {
         png.into_inner()
     }
 
-    /// The references of a run; `None` if the images are not those that were stored.
+    /// Restores stored references; `None` if the images do not match.
     pub(crate) fn of(stored: &[StoredView], png: &[u8]) -> Option<Self> {
         let picture = image::load_from_memory_with_format(png, ImageFormat::Png)
             .ok()?
@@ -499,12 +496,12 @@ impl Backgrounds {
                             .map(|&level| f32::from(level) / PARTS),
                     );
                 }
-                let picture = Picture {
+                let picture = GreyImage {
                     width: view.width_px,
                     top: view.top_px,
                     light,
                 };
-                references.push(Placed {
+                references.push(PlacedReference {
                     scenario: placed.scenario.clone(),
                     turn_rad: DVec3::from_array(placed.turn_rad),
                     sd_px: placed.sd_px,

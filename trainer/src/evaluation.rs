@@ -1,4 +1,4 @@
-//! Evaluation of a run on unseen trajectories: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
+//! Run evaluation on unseen trajectories: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
 //!
 //! Estimators process one whole flight after the other, first as observed, and then again for each removal of views
 //! ([`crate::evaluation::view_removal`]). `evaluation-rules.toml` defines which ticks count, and how.
@@ -46,37 +46,34 @@ use crate::samples::sides::leave_out::LeftOut;
 use crate::samples::sides::marked_scenarios;
 use crate::samples::{DistanceRange, Observation, Sample, Samples};
 
-/// Warning about a run that aligns backgrounds, at another airport.
-pub(crate) const UNALIGNED: &str = "align_backgrounds: the run has no background of this airport, so its cameras are taken to be as calibrated";
-
-/// Input and output of an evaluation.
+/// Evaluation input and output.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EvaluationConfig {
-    /// Scenarios that are judged.
+    /// Scenarios to evaluate.
     pub side: JudgedSide,
-    /// File name or hash of the detection model; by default the training's.
+    /// File name or hash of the detection model; by default the one used in training.
     pub detections: Option<String>,
     /// An empty or new folder; by default the run itself.
     pub out: Option<PathBuf>,
 }
 
-/// Flights of the test side, and who estimates them.
+/// Input of the estimators.
 struct Evaluation<'a> {
     run: &'a TrainedRun,
     samples: &'a Samples,
     rules: &'a EvaluationRules,
 }
 
-/// One flight, and what the estimators answered.
-struct Flown<'a> {
+/// Answers for one flight.
+struct FlightAnswers<'a> {
     flight: &'a [Sample],
     is_judged: &'a [bool],
     believed: &'a [Observation],
     answered: &'a [Answered],
 }
 
-/// Evaluates a run on a corpus. The results go to a new folder, or are added to the run: it is replaced by one with the same networks and
-/// all results of this evaluation. Results of another evaluation are never replaced.
+/// Evaluates a run on a corpus. The results go to a new folder, or are added to the run, which is replaced by a copy with the same networks
+/// and all results. Results from a different evaluation are never replaced.
 pub fn evaluate(
     run: &RunFolder,
     corpus: &Corpus,
@@ -105,18 +102,7 @@ pub fn evaluate(
             None => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
         },
     }
-    let is_aligned = trained.backgrounds.is_some();
-    let trained = trained.at_runway_of(&samples);
-    check_cameras(run, corpus, &trained, &samples)?;
-    if let Some(line) = other_registration(
-        trained.summary.registered_with.as_ref(),
-        samples.registered_with(),
-    ) {
-        watch.warn(&line);
-    }
-    if is_aligned && trained.backgrounds.is_none() {
-        watch.say(UNALIGNED);
-    }
+    let trained = trained.for_corpus(run, corpus, &samples, watch)?;
     check_unseen(run, corpus, &trained, &samples, config.side)?;
     let backgrounds = trained.backgrounds.as_ref();
     let alignment = backgrounds
@@ -230,27 +216,48 @@ pub fn evaluate(
     Ok(metrics)
 }
 
-/// Makes the condition that a training leaves out, if any, the test side.
+/// Makes the left-out condition, if any, the test side.
 pub(crate) fn split_again(
     corpus: &Corpus,
     samples: &mut Samples,
     leave_out: Option<&str>,
 ) -> Result<()> {
-    let Some(setting) = leave_out else {
-        return Ok(());
-    };
-    let is_there = LeftOut::parse(setting).is_some_and(|left_out| left_out.split(samples));
-    if is_there {
-        Ok(())
-    } else {
-        let setting = setting.to_owned();
-        let fault = CorpusFault::NothingLeftOut { setting };
-        Err(Error::corpus(corpus.root(), fault))
+    match leave_out {
+        Some(setting) if !LeftOut::parse(setting).is_some_and(|of| of.split(samples)) => {
+            let setting = setting.to_owned();
+            let fault = CorpusFault::NothingLeftOut { setting };
+            Err(Error::corpus(corpus.root(), fault))
+        }
+        _ => Ok(()),
     }
 }
 
 impl TrainedRun {
-    /// Observations of whole flights with the boxes of one aircraft, without those that are unlike any of the training side.
+    /// The run at a corpus's runway. Rejects cameras that it was not trained for; warns of different registration and of missing
+    /// backgrounds.
+    pub(crate) fn for_corpus(
+        self,
+        run: &RunFolder,
+        corpus: &Corpus,
+        samples: &Samples,
+        watch: &dyn Watch,
+    ) -> Result<Self> {
+        let is_aligned = self.backgrounds.is_some();
+        let moved = self.at_runway_of(samples);
+        check_cameras(run, corpus, &moved, samples)?;
+        let of_run = moved.summary.registered_with.as_ref();
+        if let Some(line) = other_registration(of_run, samples.registered_with()) {
+            watch.warn(&line);
+        }
+        if is_aligned && moved.backgrounds.is_none() {
+            watch.say(
+                "align_backgrounds: the run has no background of this airport, so its cameras are taken to be as calibrated",
+            );
+        }
+        Ok(moved)
+    }
+
+    /// Whole flights with boxes from one aircraft, without boxes that are unlike training.
     pub(crate) fn believed(
         &self,
         observations: &[Observation],
@@ -261,13 +268,13 @@ impl TrainedRun {
             .map(|observed| self.normalisation.without_outliers(observed, other_cameras))
             .collect();
         if other_cameras {
-            // Places of cameras that vary say nothing about the relation of the views.
+            // Positions from varying cameras carry no information about the relation between views.
             return usual;
         }
         self.baselines.paired_views.of_one_aircraft(&usual)
     }
 
-    /// Says which flights are beside the paths of the training, those with a hidden background and the others apart.
+    /// Warns of flights beside the training's paths, separately for hidden and visible backgrounds.
     pub(crate) fn warn_of_aside<'a>(
         &self,
         flights: impl Iterator<Item = Vec<&'a Observation>>,
@@ -296,13 +303,12 @@ impl TrainedRun {
         Ok(())
     }
 
-    /// True if the cameras of these samples vary and those of the training did not.
+    /// True if the cameras of these samples vary and the training's did not.
     pub(crate) fn has_other_cameras(&self, samples: &Samples) -> bool {
         samples.rig.cameras_vary && !self.summary.cameras_vary
     }
 }
 
-/// Progress of an evaluation.
 struct Steps<'a> {
     watch: &'a dyn Watch,
     done: u64,
@@ -313,17 +319,17 @@ impl<'a> Evaluation<'a> {
         self.samples.flights_of_side(Side::Test)
     }
 
-    /// Flights to estimate, with all views and with some removed.
+    /// Number of flights to estimate, over all removals.
     fn steps(&self, removals: &[ViewRemoval]) -> u64 {
         (self.flights().count() * (1 + removals.len())) as u64
     }
 
-    /// The answers of all estimators, flight by flight; `each` gets all of a flight.
+    /// Answers from all estimators, flight by flight; `each` receives each flight.
     fn answers(
         &self,
         removal: Option<ViewRemoval>,
         steps: &mut Steps,
-        mut each: impl FnMut(&Flown) -> Result<()>,
+        mut each: impl FnMut(&FlightAnswers) -> Result<()>,
     ) -> Result<Answers> {
         let (run, scenarios) = (self.run, &self.samples.scenarios);
         let rules = &self.rules.removed_views;
@@ -347,7 +353,7 @@ impl<'a> Evaluation<'a> {
             let answered = Answered::of_all(&Task::new(run, scenarios, &believed));
             let is_judged: Vec<bool> = flight.iter().map(|s| self.rules.is_there(s)).collect();
             answers.add(&is_judged, (&believed, &removed), &answered);
-            each(&Flown {
+            each(&FlightAnswers {
                 flight,
                 is_judged: &is_judged,
                 believed: &believed,
@@ -360,8 +366,8 @@ impl<'a> Evaluation<'a> {
         Ok(answers)
     }
 
-    /// Rows of `predictions.parquet`: the ticks of a flight that count.
-    fn rows(&self, flown: &Flown) -> TableWriter {
+    /// Rows of `predictions.parquet` for a flight.
+    fn rows(&self, flown: &FlightAnswers) -> TableWriter {
         let judged: Vec<usize> = (0..flown.flight.len())
             .filter(|&tick| flown.is_judged[tick])
             .collect();
@@ -382,8 +388,7 @@ impl<'a> Evaluation<'a> {
     }
 }
 
-/// Rejects cameras that the run was not trained for.
-pub(crate) fn check_cameras(
+fn check_cameras(
     run: &RunFolder,
     corpus: &Corpus,
     trained: &TrainedRun,
@@ -409,8 +414,8 @@ pub(crate) fn check_cameras(
     Ok(())
 }
 
-/// A line for users if the views of a corpus were registered with other cameras than those of the training.
-pub(crate) fn other_registration(
+/// Line for users if a corpus was registered with different cameras than the training.
+fn other_registration(
     of_run: Option<&RegisteredWith>,
     of_corpus: Option<&RegisteredWith>,
 ) -> Option<String> {
@@ -427,7 +432,7 @@ pub(crate) fn other_registration(
     })
 }
 
-/// Rejects flights that the run was trained on, but not the scenarios that it drew for the test: they share flights, and say so.
+/// Rejects flights from training, except scenarios drawn for the test: these share flights, and the report says so.
 fn check_unseen(
     run: &RunFolder,
     corpus: &Corpus,
@@ -450,8 +455,8 @@ fn check_unseen(
     }
 }
 
-/// True if the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the same views of
-/// the same rig, planned in the same way.
+/// True if a run's networks apply to a corpus: the same cameras, or, where a sweep jitters or turns them, the same views of the same rig
+/// with the same plan.
 fn same_rig(trained: &TrainedRun, rig: &Rig) -> bool {
     let run = &trained.summary;
     let same_kind = !(run.cameras_vary || rig.cameras_vary)
@@ -466,7 +471,7 @@ fn same_rig(trained: &TrainedRun, rig: &Rig) -> bool {
         })
 }
 
-/// `seen`: judged ticks that a view saw.
+/// `seen`: number of evaluated ticks that a view saw.
 fn split_summary(
     run: &RunSummary,
     samples: &Samples,

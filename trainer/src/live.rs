@@ -10,7 +10,7 @@
 //!                            InSight                -> phase, filter -> Answer
 //! ```
 //!
-//! `dtd predict --online` feeds it the ticks of a corpus with the boxes that counted at that moment. Nothing uses a later tick, and memory
+//! `dtd predict --online` feeds it corpus ticks with the boxes that counted at that moment. Nothing uses a later tick, and memory
 //! does not grow with their number: objects are forgotten a minute after they were last seen.
 
 mod answer;
@@ -29,13 +29,13 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
-pub use crate::samples::camera_health::look::Look;
+pub use crate::samples::Look;
 pub use answer::{Answer, Position, Stated, Withheld};
-pub(crate) use in_sight::{InSight, Judged};
+pub(crate) use in_sight::{InSight, JudgedAircraft};
 pub use phase::Phase;
 pub use seen_tick::{Candidate, SeenTick, SeenView};
 
-/// A trained run and the aircraft in sight.
+/// A trained run with the aircraft in sight.
 pub struct OnlineRun {
     run: TrainedRun,
     blake3: String,
@@ -47,11 +47,11 @@ pub struct OnlineRun {
 }
 
 impl OnlineRun {
-    /// Opens a run. `estimator`: name of the one that answers; `None`: the run's choice, with the filter in place of single ticks and of
-    /// what needs later ones.
+    /// Opens a run. `estimator` names the estimator; `None`: the run's choice, with the filter in place of estimators for single ticks or
+    /// whole flights.
     ///
     /// # Errors
-    /// The run cannot be read, or the estimator needs what only a corpus has.
+    /// The run cannot be read, or the estimator needs data that only a corpus has.
     pub fn open(folder: &RunFolder, estimator: Option<&str>) -> Result<Self> {
         let sealed = SealedRun::read(folder)?;
         let run = TrainedRun::of(&sealed)?;
@@ -94,12 +94,12 @@ impl OnlineRun {
         })
     }
 
-    /// Identifiers of the views: the order of all lists of views.
+    /// View names, in the order used everywhere.
     pub fn views(&self) -> &[String] {
         &self.run.normalisation.views
     }
 
-    /// The camera of a view, as the training had it.
+    /// A view's camera during training.
     ///
     /// # Panics
     /// There is no view with this index.
@@ -112,27 +112,27 @@ impl OnlineRun {
         &self.run.summary.rig
     }
 
-    /// Name of the estimator that answers.
+    /// Name of the estimator.
     pub fn estimator(&self) -> &'static str {
         self.estimator.name()
     }
 
-    /// File name of the detector whose boxes it was trained with, if it has one, and the name of its detections.
+    /// File name of the detector used in training, if recorded, and the detections' name.
     pub fn model(&self) -> (Option<&str>, &str) {
         let summary = &self.run.summary;
         (summary.model.as_deref(), &summary.model_hash)
     }
 
-    /// BLAKE3 hash of the files that the training wrote.
+    /// BLAKE3 hash of the training's files.
     pub fn blake3(&self) -> &str {
         &self.blake3
     }
 
-    /// Takes the next tick; a time before the last one counts as that one. One answer for each aircraft that is in sight, or was a short
-    /// time ago; the one that is followed comes first.
+    /// Takes the next tick; a time before the last one counts as the last one. Returns one answer for each aircraft that is or was recently
+    /// in sight, the followed one first.
     ///
     /// # Panics
-    /// The tick has another number of views than the run.
+    /// The tick has a different number of views than the run.
     pub fn take(&mut self, tick: &SeenTick) -> Vec<Answer> {
         self.last_ns = tick.time_ns.max(self.last_ns);
         let observed = tick.observed((self.ticks, self.last_ns), &self.cameras);
@@ -149,7 +149,7 @@ impl OnlineRun {
         answers.collect()
     }
 
-    fn answer(&self, judged: &Judged) -> Answer {
+    fn answer(&self, judged: &JudgedAircraft) -> Answer {
         if self.estimator == Estimator::InverseRangeFiltered {
             return Answer::with_estimate(judged);
         }
@@ -159,7 +159,7 @@ impl OnlineRun {
     }
 }
 
-/// Refuses runs that need whole flights.
+/// Rejects runs that need whole flights.
 pub(crate) fn check_causal(run: &TrainedRun, folder: &RunFolder) -> Result<()> {
     if run.backgrounds.is_some() {
         return Err(Error::run(folder.root(), RunFault::AlignedOnline));
@@ -167,7 +167,7 @@ pub(crate) fn check_causal(run: &TrainedRun, folder: &RunFolder) -> Result<()> {
     Ok(())
 }
 
-/// The cameras of the training, in the order of the views; `None` if one is missing.
+/// Training cameras in the order of the views; `None` if one is missing.
 fn cameras_of(run: &TrainedRun) -> Option<Vec<Camera>> {
     let cameras = &run.summary.cameras;
     let views = run.normalisation.views.iter();
@@ -176,12 +176,10 @@ fn cameras_of(run: &TrainedRun) -> Option<Vec<Camera>> {
         .collect()
 }
 
-/// The estimators that can answer live.
 fn all_online() -> impl Iterator<Item = Estimator> {
     Estimator::ALL.into_iter().filter(|of| of.is_online())
 }
 
-/// The one of this name.
 fn online(name: &str) -> Option<Estimator> {
     all_online().find(|estimator| estimator.name() == name)
 }

@@ -1,16 +1,16 @@
-//! From a corpus to samples: one per tick before touchdown, seen or not.
+//! Corpus samples: one per tick before touchdown, seen or not.
 //!
-//! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections, their registrations and the
-//! condition of the cameras ([`crate::samples::camera_health`]). Boxes cut off by the image's edge are ignored (see
-//! [`crate::samples::trusted_boxes`]). Of the others of a view at a tick the one with the highest score comes first; which one an estimator
-//! gets is decided for whole flights ([`crate::samples::paired_views`]). Ticks past the touchdown target are ignored, because the distance
-//! to touchdown grows again there. A committed scenario that is missing from the split is an error.
+//! Input: `splits.json`, and for each scenario its record, calibration, labelled ticks, one model's detections with their registrations,
+//! and the camera health ([`crate::samples::camera_health`]). Boxes cut off by the image's edge are ignored (see
+//! [`crate::samples::trusted_boxes`]). The remaining boxes are sorted by score; [`crate::samples::paired_views`] chooses among
+//! them for whole flights. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed
+//! scenario that is missing from the split is an error.
 
 pub(crate) mod camera_health;
-pub(crate) mod json_differences;
 pub(crate) mod lateral_spread;
 pub(crate) mod paired_views;
 pub(crate) mod rig;
+pub(crate) mod robust_line;
 mod sample;
 pub(crate) mod sides;
 pub(crate) mod training_cameras;
@@ -38,36 +38,34 @@ use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::health::{HealthState, ViewHealth, ViewLag, late_views};
+use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Registration;
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::samples::camera_health::late_images::{in_time, lateness};
-use crate::samples::camera_health::look::Look;
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, Registered};
 use crate::samples::view_shift::ViewShift;
 
+pub use sample::Look;
 pub(crate) use sample::{CommonError, Observation, Sample};
 
-/// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
+/// Maximum distance from a runway on Earth, half its circumference, in nautical miles.
 pub(crate) const FARTHEST_NM: f64 = 10_800.0;
 
-/// The same in metres.
+/// Maximum distance from a runway on Earth, metres.
 pub(crate) const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
 
 /// Range of distances to touchdown whose ticks become samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DistanceRange {
-    /// Smallest distance, nautical miles.
     pub min_nm: f64,
-    /// Largest distance, nautical miles.
     pub max_nm: Option<f64>,
 }
 
 impl DistanceRange {
-    /// Everything before touchdown.
     pub(crate) const ALL: Self = Self {
         min_nm: 0.0,
         max_nm: None,
@@ -79,52 +77,43 @@ impl DistanceRange {
     }
 }
 
-/// Moment at which it is decided which boxes of a corpus count.
+/// Time of the decision about boxes: offline or live.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
-    /// Whole flights: all boxes of confirmed tracks, moved where a camera was off.
+    /// Whole flights: all boxes of confirmed tracks, corrected where a camera was off.
     Hindsight,
-    /// The images up to each tick, as without an end.
+    /// The images up to each tick, as in live operation.
     Live,
 }
 
-/// Information about a scenario apart from its samples.
+/// A scenario without its samples.
 #[derive(Debug, Clone)]
 pub(crate) struct ScenarioSummary {
-    /// Identifier.
     pub id: String,
-    /// Its folder.
     pub folder: ScenarioFolder,
-    /// Trajectory that it flies.
     pub trajectory: String,
-    /// Identity of that trajectory, independent of its name (see [`flight_of`]).
+    /// Trajectory identity, regardless of names (see [`flight_of`]).
     pub flight: String,
-    /// Hash of the manifest that the scenario is sealed with.
+    /// Hash of the sealed manifest.
     pub manifest_blake3: String,
-    /// Side of the split.
     pub side: Side,
-    /// Name of the weather.
     pub weather: String,
-    /// The weather as planned.
     pub planned_weather: Weather,
-    /// The weather at the aircraft, if the simulator reported it.
+    /// Weather that the simulator reported at the aircraft.
     pub effective_weather: Option<EffectiveWeather>,
-    /// Local time as the sweep names it.
+    /// Local time as named in the sweep.
     pub time_of_day: String,
-    /// The runway.
     pub runway: Runway,
-    /// The touchdown target.
     pub touchdown: Geodetic,
-    /// Its cameras, in the order of the views, as placed in this scenario.
+    /// Cameras in the order of the views, as placed in this scenario.
     pub cameras: Vec<Camera>,
-    /// Boxes that the condition of its cameras changed.
+    /// Boxes that camera health changed.
     pub corrections: Corrections,
-    /// The cameras that its views were registered with; `None` if they were not.
+    /// Cameras used for registration; `None` without registration.
     pub registered_with: Option<RegisteredWith>,
 }
 
 impl ScenarioSummary {
-    /// The summary of a scenario with this record, these cameras, and this side of the split.
     fn of(
         scenario: &OpenScenario,
         record: ScenarioRecord,
@@ -159,25 +148,21 @@ impl ScenarioSummary {
     }
 }
 
-/// All samples of a corpus.
 #[derive(Debug, Clone)]
 pub(crate) struct Samples {
-    /// Identifiers of the views, sorted.
+    /// View names, sorted.
     pub views: Vec<String>,
-    /// The cameras that they belong to.
     pub rig: Rig,
-    /// The detections that the boxes are from.
     pub detections: NamedDetections,
-    /// The scenarios, sorted by identifier.
+    /// Sorted by identifier.
     pub scenarios: Vec<ScenarioSummary>,
-    /// Scenarios of the split that are not in the corpus (yet).
+    /// Scenarios of the split that are missing from the corpus.
     pub absent_scenarios: Vec<String>,
-    /// The samples, by scenario and tick: all ticks of a flight within the range, also those that no view saw.
+    /// All ticks within the range, by scenario and tick, also those that no view saw.
     pub samples: Vec<Sample>,
 }
 
 impl Samples {
-    /// Reads the samples of a corpus.
     pub(crate) fn read(corpus: &Corpus, asked: Option<&str>, range: DistanceRange) -> Result<Self> {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
@@ -194,8 +179,8 @@ impl Samples {
         Ok(found)
     }
 
-    /// Reads the samples of several corpora of one rig. A flight that their splits have on different sides is on the one farthest from
-    /// training: the test side, or else validation. A scenario that is in several of them counts once.
+    /// Reads the samples of several corpora with the same rig. A flight on different sides of their splits goes to the test side, or else
+    /// to validation. A scenario that several corpora contain counts once.
     pub(crate) fn read_all(
         corpora: &[Corpus],
         asked: Option<&str>,
@@ -212,7 +197,7 @@ impl Samples {
             all.rig.join(first, corpus, &other.rig)?;
             for (flight, side) in other.sides() {
                 let known = sides.entry(flight).or_insert(side);
-                *known = farther_from_training(*known, side);
+                *known = side.max(*known);
             }
             let there = all.scenarios.iter().map(|s| s.manifest_blake3.clone());
             let there: BTreeSet<String> = there.collect();
@@ -232,14 +217,12 @@ impl Samples {
         Ok(all)
     }
 
-    /// The side of each flight.
     fn sides(&self) -> BTreeMap<String, Side> {
         let scenarios = self.scenarios.iter();
         scenarios.map(|s| (s.flight.clone(), s.side)).collect()
     }
 
-    /// The flights of a corpus, with all of their ticks. It needs neither labels nor a split: there are no samples, and sides are
-    /// meaningless.
+    /// Reads all flights with all ticks. Labels and a split are not needed: there are no samples, and sides have no meaning.
     pub(crate) fn without_truth(
         corpus: &Corpus,
         asked: Option<&str>,
@@ -277,27 +260,18 @@ impl Samples {
 
     /// Drops scenarios with their samples.
     pub(crate) fn retain_scenarios(&mut self, is_kept: impl Fn(&ScenarioSummary) -> bool) {
-        let mut kept = 0;
-        let places: Vec<Option<usize>> = (self.scenarios.iter())
-            .map(|scenario| {
-                is_kept(scenario).then(|| {
-                    kept += 1;
-                    kept - 1
-                })
-            })
-            .collect();
-        self.samples
-            .retain_mut(|sample| match places[sample.scenario] {
-                Some(place) => {
-                    sample.observed.scenario = place;
-                    true
-                }
-                None => false,
-            });
+        let mut indices = 0..;
+        let new_index = |scenario| is_kept(scenario).then(|| indices.next()).flatten();
+        let new: Vec<Option<usize>> = self.scenarios.iter().map(new_index).collect();
+        self.samples.retain_mut(|sample| {
+            let new = new[sample.scenario];
+            sample.observed.scenario = new.unwrap_or_default();
+            new.is_some()
+        });
         self.scenarios.retain(is_kept);
     }
 
-    /// A copy of a trajectory under another name would be tested by what it was trained on.
+    /// Rejects training trajectories that reappear on the test side under a different name.
     fn refuse_flights_on_two_sides(&self, corpus: &Corpus) -> Result<()> {
         let mut first: BTreeMap<&str, &ScenarioSummary> = BTreeMap::new();
         for scenario in &self.scenarios {
@@ -314,27 +288,23 @@ impl Samples {
         Ok(())
     }
 
-    /// Shifts that follow from different cameras differ by more than their errors.
+    /// Rejects shifts measured with different cameras: they differ by more than their errors.
     fn refuse_mixed_registrations(&self) -> Result<()> {
         let of = |s: &ScenarioSummary| Some((s.folder.clone(), s.registered_with.clone()?));
         let mut registered = self.scenarios.iter().filter_map(of);
-        let Some((first, expected)) = registered.next() else {
-            return Ok(());
-        };
-        match registered.find(|(_, found)| *found != expected) {
-            None => Ok(()),
-            Some((folder, found)) => {
-                let fault = CorpusFault::OtherRegistration {
-                    found,
-                    first: first.id(),
-                    expected,
-                };
-                Err(Error::corpus(folder.root(), fault))
-            }
+        if let Some((first, expected)) = registered.next()
+            && let Some((folder, found)) = registered.find(|(_, found)| *found != expected)
+        {
+            let fault = CorpusFault::OtherRegistration {
+                found,
+                first: first.id(),
+                expected,
+            };
+            return Err(Error::corpus(folder.root(), fault));
         }
+        Ok(())
     }
 
-    /// The cameras that all registered views were registered with.
     pub(crate) fn registered_with(&self) -> Option<&RegisteredWith> {
         let mut scenarios = self.scenarios.iter();
         scenarios.find_map(|scenario| scenario.registered_with.as_ref())
@@ -352,7 +322,7 @@ impl Samples {
         self.add_labelled(scenario, observed, range)
     }
 
-    /// Adds a scenario with the samples of its labelled ticks.
+    /// Adds a scenario with samples for its labelled ticks.
     fn add_labelled(
         &mut self,
         scenario: &OpenScenario,
@@ -397,7 +367,7 @@ impl Samples {
         Ok(())
     }
 
-    /// Summary of the next scenario, its ticks, and the observation at each.
+    /// Summary, ticks and observations for the next scenario.
     fn observe(
         &self,
         scenario: &OpenScenario,
@@ -486,53 +456,48 @@ impl Samples {
         Ok((summary, frames, observations))
     }
 
-    /// The samples of one side of the split that at least one view saw.
+    /// Samples on one side that at least one view saw.
     pub(crate) fn of_side(&self, side: Side) -> Vec<&Sample> {
         self.ticks_of_side(side)
             .filter(|sample| sample.detections() > 0)
             .collect()
     }
 
-    /// Makes the common errors of all samples part of their shifts' deviations, for a training ([`Sample::move_common_to_shifts`]).
+    /// Includes common errors in the deviations of the shifts, for training ([`Observation::move_common_to_shifts`]).
     pub(crate) fn move_common_to_shifts(&mut self) {
-        self.samples
-            .iter_mut()
-            .for_each(Sample::move_common_to_shifts);
+        for sample in &mut self.samples {
+            sample.observed.move_common_to_shifts();
+        }
     }
 
-    /// Puts all scenarios on the test side.
     pub(crate) fn test_all(&mut self) {
         for scenario in &mut self.scenarios {
             scenario.side = Side::Test;
         }
     }
 
-    /// All ticks of one side of the split, seen or not, flight by flight in the order of time.
+    /// All ticks on one side, seen or not, flight by flight in temporal order.
     pub(crate) fn ticks_of_side(&self, side: Side) -> impl Iterator<Item = &Sample> {
         self.samples
             .iter()
             .filter(move |sample| self.scenarios[sample.scenario].side == side)
     }
 
-    /// The flights of one side, each with all of its ticks in the order of time.
+    /// Flights on one side, each with all its ticks in temporal order.
     pub(crate) fn flights_of_side(&self, side: Side) -> impl Iterator<Item = &[Sample]> {
         let flights = self.samples.chunk_by(|a, b| a.scenario == b.scenario);
         flights.filter(move |flight| self.scenarios[flight[0].scenario].side == side)
     }
 
-    /// BLAKE3 over the scenarios of these sides, what the cameras saw in them, the truth, and the cameras as planned.
+    /// BLAKE3 hash over the scenarios on these sides: observations, ground truth, and planned cameras.
     pub(crate) fn hash(&self, sides: &[Side]) -> String {
         let mut hash = blake3::Hasher::new();
         hash.update(format!("{:?}\n", self.rig.planned()).as_bytes());
         for scenario in &self.scenarios {
             if sides.contains(&scenario.side) {
-                let ScenarioSummary {
-                    id,
-                    manifest_blake3,
-                    side,
-                    ..
-                } = scenario;
-                hash.update(format!("{id} {manifest_blake3} {side:?}\n").as_bytes());
+                let (id, side) = (&scenario.id, scenario.side);
+                let manifest = &scenario.manifest_blake3;
+                hash.update(format!("{id} {manifest} {side:?}\n").as_bytes());
             }
         }
         for sample in &self.samples {
@@ -548,7 +513,7 @@ impl Samples {
                 }
             }
             for (view, (seen, shift)) in sample.boxes.iter().zip(&sample.shifts).enumerate() {
-                let seen = seen.map(|b| [b.cx_px, b.cy_px, b.width_px, b.height_px]);
+                let seen = seen.as_ref().map(box_numbers);
                 let shift = shift.map(|shift| {
                     let ViewShift {
                         reference,
@@ -562,20 +527,13 @@ impl Samples {
                     [reference as f64, x, y, sd_x, sd_y, scale, gain, correlation]
                 });
                 let numbers = (seen.iter().flatten()).chain(shift.iter().flatten());
-                hash.update(&[
-                    view as u8,
-                    u8::from(seen.is_some()),
-                    u8::from(shift.is_some()),
-                ]);
+                let is_there = [seen.is_some(), shift.is_some()].map(u8::from);
+                hash.update(&[view as u8, is_there[0], is_there[1]]);
                 for number in numbers {
                     hash.update(&number.to_le_bytes());
                 }
-                for candidate in sample.candidates(view) {
-                    let Candidate {
-                        pixel_box: b,
-                        track,
-                    } = candidate;
-                    for number in [b.cx_px, b.cy_px, b.width_px, b.height_px] {
+                for Candidate { pixel_box, track } in sample.candidates(view) {
+                    for number in box_numbers(&pixel_box) {
                         hash.update(&number.to_le_bytes());
                     }
                     hash.update(&track.map_or(u64::MAX, u64::from).to_le_bytes());
@@ -585,37 +543,31 @@ impl Samples {
         hash.finalize().to_string()
     }
 
-    /// Identities of the flights on one side of the split.
+    pub(crate) fn scenarios_of(&self, side: Side) -> impl Iterator<Item = &ScenarioSummary> {
+        self.scenarios.iter().filter(move |s| s.side == side)
+    }
+
+    /// Flight identities on one side.
     pub(crate) fn flights(&self, side: Side) -> BTreeSet<String> {
-        let scenarios = self.scenarios.iter().filter(|s| s.side == side);
+        let scenarios = self.scenarios_of(side);
         scenarios.map(|s| s.flight.clone()).collect()
     }
 
-    /// Number of scenarios on one side of the split.
     pub(crate) fn scenario_count(&self, side: Side) -> usize {
-        self.scenarios.iter().filter(|s| s.side == side).count()
+        self.scenarios_of(side).count()
     }
 
-    /// The trajectories of one side of the split.
     pub(crate) fn trajectories(&self, side: Side) -> BTreeSet<String> {
-        self.scenarios
-            .iter()
-            .filter(|s| s.side == side)
-            .map(|s| s.trajectory.clone())
-            .collect()
+        let scenarios = self.scenarios_of(side);
+        scenarios.map(|s| s.trajectory.clone()).collect()
     }
 }
 
-fn farther_from_training(one: Side, other: Side) -> Side {
-    match (one, other) {
-        (Side::Test, _) | (_, Side::Test) => Side::Test,
-        (Side::Validation, _) | (_, Side::Validation) => Side::Validation,
-        (Side::Train, Side::Train) => Side::Train,
-    }
+fn box_numbers(of: &PixelBox) -> [f64; 4] {
+    [of.cx_px, of.cy_px, of.width_px, of.height_px]
 }
 
-/// The images of a scenario as they were judged at that moment. In hindsight none is blind: [`CameraHealth`] leaves images out, and
-/// corrects others.
+/// Image usability, as known at that moment. In hindsight no image is blind: [`CameraHealth`] excludes images or corrects them.
 fn looks(views: &[String], health: &[ViewHealth], moment: Moment) -> BTreeMap<(u32, usize), Look> {
     let judged = health.iter().filter_map(|row| {
         let look = match moment {
@@ -628,7 +580,7 @@ fn looks(views: &[String], health: &[ViewHealth], moment: Moment) -> BTreeMap<(u
     judged.collect()
 }
 
-/// Boxes that counted at their ticks, without those of blind images; `None` if the detections do not say which counted.
+/// Boxes accepted live, without those in blind images; `None` if the detections do not record it.
 fn counting_live(
     detections: Detections,
     look: impl Fn(u32, &String) -> Look,
@@ -642,7 +594,6 @@ fn counting_live(
     Some(counting)
 }
 
-/// The side of a scenario's trajectory.
 fn side_of(scenario: &OpenScenario, record: &ScenarioRecord, splits: &Splits) -> Result<Side> {
     let folder = scenario.folder();
     let refused = |fault| Error::corpus(folder.root(), fault);
@@ -657,7 +608,6 @@ fn side_of(scenario: &OpenScenario, record: &ScenarioRecord, splits: &Splits) ->
     Ok(assignment.side)
 }
 
-/// The cameras of a scenario by view.
 fn cameras_of(scenario: &OpenScenario) -> Result<BTreeMap<String, Camera>> {
     let calibration = scenario.calibration()?;
     let cameras = calibration.cameras.iter();
@@ -668,20 +618,19 @@ fn cameras_of(scenario: &OpenScenario) -> Result<BTreeMap<String, Camera>> {
 
 fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
     let present: BTreeSet<String> = folders.iter().map(ScenarioFolder::id).collect();
-    splits
-        .scenarios
-        .keys()
+    let planned = splits.scenarios.keys();
+    planned
         .filter(|id| !present.contains(*id))
         .cloned()
         .collect()
 }
 
-/// A flight is known by its places at these times, of those that it lasts; seconds.
+/// Sampling times for flight identities, seconds.
 const KNOWN_BY_S: [i64; 4] = [0, 60, 120, 180];
 
-/// Identity of a trajectory, independent of its name: the hash of the recording that it replays, or of the flown path. Live flights of two
-/// sweeps may share a name, and copies of a recording may have several. The path is identified by its positions after whole minutes, since
-/// the same flight may be recorded at different frame rates; by all of its ticks if it is shorter than a minute.
+/// Trajectory identity, regardless of names: the hash of the replayed recording, or of the flown path. Live flights from
+/// two sweeps may share a name, and copied recordings may have different ones. A path is identified by its positions at whole minutes,
+/// because the same flight may be recorded at different frame rates; a path shorter than a minute, by all its ticks.
 fn flight_of(flight: &Flight, frames: &Frames) -> String {
     if let Flight::Recorded { blake3, .. } = flight {
         return blake3.clone();
@@ -710,8 +659,8 @@ fn flight_of(flight: &Flight, frames: &Frames) -> String {
     path.finalize().to_string()
 }
 
-/// Rejects scenarios that the plan does not have, or has with other parameters. Before anything else of the plan is read: a foreign plan
-/// may have other cameras.
+/// Rejects scenarios that are missing from the plan or have other parameters there. This runs before the rest of the plan is read: a
+/// foreign plan may have other cameras.
 fn refuse_unplanned(planned: &PlannedScenarios, folders: &[ScenarioFolder]) -> Result<()> {
     for folder in folders {
         let scenario = folder.open()?;
@@ -720,7 +669,7 @@ fn refuse_unplanned(planned: &PlannedScenarios, folders: &[ScenarioFolder]) -> R
     Ok(())
 }
 
-/// The whole boxes per tick and view, the highest score first; none where the image's edge cuts off all of them.
+/// Whole boxes per tick and view, sorted by score; an empty list where the image's edge cuts all boxes off.
 fn whole_boxes(
     detections: Vec<Detection>,
     cameras: &BTreeMap<String, Camera>,
@@ -748,18 +697,14 @@ fn whole_boxes(
     found.into_iter().map(whole).collect()
 }
 
-/// A box with its score.
 pub(crate) type Scored = (f64, Candidate);
 
-/// The whole boxes of an image, the highest score first.
+/// Whole boxes in an image, sorted by score.
 pub(crate) fn whole_of(found: impl IntoIterator<Item = Scored>, camera: &Camera) -> Vec<Candidate> {
-    let mut whole: Vec<Scored> = Vec::new();
-    for (score, candidate) in found {
-        if is_whole(&candidate.pixel_box, camera) {
-            let lower = whole.iter().position(|(other, _)| *other < score);
-            whole.insert(lower.unwrap_or(whole.len()), (score, candidate));
-        }
-    }
+    let whole = found.into_iter();
+    let whole = whole.filter(|(_, candidate)| is_whole(&candidate.pixel_box, camera));
+    let mut whole: Vec<Scored> = whole.collect();
+    whole.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     whole.into_iter().map(|(_, candidate)| candidate).collect()
 }
 
@@ -773,7 +718,7 @@ fn best_transmission(cameras: &[Camera], position: Geodetic, visibility_m: f64) 
         .reduce(f64::max)
 }
 
-/// The requested detections, by the model's file name or by hash, or the only ones that there are.
+/// Detections by model file name or hash, or the only ones available.
 fn choose_detections(
     corpus: &Corpus,
     folders: &[ScenarioFolder],
@@ -793,7 +738,4 @@ fn choose_detections(
 }
 
 #[cfg(test)]
-mod edited_files;
-
-#[cfg(test)]
-mod tests;
+pub(crate) mod tests;

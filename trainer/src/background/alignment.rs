@@ -1,73 +1,72 @@
 //! Motion between two backgrounds that differ in weather and time of day.
 //!
-//! Brightness, contrast and even its sign differ: houses are white at noon and black at dawn. So the reference is cut into patches, each of
-//! which may have any gain and offset in the other image, and each patch is weighted by its own misfit. First comes a search for the shift
-//! at which the most structured patches have the largest squared correlations. Gauss-Newton steps for all patches and the whole motion
-//! follow, from blurred to sharp images, in which patches that contradict the others lose their weight. Stripes of grass constrain rows
-//! only, the hull of a ship constrains both axes: each patch counts in the directions in which it has structure.
+//! Brightness, contrast and even its sign differ: houses are white at noon and black at dawn. So the reference is cut into patches, each
+//! with a free gain and offset in the second image, and weighted by its own misfit. First, a search finds the shift with the largest
+//! squared correlations of the most structured patches. Gauss-Newton steps for all patches and the whole motion follow, from blurred to
+//! sharp images; contradicting patches lose their weight. Grass stripes constrain rows only, a ship's hull constrains both axes: each patch
+//! counts along its structure.
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::least_squares::NormalEquations;
-use glam::DVec2;
+use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
+use super::grey_image::GreyImage;
 use super::motion::{Motion, UNKNOWNS};
-use super::picture::Picture;
 
-/// Sides of a patch, pixels: structure near the horizon is flat.
+/// Patch size, pixels: structure near the horizon is flat.
 const PATCH: (usize, usize) = (64, 16);
-/// Patches that are used, with the most structure across and down.
+/// Number of patches with the most horizontal and vertical structure.
 const ACROSS: usize = 250;
 const DOWN: usize = 100;
-/// Patches of the search, and how much of their surroundings is compared with them.
+/// Number of patches in the search, and their margins, pixels.
 const SEARCHED: usize = 40;
 const SURROUNDINGS: (usize, usize) = (32, 4);
-/// The search goes this far, in such steps, pixels.
+/// Range and step of the search, pixels.
 const FARTHEST: (isize, isize) = (120, 24);
 const STEP: (usize, usize) = (4, 2);
 /// Blurs of the images, pixels.
 const BLURS_PX: [f64; 3] = [3.0, 1.5, 0.7];
 const STEPS: usize = 12;
-/// A smaller squared correlation is none.
+/// Minimum squared correlation.
 const MIN_CORRELATION: f64 = 0.3;
-/// Noise of a mean image is at least this, grey levels.
+/// Minimum noise in mean images, grey levels.
 const NOISE_LEVELS: f64 = 0.1;
-/// Neighbouring pixels share their errors, so that this many count as one.
+/// Number of neighbouring pixels with a common error.
 const SHARED: f64 = 4.0;
-/// Usual motion of cameras: standard deviations of turns, radians, and of the stretch.
+/// Prior standard deviations: turns, radians, and stretch.
 const USUAL: [f64; UNKNOWNS] = [0.02, 0.02, 0.003, 0.1];
-/// Deviations from which on a patch loses weight.
+/// Standard deviations beyond which a patch loses weight.
 const TOLERATED: f64 = 3.0;
 
-/// A motion, and how certain it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Aligned {
     pub(crate) motion: Motion,
-    /// Standard deviation of the motion across, pixels.
+    /// Horizontal standard deviation, pixels.
     pub(crate) sd_px: f64,
 }
 
-/// A patch of the reference: its first column and row, in the camera's image.
+/// First column and row of the patch in the camera's image.
 type Corner = (usize, usize);
 
-/// A background to which others are compared.
+/// A background for comparison with others.
 #[derive(Debug, Clone)]
 pub(crate) struct Reference {
-    picture: Picture,
-    blurred: [Picture; BLURS_PX.len()],
-    /// Those with the most structure across come first.
+    picture: GreyImage,
+    blurred: [GreyImage; BLURS_PX.len()],
+    /// Patches with the most horizontal structure first.
     patches: Vec<Corner>,
 }
 
-/// Another background, prepared for comparison.
+/// A background prepared for comparison with a reference.
 #[derive(Debug, Clone)]
 pub(crate) struct Compared {
-    searched: Picture,
-    blurred: [(Picture, [Picture; 2]); BLURS_PX.len()],
+    searched: GreyImage,
+    blurred: [(GreyImage, [GreyImage; 2]); BLURS_PX.len()],
 }
 
 impl Compared {
-    pub(crate) fn of(picture: &Picture) -> Self {
+    pub(crate) fn of(picture: &GreyImage) -> Self {
         Self {
             searched: picture.blurred(1.0),
             blurred: BLURS_PX.map(|sigma_px| {
@@ -80,14 +79,14 @@ impl Compared {
 }
 
 impl Reference {
-    pub(crate) fn of(picture: Picture) -> Self {
+    pub(crate) fn of(picture: GreyImage) -> Self {
         let [across, down] = picture.gradients();
         let (width, height) = PATCH;
         let bottom = picture.top + picture.rows();
         let mut patches: Vec<(Corner, [f32; 2])> = Vec::new();
         for y in (picture.top + 4..(bottom - 4).saturating_sub(height)).step_by(height) {
             for x in (8..(picture.width - 8).saturating_sub(width)).step_by(width) {
-                let power = |gradient: &Picture| {
+                let power = |gradient: &GreyImage| {
                     let rows = (y - picture.top..).take(height);
                     let places =
                         rows.flat_map(|row| (x..x + width).map(move |column| (row, column)));
@@ -107,13 +106,9 @@ impl Reference {
                 .collect::<Vec<_>>()
         };
         let mut chosen = most(0, ACROSS);
-        let down = most(1, DOWN);
-        chosen.extend(
-            down.iter()
-                .filter(|corner| !chosen[..].contains(corner))
-                .copied()
-                .collect::<Vec<_>>(),
-        );
+        let mut down = most(1, DOWN);
+        down.retain(|corner| !chosen.contains(corner));
+        chosen.append(&mut down);
         Self {
             blurred: BLURS_PX.map(|sigma_px| picture.blurred(sigma_px)),
             picture,
@@ -121,11 +116,11 @@ impl Reference {
         }
     }
 
-    pub(crate) fn picture(&self) -> &Picture {
+    pub(crate) fn picture(&self) -> &GreyImage {
         &self.picture
     }
 
-    /// The motion from this image to another one of the same kind of camera; `None` if they have too little in common.
+    /// Motion from this image to a second one from the same kind of camera; `None` if they have too little in common.
     pub(crate) fn motion_to(
         &self,
         other: &Compared,
@@ -133,7 +128,7 @@ impl Reference {
         horizon_px: f64,
     ) -> Option<Aligned> {
         let shift = self.search(&other.searched)?;
-        // A turn around the axis down takes directions to the right, one around the axis to the right takes them up.
+        // A turn around the downward axis moves directions to the right, one around the axis to the right moves them up.
         let turn_rad = [-shift.y, shift.x, 0.0].map(|px| px / camera.focal_px);
         let start = Motion {
             turn_rad: turn_rad.into(),
@@ -155,14 +150,14 @@ impl Reference {
         })
     }
 
-    /// The shift with the largest squared correlations.
-    fn search(&self, other: &Picture) -> Option<DVec2> {
+    /// Shift with the largest squared correlations.
+    fn search(&self, other: &GreyImage) -> Option<DVec2> {
         let reference = &self.blurred[BLURS_PX.len() - 1];
         let (columns, rows) = (
             FARTHEST.0 as usize * 2 / STEP.0 + 1,
             FARTHEST.1 as usize * 2 / STEP.1 + 1,
         );
-        let last = |picture: &Picture, row: isize, column: isize| {
+        let last = |picture: &GreyImage, row: isize, column: isize| {
             let row = (row - picture.top as isize).clamp(0, picture.rows() as isize - 1) as usize;
             let column = column.clamp(0, picture.width as isize - 1) as usize;
             f64::from(picture.light[row * picture.width + column])
@@ -219,8 +214,8 @@ impl Reference {
 
     fn refine(
         &self,
-        reference: &Picture,
-        (other, gradients): (&Picture, &[Picture; 2]),
+        reference: &GreyImage,
+        (other, gradients): (&GreyImage, &[GreyImage; 2]),
         camera: &Camera,
         horizon_px: f64,
         start: Motion,
@@ -228,11 +223,11 @@ impl Reference {
         let mut motion = start;
         let mut sd_px = f64::INFINITY;
         for _ in 0..STEPS {
-            let told: Vec<Told> = self
+            let constraints: Vec<PatchConstraint> = self
                 .patches
                 .par_iter()
                 .filter_map(|&corner| {
-                    Told::of(
+                    PatchConstraint::of(
                         corner,
                         reference,
                         (other, gradients),
@@ -242,7 +237,7 @@ impl Reference {
                 })
                 .collect();
             let mut step = [0.0; UNKNOWNS];
-            let mut misfits: Vec<f64> = vec![0.0; told.len()];
+            let mut misfits: Vec<f64> = vec![0.0; constraints.len()];
             for _ in 0..8 {
                 let mut equations = NormalEquations::new(UNKNOWNS);
                 for (unknown, sd) in USUAL.into_iter().enumerate() {
@@ -250,28 +245,20 @@ impl Reference {
                     row[unknown] = 1.0;
                     equations.add(&row, -motion.to_array()[unknown], sd.powi(-2));
                 }
-                for (told, misfit) in told.iter().zip(&misfits) {
-                    let weight = told.weight / (1.0 + (misfit / TOLERATED).powi(2));
-                    for (row, value, certainty) in told.equations() {
-                        equations.add(&row, value, weight * certainty);
+                for (constraint, misfit) in constraints.iter().zip(&misfits) {
+                    for (row, value, certainty) in constraint.equations() {
+                        equations.add(&row, value, constraint.weight_at(*misfit) * certainty);
                     }
                 }
                 step = equations.solve_for::<UNKNOWNS>()?;
-                for (told, misfit) in told.iter().zip(&mut misfits) {
-                    *misfit = told.misfit(&step);
+                let [mut squares, mut weights] = [0.0; 2];
+                for (constraint, misfit) in constraints.iter().zip(&mut misfits) {
+                    *misfit = constraint.misfit(&step);
+                    let weight = constraint.weight_at(*misfit);
+                    squares += weight * *misfit * *misfit;
+                    weights += 2.0 * weight;
                 }
-                let weights = || {
-                    told.iter().zip(&misfits).map(|(told, misfit)| {
-                        (told.weight / (1.0 + (misfit / TOLERATED).powi(2)), misfit)
-                    })
-                };
-                let spread = weights()
-                    .map(|(weight, misfit)| weight * misfit * misfit)
-                    .sum::<f64>()
-                    / weights()
-                        .map(|(weight, _)| 2.0 * weight)
-                        .sum::<f64>()
-                        .max(1.0);
+                let spread = squares / f64::max(weights, 1.0);
                 sd_px = (equations.inverse()?[1][1] * spread.max(1.0)).sqrt() * camera.focal_px;
             }
             let mut next = motion.to_array();
@@ -291,21 +278,21 @@ impl Reference {
 }
 
 /// Constraint on the motion from one patch.
-struct Told {
-    /// By how much its place changes with each number of the motion, right and down.
+struct PatchConstraint {
+    /// Derivatives of the position by the motion, right and down.
     slopes: [[f64; UNKNOWNS]; 2],
-    /// Certainty of its place, right and down, as the upper triangle of a matrix.
+    /// Information matrix of the position, right and down, upper triangle.
     certainty: [f64; 3],
-    /// Its own best shift, pixels.
+    /// Best shift, pixels.
     best: DVec2,
     weight: f64,
 }
 
-impl Told {
+impl PatchConstraint {
     fn of(
         (x, y): Corner,
-        reference: &Picture,
-        (other, [across, down]): (&Picture, &[Picture; 2]),
+        reference: &GreyImage,
+        (other, [across, down]): (&GreyImage, &[GreyImage; 2]),
         place: impl Fn(DVec2, &Motion) -> DVec2,
         motion: Motion,
     ) -> Option<Self> {
@@ -321,7 +308,7 @@ impl Told {
         ]) {
             return None;
         }
-        // Sums of the products of light there, here, and both gradients.
+        // Sums and products: light there, light here, and both gradients.
         let mut sums = [0.0; 4];
         let mut products = [[0.0; 4]; 4];
         for row in 0..PATCH.1 {
@@ -348,7 +335,7 @@ impl Told {
         let about_means =
             |i: usize, k: usize| products[i.min(k)][i.max(k)] - sums[i] * sums[k] / count;
         let power = about_means(0, 0) + 1e-6;
-        // Part that gain and offset do not explain.
+        // Remainder after gain and offset.
         let left =
             |i: usize, k: usize| about_means(i, k) - about_means(0, i) * about_means(0, k) / power;
         let rest = left(1, 1);
@@ -361,11 +348,7 @@ impl Told {
         let [xx, xy, yy] = certainty;
         let pull = DVec2::new(-left(1, 2), -left(1, 3)) / variance;
         let ridge = 1e-3 * (xx + yy) + 1e-9;
-        let determinant = (xx + ridge) * (yy + ridge) - xy * xy;
-        let best = DVec2::new(
-            (yy + ridge) * pull.x - xy * pull.y,
-            (xx + ridge) * pull.y - xy * pull.x,
-        ) / determinant;
+        let best = DMat2::from_cols_array(&[xx + ridge, xy, xy, yy + ridge]).inverse() * pull;
         let mut slopes = [[0.0; UNKNOWNS]; 2];
         for unknown in 0..UNKNOWNS {
             const SMALL: f64 = 1e-6;
@@ -383,7 +366,7 @@ impl Told {
         })
     }
 
-    /// Two independent equations for the step, each with its certainty: along the axes of the patch's structure.
+    /// Two independent equations for the step with their information, along the axes of the patch's structure.
     fn equations(&self) -> [([f64; UNKNOWNS], f64, f64); 2] {
         let [xx, xy, yy] = self.certainty;
         let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
@@ -397,7 +380,11 @@ impl Told {
         })
     }
 
-    /// Standard deviations between the patch's own best shift and what a step makes of it.
+    fn weight_at(&self, misfit: f64) -> f64 {
+        self.weight / (1.0 + (misfit / TOLERATED).powi(2))
+    }
+
+    /// Difference between the best shift and a step, in standard deviations.
     fn misfit(&self, step: &[f64; UNKNOWNS]) -> f64 {
         let squares = self.equations().map(|(row, value, certainty)| {
             let moved: f64 = row.iter().zip(step).map(|(row, step)| row * step).sum();

@@ -27,7 +27,7 @@ fn planned() -> CameraEntry {
     )
 }
 
-/// Grey levels of a scene that does not repeat: smooth, with blobs some pixels wide that are flat, as near a horizon.
+/// Grey levels in a scene without repetition: smooth, with flat blobs some pixels wide, as near a horizon.
 fn scene(place: DVec2) -> f64 {
     let node = |x: f64, y: f64| {
         let mixed = (x * 12.9898 + y * 78.233).sin() * 43_758.545;
@@ -40,8 +40,8 @@ fn scene(place: DVec2) -> f64 {
     row(y.floor()) * (1.0 - v) + row(y.floor() + 1.0) * v
 }
 
-/// Image of a camera that moved from the place of `scene`, with other light and some noise.
-fn seen(place: &ViewPlace, motion: Motion, [gain, offset, noise]: [f64; 3]) -> Picture {
+/// Image from a camera that moved relative to `scene`, with different light and some noise.
+fn seen(place: &ViewPlace, motion: Motion, [gain, offset, noise]: [f64; 3]) -> GreyImage {
     let (width, top) = (place.camera.width_px as usize, place.top.unwrap());
     let rows = place.camera.height_px as usize - top;
     let mut random = 1_u64;
@@ -60,7 +60,7 @@ fn seen(place: &ViewPlace, motion: Motion, [gain, offset, noise]: [f64; 3]) -> P
             light.push((gain * scene(from) + offset + error) as f32);
         }
     }
-    Picture { width, top, light }
+    GreyImage { width, top, light }
 }
 
 const BY_DAY: [f64; 3] = [1.0, 0.0, 0.0];

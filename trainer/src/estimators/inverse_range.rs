@@ -1,20 +1,19 @@
-//! The inverse range as a quadratic of the aircraft's positions in the views: a formula that learns the cameras from labelled flights.
+//! `inverse_range`: a quadratic of the aircraft's image positions that is learned from labelled flights.
 //!
 //! For cameras that look up the approach from a distance `s` behind the touchdown target, `1 / (d + s)` is nearly linear in pixels, and
 //! quadratic terms absorb the rest: lens, aim, flight paths beside and below the usual one. So `s` is searched, and for each `s` the
-//! coefficients are a linear least-squares problem. Residuals are relative errors of the distance, weighted by Huber's loss ("Robust
-//! estimation of a location parameter", 1964), so that a few wrong labels or shifts hardly matter; it is convex, so the solution is unique.
+//! coefficients are a linear least-squares problem. Residuals are relative errors of the distance, with Huber's loss ("Robust estimation of
+//! a location parameter", 1964), so that a few wrong labels or shifts hardly matter; it is convex, so the solution is unique.
 //!
-//! Each set of views has separate fits, because no formula can do without one of its views: one from the boxes, and, for two or more views,
-//! one from their registered shifts ([`crate::samples::view_shift`]). At a tick the first fit applies whose views all saw the aircraft;
-//! training sorts them by precision. Prediction does not read the calibration. Training uses it only to leave out boxes that do not contain
-//! the aircraft. Registered shifts were measured with the calibration, which gives scale and rotation between two views.
+//! Each set of views has separate fits, because a formula needs all its views: one from the boxes, and, for two or more views, one from
+//! their registered shifts ([`crate::samples::view_shift`]). At a tick the first fit applies whose views all saw the aircraft; training
+//! sorts them by precision. Prediction does not read the calibration. Training uses it only to exclude false boxes. Registration used it
+//! for scale and rotation between two views.
 
 pub(crate) mod flight_filter;
 
 mod cross_fitted;
 mod measurement;
-mod new_camera;
 mod onnx;
 mod robust_fit;
 mod row_misfit;
@@ -24,72 +23,72 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::estimators::minimum::Search;
+use crate::samples::robust_line::dot;
 use crate::samples::view_shift::Places;
 use crate::samples::{FARTHEST_M, Observation, Sample};
 
 pub(crate) use cross_fitted::CrossFitted;
 pub(crate) use measurement::{Measurement, scale_m};
+pub(crate) use robust_fit::MIN_DEVIATION;
 use robust_fit::{
-    Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
+    ROUGHLY, Rows, Scales, Solution, coordinates, normalise, sensitivity_m, terms_of, write_terms,
 };
 use row_misfit::{RowRelation, row_misfit_px};
 
-/// Ticks per coefficient below which there is no fit.
+/// Minimum number of ticks per coefficient.
 const TICKS_PER_COEFFICIENT: usize = 3;
-/// Largest set of views with a separate fit, because the number of coefficients grows with the square; larger sets are covered by their
+/// Maximum number of views in a separate fit, because the number of coefficients grows with the square; larger sets are covered by their
 /// pairs.
 const MAX_VIEWS: usize = 4;
 /// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
 const FARTHEST_SETBACK_M: f64 = 20_000.0;
-/// Moves of residuals that end an iteration, in deviations: while `s` is searched, and for the coefficients.
-const ROUGHLY: f64 = 1e-2;
+/// Move of residuals that ends the iteration for the coefficients, in deviations.
 const EXACTLY: f64 = 1e-6;
-/// Ticks by which `s` is chosen; more do not change it.
+/// Maximum number of ticks in the search for `s`; more do not change it.
 const TICKS_OF_SEARCH: usize = 2_000;
 
-/// The fits of all sets of views in the order in which they are tried: the most precise one of the training first. A refitted run keeps the
-/// order of its training, because the flight filter has learned which fit corrects which.
+/// Fits for all sets of views in the order of use: the most precise one in training first. A refitted run keeps the order of its training,
+/// because the flight filter has learned which fit corrects which.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct InverseRange {
     fits: Vec<Fit>,
-    /// Rows in one view by places in another; the distance does not depend on them.
-    #[serde(default)]
+    /// Row relations between views; they do not affect the distance.
     rows: Vec<RowRelation>,
 }
 
-/// Views whose places a formula is about.
+/// Input views for a formula.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct ViewSet {
-    /// Their indices, ascending.
+    /// View indices, ascending.
     views: Vec<usize>,
-    /// True if the positions are registered; otherwise they are the centres of the boxes.
+    /// True for registered positions, false for box centres.
     registered: bool,
 }
 
-/// The formula of one set of views.
+/// Formula for one set of views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Fit {
-    /// Views that it needs.
+    /// Input views.
     #[serde(flatten)]
     set: ViewSet,
     /// `s`: distance of the cameras behind the touchdown target, metres.
     setback_m: f64,
-    /// Means of the places, right and down by view, pixels.
+    /// Mean positions, right and down per view, pixels.
     offset_px: Vec<f64>,
-    /// Their standard deviations, pixels.
+    /// Standard deviations of positions, pixels.
     scale_px: Vec<f64>,
-    /// Of 1, the normalised places, and their products (first with itself and all after it, second with itself, ...); 1/m.
+    /// Factors for 1, the normalised positions, and their products (first with itself and all after it, second with itself, ...); 1/m.
     coefficients_per_m: Vec<f64>,
-    /// Standard deviation of the relative error on the training side, robust, and corrected for the number of coefficients.
+    /// Robust standard deviation of the relative error on the training side, corrected for the number of coefficients.
     deviation: f64,
-    /// For a single view, the covariance of the coefficients, row by row, in squares of the deviation, if each training flight were one
+    /// For a single view, covariance of the coefficients, row by row, in squares of the deviation, with each training flight counted as one
     /// tick. Empty for several views, which need no other flights than these.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     covariance_per_m2: Vec<f64>,
 }
 
 impl InverseRange {
-    /// Fits all sets of views that saw the aircraft together often enough on the training side, and each view alone.
+    /// Fits all sets of views that saw the aircraft together often enough in training, and each view alone.
     pub(crate) fn fit(views: usize, training: &[&Sample]) -> Self {
         Self {
             rows: RowRelation::all(views, training),
@@ -97,7 +96,7 @@ impl InverseRange {
         }
     }
 
-    /// True if there is no fit: no set of views saw enough.
+    /// True without any fit.
     pub(crate) fn is_empty(&self) -> bool {
         self.fits.is_empty()
     }
@@ -108,14 +107,14 @@ impl InverseRange {
         self.fits.iter().position(applies)
     }
 
-    /// For each fit, true if it contains this view.
+    /// True for each fit that contains this view.
     pub(crate) fn contain(&self, view: usize) -> impl Iterator<Item = bool> {
         self.fits
             .iter()
             .map(move |fit| fit.set.views.contains(&view))
     }
 
-    /// Copy without the fits that a new camera of this view changes.
+    /// Copy without the fits that depend on this view's camera.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self
             .fits
@@ -127,7 +126,7 @@ impl InverseRange {
         }
     }
 
-    /// The relations of the other views.
+    /// Relations between the other views.
     fn rows_without(&self, view: usize) -> Vec<RowRelation> {
         let others = self.rows.iter().filter(|row| !row.views.contains(&view));
         others.cloned().collect()
@@ -148,14 +147,13 @@ impl InverseRange {
         }
     }
 
-    /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the first such has no distance for such
-    /// places.
+    /// Distance to touchdown, metres; `None` if no fit applies, or if the first that applies has no distance for these positions.
     pub(crate) fn predict(&self, observed: &Observation) -> Option<f64> {
         let fit = self.asked(observed)?;
         Some(self.measurement(fit, observed)?.distance_m)
     }
 
-    /// True if every fit refers to some of this many views and has as many numbers as they need.
+    /// True if every fit refers to existing views and has as many numbers as they need.
     pub(crate) fn is_of(&self, views: usize) -> bool {
         let is_row_of_views = |row: &RowRelation| row.views.iter().all(|&view| view < views);
         self.rows.iter().all(is_row_of_views)
@@ -171,40 +169,27 @@ impl InverseRange {
             })
     }
 
-    /// Means of places, pixels.
+    /// Mean positions, pixels.
     pub(crate) fn offsets_px(&self) -> impl Iterator<Item = f64> {
         self.fits
             .iter()
             .flat_map(|fit| fit.offset_px.iter().copied())
     }
 
-    /// Standard deviations of places, pixels.
+    /// Standard deviations of positions, pixels.
     pub(crate) fn scales_px(&self) -> impl Iterator<Item = f64> {
         self.fits
             .iter()
             .flat_map(|fit| fit.scale_px.iter().copied())
     }
 
-    /// The other numbers of the formulas.
-    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
-        let rows = self.rows.iter().flat_map(|row| row.coefficients_px);
-        let fits = self.fits.iter().flat_map(|fit| {
-            let others = [fit.setback_m, fit.deviation];
-            others
-                .into_iter()
-                .chain(fit.coefficients_per_m.iter().copied())
-                .chain(fit.covariance_per_m2.iter().copied())
-        });
-        fits.chain(rows)
-    }
-
-    /// How far the rows of registered views are from where they should be at a tick, pixels.
+    /// Deviation of registered rows from their expected positions at a tick, pixels.
     pub(crate) fn row_misfit_px(&self, observed: &Observation) -> Option<f64> {
         row_misfit_px(&self.rows, observed)
     }
 }
 
-/// Each view alone, the sets of views that saw the aircraft together, and the pairs of sets that are too large.
+/// Each view alone, the sets of views that saw the aircraft together, and the pairs within larger sets.
 fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
     let mut sets: BTreeSet<Vec<usize>> = (0..views).map(|view| vec![view]).collect();
     let seen = |sample: &&Sample| -> Vec<usize> {
@@ -235,7 +220,7 @@ impl ViewSet {
         }
     }
 
-    /// The ticks at which all views saw the aircraft, their places normalised.
+    /// Ticks with the aircraft in all views, with normalised positions.
     fn rows(&self, training: &[&Sample]) -> (Rows, Scales) {
         let mut rows = Rows::new(self.views.len());
         for sample in training {
@@ -252,7 +237,7 @@ impl ViewSet {
 }
 
 impl Fit {
-    /// `None` if there are too few ticks.
+    /// `None` with too few ticks.
     fn of(set: ViewSet, training: &[&Sample]) -> Option<Self> {
         let (rows, scales) = set.rows(training);
         if rows.len() < TICKS_PER_COEFFICIENT * terms_of(rows.width) {
@@ -277,7 +262,7 @@ impl Fit {
         Self::at(set, setback_m, &rows, scales)
     }
 
-    /// The fit with the cameras at this distance behind the target.
+    /// The fit for cameras at this distance behind the target.
     fn at(set: ViewSet, setback_m: f64, rows: &Rows, scales: Scales) -> Option<Self> {
         let solution = rows.solve(setback_m, EXACTLY)?;
         let free = rows.len().saturating_sub(terms_of(rows.width)).max(1);
@@ -298,7 +283,6 @@ impl Fit {
         })
     }
 
-    /// The normalised terms of places.
     fn terms(&self, places: &Places) -> Vec<f64> {
         let mut coordinates = coordinates(places);
         normalise(&mut coordinates, &self.offset_px, &self.scale_px);
@@ -314,8 +298,8 @@ impl Fit {
             .then_some(distance_m)
     }
 
-    /// Variance of the relative error of a distance that the coefficients are to blame for, in squares of the deviation: small where the
-    /// training flights were, and large far from there. 0 where it is not known.
+    /// Variance of the relative error due to the coefficients, in squares of the deviation: small near the training flights, large far
+    /// away. 0 if unknown.
     fn leverage(&self, terms: &[f64], distance_m: f64) -> f64 {
         let rows = self.covariance_per_m2.chunks_exact(terms.len());
         let moved: Vec<f64> = rows.map(|row| dot(row, terms)).collect();

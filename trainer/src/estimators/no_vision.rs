@@ -84,11 +84,6 @@ impl MeanByTime {
         let mut lengths = curves.map(|curve| [curve.time_s.len(), curve.dtd_m.len()]);
         lengths.all(|[times, distances]| times == distances)
     }
-
-    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
-        let curves = self.by_weather.values().chain([&self.all]);
-        curves.flat_map(|curve| curve.time_s.iter().chain(&curve.dtd_m).copied())
-    }
 }
 
 impl Curve {
@@ -123,7 +118,7 @@ mod tests {
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;
-    use crate::samples::{DistanceRange, Samples};
+    use crate::samples::Samples;
 
     fn tick(time_s: f64, dtd_m: f64, is_seen: bool) -> Sample {
         let seen = dataset::tables::pixel_box::PixelBox {
@@ -139,9 +134,7 @@ mod tests {
 
     #[test]
     fn the_mean_of_two_flights_is_between_them_and_each_weather_has_its_own() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        let samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
         let mut scenarios = samples.scenarios;
         scenarios[0].weather = "clear".into();
         scenarios[1].weather = "stormy".into();

@@ -1,5 +1,5 @@
-//! Answers of all estimators at the judged ticks, in as few bytes as the figures need: a full corpus has 770,000 ticks, each of which every
-//! estimator answers with all views and without some.
+//! Answers from all estimators at the evaluated ticks, in compact form: a full corpus has 770,000 ticks, each answered by every estimator
+//! with all views and with some removed.
 
 use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::metrics::{Group, Outcome};
@@ -8,16 +8,16 @@ use crate::run::estimator::{Estimator, Task};
 use crate::samples::{Observation, Sample, Samples};
 use dataset::corpus::splits::Side;
 
-/// The ticks that count, flight by flight.
+/// The evaluated ticks, flight by flight.
 pub(crate) struct JudgedTicks<'a> {
     rules: &'a EvaluationRules,
     ticks: Vec<&'a Sample>,
-    /// Of each scenario.
+    /// Per scenario.
     groups: Vec<Group<'a>>,
 }
 
 impl<'a> JudgedTicks<'a> {
-    /// The ticks of the test side.
+    /// Ticks on the test side.
     pub(crate) fn of(samples: &'a Samples, rules: &'a EvaluationRules) -> Self {
         let tested = samples.ticks_of_side(Side::Test);
         Self {
@@ -27,12 +27,10 @@ impl<'a> JudgedTicks<'a> {
         }
     }
 
-    /// In their order.
     pub(crate) fn ticks(&self) -> &[&'a Sample] {
         &self.ticks
     }
 
-    /// An answer to one of them.
     fn outcome(&self, tick: usize, answers: &Answers, estimator: usize) -> Outcome<'_> {
         let sample = self.ticks[tick];
         let of = &answers.by_estimator[estimator];
@@ -48,7 +46,7 @@ impl<'a> JudgedTicks<'a> {
         }
     }
 
-    /// Outcomes of an estimator, tick by tick.
+    /// Outcomes for an estimator, tick by tick.
     pub(crate) fn outcomes(&self, answers: &Answers, estimator: usize) -> Vec<Outcome<'_>> {
         let ticks = 0..self.ticks.len();
         ticks
@@ -56,7 +54,7 @@ impl<'a> JudgedTicks<'a> {
             .collect()
     }
 
-    /// The ticks of one scenario, and what an estimator answered.
+    /// Ticks in one scenario with an estimator's outcomes.
     pub(crate) fn outcomes_of_scenario(
         &self,
         scenario: usize,
@@ -71,16 +69,16 @@ impl<'a> JudgedTicks<'a> {
     }
 }
 
-/// Answers of one estimator at some ticks.
+/// Answers from one estimator.
 pub(crate) struct Answered {
     /// Distances, metres.
     pub distances_m: Vec<Option<f64>>,
-    /// Full estimates; `None` for an estimator that answers with a distance alone.
+    /// Full estimates; `None` for an estimator with distances only.
     pub estimates: Option<Vec<Option<Estimate>>>,
 }
 
 impl Answered {
-    /// Answers of all estimators, in the order of [`Estimator::ALL`].
+    /// Answers in the order of [`Estimator::ALL`].
     pub(crate) fn of_all(task: &Task) -> Vec<Self> {
         let of = |estimator: Estimator| {
             let estimates = estimator.estimates(task);
@@ -97,37 +95,36 @@ impl Answered {
     }
 }
 
-/// The answers of all estimators.
+/// Answers from all estimators.
 pub(crate) struct Answers {
-    /// Views whose boxes count.
+    /// Number of views with accepted boxes.
     detections: Vec<u8>,
-    /// True if a view was removed.
     removed: Vec<bool>,
-    /// In the order of [`Estimator::ALL`].
-    by_estimator: [OfEstimator; Estimator::ALL.len()],
+    /// Indexed like [`Estimator::ALL`].
+    by_estimator: [EstimatorAnswers; Estimator::ALL.len()],
 }
 
-/// The answers of one; not a number where there is none.
-struct OfEstimator {
+/// Answers from one estimator; NaN where there is none.
+struct EstimatorAnswers {
     distances_m: Vec<f64>,
-    /// Ends of 90 % intervals; empty of an estimator that states none.
+    /// Ends of 90 % intervals; empty for an estimator without intervals.
     intervals_m: Vec<[f64; 2]>,
 }
 
 impl Answers {
-    /// None yet, with room for those to this many ticks: vectors that grow take up to twice what they hold.
+    /// Preallocates this many ticks: growing vectors take up to twice their content.
     pub(crate) fn with_room_for(ticks: usize) -> Self {
         Self {
             detections: Vec::with_capacity(ticks),
             removed: Vec::with_capacity(ticks),
-            by_estimator: std::array::from_fn(|_| OfEstimator {
+            by_estimator: std::array::from_fn(|_| EstimatorAnswers {
                 distances_m: Vec::with_capacity(ticks),
                 intervals_m: Vec::new(),
             }),
         }
     }
 
-    /// Adds the answers at those ticks of a flight that count.
+    /// Adds the answers at a flight's evaluated ticks.
     pub(crate) fn add(
         &mut self,
         is_judged: &[bool],
@@ -154,24 +151,23 @@ impl Answers {
         }
     }
 
-    /// Boxes at all ticks.
+    /// Number of boxes over all ticks.
     pub(crate) fn boxes(&self) -> usize {
         self.detections.iter().copied().map(usize::from).sum()
     }
 
-    /// Ticks that a view saw.
+    /// Number of ticks that a view saw.
     pub(crate) fn seen(&self) -> usize {
         self.detections.iter().filter(|&&views| views > 0).count()
     }
 
-    /// For each tick, true if every estimator with any answer has answered it.
     pub(crate) fn common(&self) -> Vec<bool> {
         let of_estimators = self.by_estimator.iter().map(|of| &of.distances_m[..]);
         common_ticks(self.detections.len(), of_estimators, |d| d.is_finite())
     }
 }
 
-/// For each tick, true if every estimator with any answer has answered it.
+/// Ticks answered by every estimator that has any answer.
 pub(crate) fn common_ticks<'a, T: 'a>(
     ticks: usize,
     of_estimators: impl Iterator<Item = &'a [T]>,

@@ -1,4 +1,4 @@
-//! Figures of a run as SVG, for pages other than its report.
+//! SVG charts from a run, for other pages than its report.
 
 use crate::error::Result;
 use crate::evaluation::metrics::Metrics;
@@ -7,7 +7,7 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::Convergence;
 
-/// Errors of both stages of a training by step, on the validation side and, thinner, in the batches.
+/// Errors in both training stages by step, for validation and, thinner, for batches.
 ///
 /// # Errors
 /// The run cannot be read.

@@ -1,4 +1,4 @@
-//! The scenarios, boxes and rules of an evaluation, as `evaluation.json` has them.
+//! Evaluation identity, as stored in `evaluation.json`: scenarios, boxes and rules.
 
 use std::collections::BTreeSet;
 
@@ -10,20 +10,19 @@ use serde::{Deserialize, Serialize};
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
-use crate::samples::{Samples, ScenarioSummary};
+use crate::samples::Samples;
 
-/// Scenarios of a corpus that are judged.
+/// Scenarios to evaluate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JudgedSide {
-    /// Those on the test side of its split.
+    /// The test side.
     #[default]
     Test,
-    /// All of them: for a corpus that no training saw any of.
+    /// All scenarios, for a corpus that training never saw.
     All,
 }
 
-/// Name of a corpus's folder.
 pub(crate) fn corpus_name(corpus: &Corpus) -> String {
     let root = corpus.root();
     let real = root.canonicalize().unwrap_or_else(|_| root.to_owned());
@@ -31,50 +30,46 @@ pub(crate) fn corpus_name(corpus: &Corpus) -> String {
     name.to_string_lossy().into()
 }
 
-/// Hash of the identifiers of the judged scenarios and the hashes of their manifests.
+/// Hash of the scenario identifiers and manifests.
 pub(crate) fn scenarios_blake3(samples: &Samples) -> String {
     let mut hash = blake3::Hasher::new();
-    for scenario in judged_scenarios(samples) {
+    for scenario in samples.scenarios_of(Side::Test) {
         hash.update(format!("{} {}\n", scenario.id, scenario.manifest_blake3).as_bytes());
     }
     hash.finalize().to_string()
 }
 
-/// ICAO code of the airport and designator of each runway of the judged scenarios.
+/// ICAO code and designator of each runway.
 pub(crate) fn runways(samples: &Samples) -> BTreeSet<String> {
-    judged_scenarios(samples)
+    let judged = samples.scenarios_of(Side::Test);
+    judged
         .map(|s| format!("{} {}", s.runway.airport, s.runway.name))
         .collect()
 }
 
-fn judged_scenarios(samples: &Samples) -> impl Iterator<Item = &ScenarioSummary> {
-    let scenarios = samples.scenarios.iter();
-    scenarios.filter(|scenario| scenario.side == Side::Test)
-}
-
-/// Identity of an evaluation (`evaluation.json`), by which two evaluations of a run are distinguished.
+/// Evaluation identity (`evaluation.json`), which distinguishes evaluations of the same run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Judged {
     /// Name of the corpus's folder.
     pub corpus: String,
-    /// Hash of the judged scenarios: of their identifiers and the hashes of their manifests.
+    /// Hash of the scenario identifiers and manifests.
     pub scenarios_blake3: String,
-    /// Hash of these, of what the cameras saw there (boxes and registered shifts), and of the truth.
+    /// Hash that also covers the observations (boxes and registered shifts) and the ground truth.
     pub samples_blake3: String,
-    /// Judged part of its scenarios.
+    /// Evaluated part of the scenarios.
     pub side: JudgedSide,
-    /// ICAO code of the airport and designator of each runway.
+    /// ICAO code and designator of each runway.
     pub runways: BTreeSet<String>,
     /// Name of the rig.
     pub rig: String,
-    /// Its views.
+    /// View names.
     pub views: Vec<String>,
     /// File name of the detection model, if it is recorded.
     pub model: Option<String>,
-    /// Name of its detections.
+    /// Name of the detections.
     pub model_hash: String,
-    /// Hash of the weights of the run.
+    /// Hash of the run's weights.
     pub weights_blake3: String,
     /// Version of the rules.
     pub rules: u32,
@@ -103,7 +98,7 @@ impl Judged {
         }
     }
 
-    /// True if the folder has results of a different evaluation.
+    /// True if the folder has results from a different evaluation.
     pub(crate) fn is_other_than_in(&self, folder: &RunFolder) -> bool {
         let path = folder.evaluation_path();
         let same = |there: Self| {

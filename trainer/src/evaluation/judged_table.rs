@@ -1,7 +1,7 @@
-//! Evaluation of predictions that need not come from a run: a table with a row per tick and a column per estimator.
+//! Evaluation of predictions from any source: a table with a row per tick and a column per estimator.
 //!
-//! The ticks that count, the figures and the files are the same as for a run ([`crate::evaluation`]). What needs a run is left out:
-//! removed views, ignored boxes, and, if the table does not say how many views saw the aircraft, figures by their number.
+//! Ticks, figures and files are the same as for a run ([`crate::evaluation`]), without the parts that need a run: removed views, ignored
+//! boxes, and, if the table lacks the number of views that saw the aircraft, figures by their number.
 
 mod cells;
 mod layout;
@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use self::cells::Cells;
 use self::layout::listed;
-use self::predictions::{Predicted, Predictions};
-use self::units::probable_unit;
+use self::predictions::{EstimatorPredictions, Predictions};
+use self::units::{TOLERANCE, probable_unit};
 use crate::error::{CorpusFault, Error, PredictionsFault, Result};
 use crate::evaluation::answers::common_ticks;
 use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
@@ -35,95 +35,96 @@ use crate::samples::sides::marked_scenarios;
 use crate::samples::truth::Truth;
 use crate::samples::{Sample, Samples};
 
-/// Input and output of an evaluation of a table.
+/// Table evaluation: input and output.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct TableEvaluationConfig {
-    /// Scenarios that are judged.
+    /// Scenarios to evaluate.
     pub side: JudgedSide,
     /// An empty or new folder for the results; by default they are only returned.
     pub out: Option<PathBuf>,
 }
 
-/// Identity of an evaluation of a table (`evaluation.json`).
+/// Table evaluation identity (`evaluation.json`).
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JudgedTable {
     /// Name of the table's file.
     pub predictions: String,
-    /// Hash of that file.
+    /// Hash of the table's file.
     pub predictions_blake3: String,
     /// Name of the corpus's folder.
     pub corpus: String,
-    /// Hash of the judged scenarios: of their identifiers and the hashes of their manifests.
+    /// Hash of the scenario identifiers and manifests.
     pub scenarios_blake3: String,
-    /// Judged part of the corpus's scenarios.
+    /// Evaluated part of the scenarios.
     pub side: JudgedSide,
-    /// ICAO code of the airport and designator of each runway.
+    /// ICAO code and designator of each runway.
     pub runways: Vec<String>,
     /// Name of the rig.
     pub rig: String,
-    /// Its views.
+    /// View names.
     pub views: Vec<String>,
     /// Version of the rules.
     pub rules: u32,
 }
 
-/// The judged ticks.
+/// Numbers of evaluated ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TableTicks {
-    /// The aircraft is there: the ticks that coverage is of.
+    /// Ticks with the aircraft present, the base of coverage.
     pub there: usize,
-    /// Of these, fog hides it in every image.
+    /// Ticks with the aircraft hidden by fog in every image.
     pub hidden_by_fog: usize,
-    /// Of these, at least one view saw it; missing if the table does not say.
+    /// Ticks that at least one view saw; missing if the table does not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen: Option<usize>,
-    /// Every estimator with any prediction has one.
+    /// Ticks with predictions from every estimator that has any.
     pub common: usize,
 }
 
-/// The split, as far as it is known: not which flights the predictions were learned from.
+/// The known part of the split: the training flights are unknown.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TableSplit {
     /// The unit that is kept together: `trajectory`.
     pub by: String,
-    /// The judged flights.
+    /// Evaluated flights.
     pub test: TableFlights,
 }
 
-/// The judged flights.
+/// Evaluated flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TableFlights {
-    /// Scenarios.
+    /// Number of scenarios.
     pub scenarios: usize,
-    /// Trajectories.
+    /// Number of trajectories.
     pub trajectories: usize,
 }
 
-/// `metrics.json` of an evaluation of a table: as for a run ([`crate::Metrics`]), without what needs a run.
+/// `metrics.json` for a table evaluation: as for a run ([`crate::Metrics`]), without the parts that need a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TableMetrics {
     /// Rules of the evaluation.
     pub rules: EvaluationRules,
     /// Identity of the evaluation.
     pub judged: JudgedTable,
-    /// The judged side of the split.
+    /// The test side of the split.
     pub split: TableSplit,
-    /// The judged ticks.
+    /// Numbers of evaluated ticks.
     pub ticks: TableTicks,
-    /// The weather that simulators reported at the aircraft in the judged scenarios, by name of the planned weather; missing if none did.
+    /// Weather that simulators reported at the aircraft, by name of the planned weather; missing without reports.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,
-    /// Figures by name of the estimator.
+    /// Figures by estimator name.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }
 
-/// Judges the predictions in a table (Parquet, or CSV if its name ends in `.csv`) by the labels of a corpus, which needs no detections.
+/// Evaluates the predictions in a table (Parquet, or CSV if its name ends in `.csv`) against corpus labels; the corpus needs no detections.
 ///
 /// The table has the columns `scenario`, `tick`, and for each estimator `NAME_dtd_m` in metres, null where it has no prediction. Optional
-/// are the ends of 90 % intervals, `NAME_dtd_m_from` and `NAME_dtd_m_to`, and `detections`, the number of views that saw the aircraft.
+/// columns are the ends of 90 % intervals, `NAME_dtd_m_from` and `NAME_dtd_m_to`, and `detections`, the number of views that saw the
+/// aircraft.
 ///
 /// # Errors
-/// The table or the corpus cannot be used, or the results not be written.
+/// The table or the corpus cannot be used, or the results cannot be written.
 pub fn evaluate_table(
     table: &Path,
     corpus: &Corpus,
@@ -206,12 +207,9 @@ pub fn evaluate_table(
     Ok(metrics)
 }
 
-/// Distance of the median ratio from -1 up to which a change of the sign is the likely reason.
-const SIGN_TOLERANCE: f64 = 0.1;
-
-/// Rejects predictions that are not in metres, or have the opposite sign.
+/// Rejects predictions in a unit other than metres, or with the opposite sign.
 fn refuse_other_unit(
-    predicted: &Predicted,
+    predicted: &EstimatorPredictions,
     judged: &[&Sample],
 ) -> std::result::Result<(), PredictionsFault> {
     let ticks = predicted.distances_m.iter().zip(judged);
@@ -222,8 +220,8 @@ fn refuse_other_unit(
     }
     let median_ratio = median(&mut ratios);
     let column = format!("{}_dtd_m", predicted.name);
-    // Estimators that are hardly trained may answer below zero, but not so.
-    if (median_ratio + 1.0).abs() <= SIGN_TOLERANCE {
+    // Hardly trained estimators may answer below zero, but not by this factor.
+    if (median_ratio + 1.0).abs() <= TOLERANCE {
         return Err(PredictionsFault::Negative {
             column,
             median_ratio,
@@ -240,19 +238,18 @@ fn refuse_other_unit(
     }
 }
 
-/// The judged ticks and their predictions.
 struct TableEvaluation<'a> {
     samples: &'a Samples,
     rules: &'a EvaluationRules,
     judged: &'a [&'a Sample],
-    /// Of each scenario.
+    /// Per scenario.
     groups: Vec<Group<'a>>,
     predictions: &'a Predictions,
 }
 
 impl TableEvaluation<'_> {
-    /// Outcomes of an estimator, tick by tick.
-    fn outcomes(&self, predicted: &Predicted) -> Vec<Outcome<'_>> {
+    /// Outcomes for an estimator, tick by tick.
+    fn outcomes(&self, predicted: &EstimatorPredictions) -> Vec<Outcome<'_>> {
         let detections = self.predictions.detections.as_ref();
         let intervals_m = predicted.intervals_m.as_ref();
         let outcome = |(tick, sample): (usize, &&Sample)| Outcome {
@@ -301,7 +298,7 @@ impl TableEvaluation<'_> {
         }
     }
 
-    /// `predictions.parquet`: the judged ticks with truth and predictions.
+    /// Table for `predictions.parquet`: ticks with ground truth and predictions.
     fn table(&self) -> TableWriter {
         let samples = || self.judged.iter();
         let scenario = |sample: &&Sample| &self.samples.scenarios[sample.scenario].id;

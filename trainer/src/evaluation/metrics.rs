@@ -1,8 +1,8 @@
-//! `metrics.json`: how an evaluation judged, what it judged, and the figures of every estimator.
+//! `metrics.json`: evaluation rules, identity and figures.
 //!
-//! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all answers, not n - 1). *Dual* are
-//! the ticks at which two or more views saw the aircraft, *combination* those at which at least one did. Answers that are not finite are
-//! no answers. A tick without an answer counts against coverage. Figures over no answer are `null`, all others are numbers.
+//! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all answers, not n - 1). *Dual* are the
+//! ticks that two or more views saw, *combination* those that at least one view saw. Answers that are not finite count as missing. A tick
+//! without an answer reduces coverage. Figures over no answer are `null`, all others are numbers.
 
 mod bootstrap;
 mod box_figures;
@@ -33,39 +33,39 @@ pub(crate) use stated_intervals::StatedIntervals;
 /// Figures with and without the ticks that only one view saw, or none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SplitFigures {
-    /// All ticks at which the aircraft is there.
+    /// All ticks with the aircraft present.
     #[serde(flatten)]
     pub all: ErrorFigures,
-    /// Two or more views saw the aircraft; missing where the number of views is unknown.
+    /// Two or more views saw the aircraft; missing if the number of views is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dual: Option<ErrorFigures>,
-    /// At least one view saw the aircraft; missing where the number of views is unknown.
+    /// At least one view saw the aircraft; missing if the number of views is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub combination: Option<ErrorFigures>,
 }
 
-/// Figures of a bin of distances.
+/// Figures for a distance bin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DistanceBin {
     /// Smallest distance, nautical miles, included.
     pub from_nm: f64,
     /// Largest distance, nautical miles, excluded.
     pub to_nm: f64,
-    /// Signed errors, as a box plot has them; `null` without an answer.
+    /// Signed errors for a box plot; `null` without an answer.
     pub signed: Option<BoxFigures>,
     /// The figures.
     #[serde(flatten)]
     pub figures: ErrorFigures,
 }
 
-/// Figures of one flight.
+/// Figures for one flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightFigures {
     /// Scenario.
     pub scenario: String,
-    /// The trajectory that it flies.
+    /// Trajectory name.
     pub trajectory: String,
-    /// Share of the stated intervals that hold the truth, if the estimator states any.
+    /// Coverage of the stated intervals, if the estimator states any.
     pub intervals_held: Option<f64>,
     /// The figures.
     #[serde(flatten)]
@@ -75,91 +75,91 @@ pub struct FlightFigures {
 /// Figures while views fail.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RemovedFigures {
-    /// Of all ticks.
+    /// All ticks.
     #[serde(flatten)]
     pub all: ErrorFigures,
-    /// Of the ticks at which a view was removed.
+    /// Ticks with a removed view.
     pub removed: ErrorFigures,
-    /// Intervals of the figures of all ticks.
+    /// Intervals for the figures over all ticks.
     pub intervals: Option<Intervals>,
-    /// The intervals that the estimator states, if it states any.
+    /// Intervals that the estimator states, if any.
     pub stated_intervals: Option<StatedIntervals>,
 }
 
-/// All figures of one estimator.
+/// All figures for one estimator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorMetrics {
-    /// Over everything.
+    /// Figures over everything.
     #[serde(flatten)]
     pub overall: SplitFigures,
-    /// Intervals of the figures over everything.
+    /// Intervals for the figures over everything.
     pub intervals: Option<Intervals>,
-    /// The intervals that the estimator states, if it states any.
+    /// Intervals that the estimator states, if any.
     pub stated_intervals: Option<StatedIntervals>,
-    /// Over the ticks that every estimator with any answer has answered.
+    /// Figures over the ticks answered by every estimator with any answer.
     pub common: ErrorFigures,
-    /// By removal of views.
+    /// Figures by view removal.
     pub views_removed: BTreeMap<String, RemovedFigures>,
-    /// By name of the weather.
+    /// Figures by weather name.
     pub by_weather: BTreeMap<String, SplitFigures>,
-    /// By local time.
+    /// Figures by local time.
     pub by_time: BTreeMap<String, SplitFigures>,
-    /// By name of the weather and local time, separated by a space.
+    /// Figures by weather name and local time, separated by a space.
     pub by_weather_and_time: BTreeMap<String, SplitFigures>,
-    /// By view that is left alone; empty if there are no others, and for a table.
+    /// Figures by the only remaining view; empty with a single view, and for a table.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub single_views: BTreeMap<String, SingleViewFigures>,
-    /// By distance, without gaps.
+    /// Figures by distance, without gaps.
     pub by_distance_nm: Vec<DistanceBin>,
-    /// By scenario.
+    /// Figures by scenario.
     pub by_flight: Vec<FlightFigures>,
 }
 
-/// One side of the split in numbers.
+/// Sizes on one side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SideCount {
-    /// Scenarios.
+    /// Number of scenarios.
     pub scenarios: usize,
-    /// Trajectories.
+    /// Number of trajectories.
     pub trajectories: usize,
-    /// Ticks that at least one view saw, within the distances evaluated (test) or trained on (the others).
+    /// Number of ticks that at least one view saw, within the evaluated (test) or trained (other sides) distances.
     pub samples: usize,
 }
 
-/// Split of the samples.
+/// Sizes of all sides.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SplitSummary {
     /// The unit that is kept together: `trajectory`, or `scenario` if sides share flights.
     pub by: String,
-    /// Test scenarios whose flight was learned from in another scenario; 0 if trajectories are kept together.
+    /// Test scenarios with a flight that training saw in a different scenario; 0 if trajectories are kept together.
     pub test_scenarios_sharing_flights: usize,
-    /// For training.
+    /// Training.
     pub train: SideCount,
-    /// For decisions during training.
+    /// Validation.
     pub validation: SideCount,
-    /// For all figures.
+    /// Test.
     pub test: SideCount,
 }
 
-/// The judged ticks.
+/// Numbers of evaluated ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TickCounts {
-    /// The aircraft is there: the ticks that coverage is of.
+    /// Ticks with the aircraft present, the base of coverage.
     pub there: usize,
-    /// Of these, fog hides it in every image.
+    /// Ticks with the aircraft hidden by fog in every image.
     pub hidden_by_fog: usize,
-    /// Of these, at least one view has a box that counts.
+    /// Ticks with an accepted box in at least one view.
     pub seen: usize,
-    /// Every estimator with any answer has answered.
+    /// Ticks answered by every estimator with any answer.
     pub common: usize,
 }
 
-/// Steps and duration of a training.
+/// Training steps and duration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrainingFigures {
-    /// Its stages, in their order.
+    /// Stages in order.
     pub stages: Vec<StageSummary>,
-    /// Its duration, seconds.
+    /// Duration, seconds.
     pub training_s: f64,
 }
 
@@ -172,72 +172,63 @@ pub struct Metrics {
     pub judged: Judged,
     /// The split.
     pub split: SplitSummary,
-    /// The judged ticks.
+    /// Numbers of evaluated ticks.
     pub ticks: TickCounts,
-    /// Boxes at these ticks, one per view, that were ignored because the training side has none at such a position or of such a size, or
-    /// because they are not of the aircraft that is followed.
+    /// Boxes at these ticks, one per view, that were ignored because training has none at this position or with this size, or because they
+    /// do not belong to the followed aircraft.
     pub disbelieved_boxes: usize,
-    /// By view, boxes of the training side that do not contain the aircraft; missing in earlier evaluations.
-    #[serde(default)]
+    /// Training boxes that do not contain the aircraft, by view.
     pub dropped_training_boxes: BTreeMap<String, DroppedBoxes>,
-    /// Images of these ticks in which the detector found only boxes that the image's edge cuts off, which are ignored.
+    /// Images at these ticks with only boxes that the image's edge cuts off, which are ignored.
     pub cut_off_boxes: usize,
-    /// Deviations of the training of `paper_lstm` from the paper, by its settings.
+    /// Deviations of `paper_lstm` from the paper, by its settings.
     pub deviations_from_paper: Vec<PaperDeviation>,
-    /// Alignment of the cameras by their backgrounds; missing if the training did not ask for it.
+    /// Alignment of the cameras by their backgrounds; missing unless requested in training.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alignment: Option<Alignment>,
-    /// The weather that simulators reported at the aircraft in the judged scenarios, by name of the planned weather; missing if none did.
+    /// Weather that simulators reported at the aircraft, by name of the planned weather; missing without reports.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,
     /// The training.
     pub training: TrainingFigures,
-    /// `paper_lstm` against networks that see one view.
+    /// `paper_lstm` compared with networks for one view.
     pub against_one_view: Vec<AgainstOneView>,
-    /// Figures by name of the estimator.
+    /// Figures by estimator name.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }
 
-/// Figures of an estimator without some of the views.
+/// Figures with views removed.
 #[derive(Default)]
 pub(crate) struct WithoutViews {
-    /// By removal of views.
     pub views_removed: BTreeMap<String, RemovedFigures>,
-    /// By view that is left alone.
+    /// Figures by the only remaining view.
     pub single_views: BTreeMap<String, SingleViewFigures>,
 }
 
-/// One judged tick and what an estimator answered, with what is needed to group it.
+/// An estimator's answer at one tick, with its ground truth and grouping keys.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Outcome<'a> {
-    /// Truth, metres.
+    /// Ground truth, metres.
     pub dtd_m: f64,
-    /// Prediction, metres, if there was one.
+    /// Prediction, metres, if any.
     pub predicted_m: Option<f64>,
-    /// Ends of its 90 % interval, metres, if the estimator states one.
+    /// 90 % interval, metres, if the estimator states one.
     pub interval_m: Option<[f64; 2]>,
-    /// Number of views that saw the aircraft, if it is known.
+    /// Number of views that saw the aircraft, if known.
     pub detections: Option<usize>,
-    /// True if fog hides the aircraft.
     pub is_hidden: bool,
-    /// True if a view was removed.
     pub is_removed: bool,
-    /// Keys by which it is grouped.
     pub of: &'a Group<'a>,
 }
 
-/// Keys by which outcomes of one scenario are grouped.
+/// Grouping keys, common to a scenario.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Group<'a> {
-    /// Identifier of the scenario.
     pub scenario: &'a str,
-    /// The trajectory that it flies.
     pub trajectory: &'a str,
-    /// Identity of that trajectory, independent of its name.
+    /// Flight identity, independent of the trajectory's name.
     pub flight: &'a str,
-    /// Name of the weather.
     pub weather: &'a str,
-    /// Local time.
     pub time_of_day: &'a str,
 }
 
@@ -260,13 +251,12 @@ impl<'a> Group<'a> {
 }
 
 impl Outcome<'_> {
-    /// Signed percentage error: positive if the prediction is too far. None where it is not finite.
+    /// Signed percentage error, positive if the prediction is too far; `None` if it is not finite.
     pub(crate) fn signed_error_pct(&self) -> Option<f64> {
         let error_pct = (self.predicted_m? - self.dtd_m) / self.dtd_m * 100.0;
         Some(error_pct).filter(|error| error.is_finite())
     }
 
-    /// Absolute error, metres.
     fn error_m(&self) -> Option<f64> {
         Some((self.predicted_m? - self.dtd_m).abs())
     }
@@ -289,7 +279,7 @@ impl SplitFigures {
 }
 
 impl RemovedFigures {
-    /// Figures of all ticks, in their order.
+    /// Figures over all ticks, in their order.
     pub(crate) fn of(outcomes: &[Outcome], rules: &EvaluationRules) -> Self {
         Self {
             all: ErrorFigures::of(outcomes),
@@ -301,7 +291,7 @@ impl RemovedFigures {
 }
 
 impl EstimatorMetrics {
-    /// All figures of one estimator; `common` are the ticks that all have answered. Distance bins cover everything between the nearest
+    /// All figures for one estimator; `common` marks the ticks that all have answered. Distance bins cover the range between the nearest
     /// and the farthest outcome.
     pub(crate) fn of(
         outcomes: &[Outcome],
@@ -352,12 +342,10 @@ impl EstimatorMetrics {
     }
 }
 
-/// Name of a weather and a local time.
 fn weather_and_time(outcome: &Outcome) -> String {
     format!("{} {}", outcome.of.weather, outcome.of.time_of_day)
 }
 
-/// Outcomes in groups of one key.
 fn by_key<'a, 'b>(
     outcomes: &'b [Outcome<'a>],
     key: fn(&Outcome) -> String,
@@ -369,10 +357,10 @@ fn by_key<'a, 'b>(
     groups
 }
 
-/// Maximum number of bins. If `bin_nm` would give more, bins are an integer number of times as wide.
-const MAX_BINS: f64 = 200.0;
+/// Maximum number of bins; beyond it, bins are an integer number of times as wide.
+const MAX_BINS: usize = 200;
 
-/// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest outcome to the bin of the farthest.
+/// Outcomes by bins `[from, to)` of distance in nautical miles, from the nearest to the farthest outcome.
 pub(crate) fn distance_bins<'a>(
     outcomes: &'a [Outcome<'a>],
     bin_nm: f64,
@@ -386,7 +374,7 @@ pub(crate) fn distance_bins<'a>(
         return Vec::new();
     };
     let wanted = (farthest / bin_nm).floor() - (nearest / bin_nm).floor() + 1.0;
-    let width_nm = bin_nm * (wanted / MAX_BINS).ceil().max(1.0);
+    let width_nm = bin_nm * (wanted / MAX_BINS as f64).ceil().max(1.0);
     let bin_of = |outcome: &Outcome| (distance_nm(outcome) / width_nm) as usize;
     let first = (nearest / width_nm) as usize;
     let count = (farthest / width_nm) as usize - first + 1;
@@ -515,7 +503,7 @@ mod tests {
         ];
         for bin_nm in [0.01, 1.0] {
             let bins = distance_bins(&outcomes, bin_nm);
-            assert!(bins.len() <= MAX_BINS as usize + 1, "{}", bins.len());
+            assert!(bins.len() <= MAX_BINS + 1, "{}", bins.len());
             let held: usize = bins.iter().map(|(_, inside)| inside.len()).sum();
             assert_eq!(held, 2);
             let ([from_nm, to_nm], inside) = bins.last().unwrap();

@@ -1,4 +1,4 @@
-//! Distances for a corpus without truth: what every estimator answers at every tick, from whole flights or as if they were under way.
+//! Distances for a corpus without ground truth: answers from every estimator at every tick, from whole flights or as in live operation.
 
 use std::path::Path;
 
@@ -12,8 +12,7 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::answers::Answered;
 use crate::evaluation::prediction_table::add_answers;
-use crate::evaluation::{UNALIGNED, check_cameras, other_registration};
-use crate::live::{InSight, Judged, Phase, check_causal};
+use crate::live::{InSight, JudgedAircraft, Phase, check_causal};
 use crate::run::estimator::{Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::place::refuse_in_run;
@@ -22,14 +21,14 @@ use crate::run::trained::TrainedRun;
 use crate::samples::camera_health::Corrections;
 use crate::samples::{Moment, Observation, Samples};
 
-/// How much was predicted.
+/// Prediction size.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Predicted {
-    /// Scenarios.
+    /// Number of scenarios.
     pub scenarios: usize,
-    /// Ticks, each a row of the table.
+    /// Number of ticks, each a row of the table.
     pub ticks: usize,
-    /// Ticks with an answer, by name of the estimator.
+    /// Answered ticks by estimator name.
     #[serde(serialize_with = "as_map")]
     pub answered: Vec<(&'static str, usize)>,
 }
@@ -41,9 +40,9 @@ fn as_map<S: Serializer>(
     serializer.collect_map(pairs.iter().copied())
 }
 
-/// Writes the answers of all estimators at all ticks of a corpus to a table (Parquet). The corpus needs detections by the model of the
-/// training, or by `detections`, but neither labels nor a split. Live, each tick is answered by the ticks up to it, as by
-/// [`crate::live::OnlineRun`], about the aircraft that is followed, whose phase is a column; there is no smoother.
+/// Writes the answers of all estimators at all ticks to a table (Parquet). The corpus needs detections by the training's model, or by
+/// `detections`, but neither labels nor a split. Live, each tick is answered from past ticks, as by [`crate::live::OnlineRun`], for the
+/// followed aircraft, with its phase in a column; there is no smoother.
 pub fn predict(
     run: &RunFolder,
     corpus: &Corpus,
@@ -64,18 +63,7 @@ pub fn predict(
     }
     let model = detections.unwrap_or(&trained.summary.model_hash);
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;
-    let is_aligned = trained.backgrounds.is_some();
-    let trained = trained.at_runway_of(&corpus_read);
-    check_cameras(run, corpus, &trained, &corpus_read)?;
-    if let Some(line) = other_registration(
-        trained.summary.registered_with.as_ref(),
-        corpus_read.registered_with(),
-    ) {
-        watch.warn(&line);
-    }
-    if is_aligned && trained.backgrounds.is_none() {
-        watch.say(UNALIGNED);
-    }
+    let trained = trained.for_corpus(run, corpus, &corpus_read, watch)?;
     if flights.is_empty() {
         return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));
     }
@@ -102,8 +90,8 @@ pub fn predict(
     for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
         watch.check()?;
         let of_flight = match moment {
-            Moment::Hindsight => OfFlight::whole(&trained, &corpus_read, flight),
-            Moment::Live => OfFlight::live(&trained, &corpus_read, flight),
+            Moment::Hindsight => FlightPredictions::whole(&trained, &corpus_read, flight),
+            Moment::Live => FlightPredictions::live(&trained, &corpus_read, flight),
         };
         for ((_, count), of) in answered.iter_mut().zip(&of_flight.answered) {
             *count += of.distances_m.iter().flatten().count();
@@ -114,7 +102,7 @@ pub fn predict(
         watch.advance(done, scenario);
     }
     match table.finish_new() {
-        // Made by another process in the meantime.
+        // A different process has created it in the meantime.
         Err(error) if error.is_taken() => {
             return Err(Error::Exists {
                 path: out.to_owned(),
@@ -129,15 +117,15 @@ pub fn predict(
     })
 }
 
-/// Answers of the estimators about one flight.
-struct OfFlight {
+/// Answers for one flight.
+struct FlightPredictions {
     observed: Vec<Observation>,
     answered: Vec<Answered>,
-    /// Of the aircraft that was followed at each tick, if there was one, live.
+    /// Live, phase of the followed aircraft at each tick, if any.
     phases: Option<Vec<Option<Phase>>>,
 }
 
-impl OfFlight {
+impl FlightPredictions {
     fn whole(trained: &TrainedRun, samples: &Samples, flight: &[Observation]) -> Self {
         let observed = trained.believed(flight, samples);
         Self {
@@ -150,7 +138,7 @@ impl OfFlight {
     fn live(trained: &TrainedRun, samples: &Samples, flight: &[Observation]) -> Self {
         let other_cameras = trained.has_other_cameras(samples);
         let mut in_sight = InSight::default();
-        let followed: Vec<Option<Judged>> = (flight.iter())
+        let followed: Vec<Option<JudgedAircraft>> = (flight.iter())
             .map(|observed| {
                 let judged = in_sight.take(trained, other_cameras, observed);
                 judged.into_iter().find(|of| of.is_followed)

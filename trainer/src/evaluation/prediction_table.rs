@@ -1,4 +1,4 @@
-//! The columns of answers in `predictions.parquet` and in what `dtd predict` writes.
+//! Answer columns in `predictions.parquet` and in the output of `dtd predict`.
 
 use dataset::tables::columns::TableWriter;
 
@@ -6,12 +6,7 @@ use crate::estimators::inverse_range::flight_filter::{Estimate, Estimated};
 use crate::evaluation::answers::Answered;
 use crate::run::estimator::Estimator;
 
-/// A number that an estimator states, of a column's name.
-type Stated = (&'static str, fn(&Estimate) -> Option<Estimated>);
-/// A column of such a number, of the suffix of its name.
-type Part = (&'static str, fn(Estimated) -> f64);
-
-/// Adds what all estimators answered to some ticks of a flight.
+/// Adds the answers at some ticks in a flight.
 pub(crate) fn add_answers(
     mut table: TableWriter,
     ticks: &[usize],
@@ -29,31 +24,30 @@ pub(crate) fn add_answers(
     table
 }
 
-/// Columns of an estimator's further quantities.
+/// Adds an estimator's further quantities.
 fn add_estimates(
     mut table: TableWriter,
     name: &str,
     estimates: &[Option<Estimate>],
 ) -> TableWriter {
-    let numbers: [Stated; 3] = [
-        ("dtd_m", |estimate| Some(estimate.distance_m)),
-        ("ground_speed_mps", |estimate| {
-            Some(estimate.ground_speed_mps)
-        }),
-        ("time_to_touchdown_s", |estimate| {
-            estimate.time_to_touchdown_s
-        }),
-    ];
-    for (quantity, number) in numbers {
-        let parts: [Part; 4] = [
-            ("", |number| number.value),
-            ("_sd", |number| number.sd),
-            ("_from", |number| number.interval[0]),
-            ("_to", |number| number.interval[1]),
-        ];
-        // The distance has a column already, as for every estimator.
-        for (suffix, part) in parts.into_iter().skip(usize::from(quantity == "dtd_m")) {
-            let of = |estimate: &Option<Estimate>| estimate.as_ref().and_then(number).map(part);
+    let numbers = |estimate: &Estimate| {
+        [
+            Some(estimate.distance_m),
+            Some(estimate.ground_speed_mps),
+            estimate.time_to_touchdown_s,
+        ]
+    };
+    let parts = |of: Estimated| [of.value, of.sd, of.interval[0], of.interval[1]];
+    let quantities = ["dtd_m", "ground_speed_mps", "time_to_touchdown_s"];
+    for (number, quantity) in quantities.into_iter().enumerate() {
+        for (part, suffix) in ["", "_sd", "_from", "_to"].into_iter().enumerate() {
+            // The distance has a column already, as for every estimator.
+            if (number, part) == (0, 0) {
+                continue;
+            }
+            let of = |estimate: &Option<Estimate>| {
+                Some(parts(numbers(estimate.as_ref()?)[number]?)[part])
+            };
             let column = format!("{name}_{quantity}{suffix}");
             table = table.optional_f64(&column, estimates.iter().map(of));
         }

@@ -1,4 +1,4 @@
-//! Rules of an evaluation: the constants of `evaluation-rules.toml`, which every `metrics.json` repeats.
+//! Evaluation rules: the constants in `evaluation-rules.toml`, which every `metrics.json` repeats.
 
 use std::path::Path;
 
@@ -10,11 +10,11 @@ use crate::samples::{DistanceRange, Sample};
 const FILE: &str = "evaluation-rules.toml";
 const TEXT: &str = include_str!("../../evaluation-rules.toml");
 
-/// The rules. `evaluation-rules.toml` says what each means.
+/// The rules; `evaluation-rules.toml` explains each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvaluationRules {
-    /// Raised with every change of a value.
+    /// Incremented whenever a value changes.
     pub version: u32,
     /// Minimum distance to touchdown, nautical miles.
     pub min_dtd_nm: f64,
@@ -26,7 +26,7 @@ pub struct EvaluationRules {
     pub distance_bin_nm: f64,
     /// Rules for removing views.
     pub removed_views: RemovedViewsRules,
-    /// Intervals of figures.
+    /// Rules for confidence intervals.
     pub bootstrap: BootstrapRules,
 }
 
@@ -34,36 +34,35 @@ pub struct EvaluationRules {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RemovedViewsRules {
-    /// Seed of the draws.
+    /// Seed for random numbers.
     pub seed: u64,
-    /// Chance that a tick loses a view.
+    /// Probability that a tick loses a view.
     pub random_share: f64,
     /// Lengths of bursts, seconds.
     pub burst_s: Vec<f64>,
-    /// Time in which there is one burst, seconds.
+    /// Period with one burst, seconds.
     pub burst_every_s: f64,
 }
 
-/// Intervals of figures.
+/// Rules for confidence intervals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BootstrapRules {
-    /// Seed of the draws.
+    /// Seed for random numbers.
     pub seed: u64,
     /// Number of resamples.
     pub resamples: usize,
-    /// Share of them that lie within an interval.
+    /// Interval coverage.
     pub share: f64,
 }
 
 impl EvaluationRules {
-    /// The rules of this version of the software.
+    /// The rules in this version.
     pub fn current() -> Self {
         let file = TomlFile::new(Path::new(FILE), TEXT);
         file.parse().expect("a test parses this very text")
     }
 
-    /// The judged distances.
     pub(crate) fn range(&self) -> DistanceRange {
         DistanceRange {
             min_nm: self.min_dtd_nm,
@@ -71,7 +70,7 @@ impl EvaluationRules {
         }
     }
 
-    /// True if the aircraft is present at a tick, so that the tick counts.
+    /// True if the aircraft is present, so that the tick counts.
     pub(crate) fn is_there(&self, sample: &Sample) -> bool {
         self.range().contains(sample.dtd_m) && sample.transmission.is_some()
     }

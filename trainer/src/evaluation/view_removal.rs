@@ -1,6 +1,6 @@
-//! Views that fail: observations are removed from whole flights before an estimator sees them, by `evaluation-rules.toml`.
+//! Simulated failures of views: observations are removed from whole flights, by `evaluation-rules.toml`.
 //!
-//! An estimator that looks at one tick at a time and one that follows the flight are thereby judged on the same losses.
+//! Estimators for single ticks and for whole flights are thus evaluated with the same losses.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -8,27 +8,26 @@ use rand_chacha::ChaCha12Rng;
 use crate::evaluation::rules::RemovedViewsRules;
 use crate::samples::{Observation, ScenarioSummary};
 
-/// Kinds of view removal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum ViewRemoval {
-    /// All but this one, always.
+    /// All views but this one, always.
     AllBut(usize),
-    /// One of them at ticks drawn at random.
+    /// A single view at random ticks.
     AtRandom,
-    /// One of them for this long, again and again; seconds.
+    /// A single view for this long, repeatedly; seconds.
     Bursts(f64),
 }
 
 /// Flights after a removal.
 pub(crate) struct Remaining {
-    /// All ticks, with what is left of them.
+    /// All ticks, with the remaining boxes.
     pub observations: Vec<Observation>,
-    /// For each tick, true if a view was removed, whether or not it had seen the aircraft.
+    /// True at ticks with a removed view, even if it had not seen the aircraft.
     pub removed: Vec<bool>,
 }
 
 impl ViewRemoval {
-    /// All removals that an evaluation tries; none for a single view, the only one.
+    /// All removals in an evaluation; empty for a single view.
     pub(crate) fn all(views: usize, rules: &RemovedViewsRules) -> Vec<Self> {
         if views < 2 {
             return Vec::new();
@@ -38,7 +37,7 @@ impl ViewRemoval {
         alone.chain([Self::AtRandom]).chain(bursts).collect()
     }
 
-    /// Its key in `metrics.json`.
+    /// Key in `metrics.json`.
     pub(crate) fn name(self, views: &[String], rules: &RemovedViewsRules) -> String {
         match self {
             Self::AllBut(view) => format!("only_{}", views[view]),
@@ -69,7 +68,6 @@ impl ViewRemoval {
         remaining
     }
 
-    /// Loss at every tick of a flight.
     fn lost(self, rules: &RemovedViewsRules, id: &str, flight: &[Observation]) -> Vec<Lost> {
         let views = flight[0].boxes.len();
         let key = format!("{} {id} {self:?}", rules.seed);
@@ -87,16 +85,15 @@ impl ViewRemoval {
                 flight.iter().map(|_| draw()).collect()
             }
             Self::Bursts(burst_s) => {
-                let time_s = |observed: &Observation| observed.time_ns as f64 / 1e9;
                 let period =
-                    |observed: &Observation| (time_s(observed) / rules.burst_every_s).floor();
+                    |observed: &Observation| (observed.time_s() / rules.burst_every_s).floor();
                 let mut lost = Vec::with_capacity(flight.len());
                 for ticks in flight.chunk_by(|a, b| period(a) == period(b)) {
                     let view = random.random_range(0..views);
                     let start_s = period(&ticks[0]) * rules.burst_every_s
                         + random.random_range(0.0..=rules.burst_every_s - burst_s);
                     lost.extend(ticks.iter().map(|observed| {
-                        if (start_s..start_s + burst_s).contains(&time_s(observed)) {
+                        if (start_s..start_s + burst_s).contains(&observed.time_s()) {
                             Lost::One(view)
                         } else {
                             Lost::None
@@ -109,7 +106,7 @@ impl ViewRemoval {
     }
 }
 
-/// The views that a tick loses.
+/// Views lost at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Lost {
     None,
@@ -131,27 +128,27 @@ impl Lost {
 mod tests {
     use super::*;
     use crate::evaluation::rules::EvaluationRules;
-    use crate::samples::{DistanceRange, Samples};
+    use crate::samples::Samples;
     use dataset::numbers::frame_rate::FrameRate;
     use testkit::synthetic::SyntheticCorpus;
 
-    /// Two ticks a second of flights that both views see nearly throughout.
+    /// Flights with two ticks per second that both views see almost throughout.
     fn flights() -> Samples {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            miss_ratio: 0.0,
-            shift_noise_px: Some(0.05),
-            frame_rate: FrameRate {
-                numerator: 2,
-                denominator: 1,
+        Samples::synthetic(
+            &SyntheticCorpus {
+                miss_ratio: 0.0,
+                shift_noise_px: Some(0.05),
+                frame_rate: FrameRate {
+                    numerator: 2,
+                    denominator: 1,
+                },
+                ..SyntheticCorpus::tiny()
             },
-            ..SyntheticCorpus::tiny()
-        };
-        let corpus = corpus.write(folder.path()).unwrap();
-        Samples::read(&corpus, None, DistanceRange::ALL).unwrap()
+            0.0,
+        )
     }
 
-    /// The ticks at which both views see the aircraft.
+    /// Ticks with the aircraft in both views.
     fn observations(samples: &Samples) -> Vec<Observation> {
         let all = samples.samples.iter().map(|sample| &sample.observed);
         let seen = all.filter(|observed| observed.detections() == 2);
@@ -203,7 +200,7 @@ mod tests {
                 }
                 ViewRemoval::AtRandom => assert!((share - 0.15).abs() < 0.03, "{share}"),
                 ViewRemoval::Bursts(burst_s) => {
-                    // Two ticks a second. A burst may begin where the flight's last period has ended.
+                    // Two ticks per second. A burst may begin where the flight's last period has ended.
                     let mut lengths = Vec::new();
                     let ticks: Vec<_> = removed.iter().zip(&observations).collect();
                     for run in ticks.chunk_by(|a, b| {

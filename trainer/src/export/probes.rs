@@ -6,10 +6,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
 use crate::networks::normalisation::Normalisation;
-use crate::samples::Observation;
-use crate::samples::camera_health::look::Look;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
+use crate::samples::{Look, Observation};
 
 const TICKS: usize = 500;
 /// Share of empty views, of false boxes, and of missing shifts and correlations.

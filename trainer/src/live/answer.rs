@@ -1,66 +1,65 @@
-//! Answers about one aircraft at a tick.
+//! Live answers.
 
 use dataset::geometry::geodesy::Geodetic;
 
-use super::{Judged, Phase};
+use super::{JudgedAircraft, Phase};
 use crate::estimators::inverse_range::flight_filter::Estimated;
 
-/// State of one aircraft at a tick.
+/// Aircraft state at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
-    /// Its number, which it keeps through gaps.
+    /// Track number, kept through gaps.
     pub aircraft: u32,
     /// Arrival or not.
     pub phase: Phase,
-    /// Views whose boxes were used at this tick; empty: the answer is predicted.
+    /// Views used at this tick; empty for a prediction.
     pub views: Vec<usize>,
-    /// Time of the last tick at which there were any, seconds.
+    /// Time of the last used box, seconds.
     pub seen_s: f64,
-    /// Distance to touchdown, metres; `None` of what does not arrive, and where it is too uncertain.
+    /// Distance to touchdown, metres; `None` for anything but arrivals, and while too uncertain.
     pub dtd_m: Option<Stated>,
     /// Speed over ground towards the target, m/s.
     pub ground_speed_mps: Option<Stated>,
     /// Time to touchdown, seconds.
     pub time_to_touchdown_s: Option<Stated>,
-    /// Its place; `None` unless two views saw it whose cameras were fitted.
+    /// Position; `None` unless two views with fitted cameras saw it.
     pub position: Option<Position>,
-    /// Views that see it and are not used, with the cause.
+    /// Views with boxes that are not used, and the cause.
     pub withheld: Option<Withheld>,
 }
 
-/// Views whose cameras may have been turned without a sign: in fog they have seen the aircraft to the side of the training's paths for a
-/// minute.
+/// Views whose cameras may have been turned unnoticed: in fog they have seen the aircraft beside the training's paths for a minute.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Withheld {
-    /// Their indices.
+    /// View indices.
     pub views: Vec<usize>,
-    /// Distance from the paths to the side, pixels.
+    /// Lateral distance from the paths, pixels.
     pub off_px: f64,
-    /// Largest distance that counts as on the paths, pixels.
+    /// Maximum distance on the paths, pixels.
     pub limit_px: f64,
 }
 
-/// Place of the point of an aircraft that its boxes are centred on.
+/// Position of the point at the centre of the boxes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
     /// Latitude, degrees.
     pub latitude_deg: f64,
     /// Longitude, degrees.
     pub longitude_deg: f64,
-    /// Height as in the poses of a corpus, metres.
+    /// Height as in corpus poses, metres.
     pub height_m: f64,
-    /// Standard deviation, the root of the sum over the axes, metres.
+    /// Standard deviation, root of the sum over the axes, metres.
     pub sd_m: f64,
 }
 
-/// A number, and how sure it is.
+/// A number with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stated {
-    /// The most likely one.
+    /// Most likely value.
     pub value: f64,
-    /// Standard deviation; `None` from an estimator that states none.
+    /// Standard deviation; `None` if the estimator states none.
     pub sd: Option<f64>,
-    /// Ends of the 90 % interval.
+    /// 90 % interval.
     pub interval: Option<[f64; 2]>,
 }
 
@@ -75,8 +74,8 @@ impl From<Estimated> for Stated {
 }
 
 impl Answer {
-    /// The answer of the filter.
-    pub(super) fn with_estimate(judged: &Judged) -> Self {
+    /// Answer from the filter.
+    pub(super) fn with_estimate(judged: &JudgedAircraft) -> Self {
         let estimate = judged.stated();
         Self {
             dtd_m: estimate.map(|of| of.distance_m.into()),
@@ -86,8 +85,8 @@ impl Answer {
         }
     }
 
-    /// The answer of an estimator of single ticks.
-    pub(super) fn with_distance(judged: &Judged, distance_m: Option<f64>) -> Self {
+    /// Answer from an estimator for single ticks.
+    pub(super) fn with_distance(judged: &JudgedAircraft, distance_m: Option<f64>) -> Self {
         let arrives = judged.phase == Phase::Arrival;
         let dtd_m = distance_m.filter(|_| arrives).map(|value| Stated {
             value,
@@ -100,7 +99,6 @@ impl Answer {
         }
     }
 
-    /// With the place that fitted cameras see.
     pub(super) fn at(self, place: Option<(Geodetic, f64)>) -> Self {
         let position = place.map(|(place, sd_m)| Position {
             latitude_deg: place.latitude_deg,
@@ -111,7 +109,7 @@ impl Answer {
         Self { position, ..self }
     }
 
-    fn without(judged: &Judged) -> Self {
+    fn without(judged: &JudgedAircraft) -> Self {
         let seen = judged.observed.boxes.iter().enumerate();
         Self {
             aircraft: judged.number,

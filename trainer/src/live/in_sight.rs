@@ -5,12 +5,8 @@ use super::phase::{Phase, PhaseJudge};
 use crate::estimators::inverse_range::flight_filter::{Estimate, OnlineFilter};
 use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
-use crate::samples::paired_views::{AsideWatch, Follower, OfObject};
+use crate::samples::paired_views::{AsideWatch, Follower, MEMORY_S, ObjectTick};
 
-/// In views that cannot be paired, a box after so many seconds without any is of another aircraft.
-const GIVEN_UP_S: f64 = 60.0;
-
-/// The aircraft in sight after some ticks.
 #[derive(Default)]
 pub(crate) struct InSight {
     follower: Follower,
@@ -18,18 +14,17 @@ pub(crate) struct InSight {
     unpaired: Unpaired,
 }
 
-/// An aircraft.
 struct Aircraft {
     number: usize,
     filter: OnlineFilter,
     phase: PhaseJudge,
-    /// Its views beside the paths of the training.
+    /// Watch for turned cameras.
     aside: AsideWatch,
-    /// Time of the last tick with a box of it, seconds.
+    /// Time of the last box, seconds.
     seen_s: f64,
 }
 
-/// The one aircraft of views that cannot be paired.
+/// The aircraft in views without relations: a box after a long gap belongs to the next aircraft.
 #[derive(Default)]
 struct Unpaired {
     number: usize,
@@ -38,24 +33,22 @@ struct Unpaired {
 
 /// An aircraft at a tick.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Judged {
-    /// Its number.
+pub(crate) struct JudgedAircraft {
     pub number: u32,
-    /// Of all of them, this one is followed.
+    /// True for the followed aircraft.
     pub is_followed: bool,
-    /// The tick with its boxes alone.
+    /// The tick with only this aircraft's boxes.
     pub observed: Observation,
-    /// The filter's estimate.
     pub estimate: Option<Estimate>,
     pub phase: Phase,
-    /// Time of the last tick with a box of it, seconds.
+    /// Time of the last box, seconds.
     pub seen_s: f64,
-    /// Views that see it and are not used, with the cause.
+    /// Views with boxes that are not used, and the cause.
     pub withheld: Option<Withheld>,
 }
 
-impl Judged {
-    /// The filter's estimate, if it arrives.
+impl JudgedAircraft {
+    /// The filter's estimate for an arrival.
     pub(crate) fn stated(&self) -> Option<&Estimate> {
         let estimate = self.estimate.as_ref();
         estimate.filter(|_| self.phase == Phase::Arrival)
@@ -63,13 +56,13 @@ impl Judged {
 }
 
 impl InSight {
-    /// Takes the next tick. `other_cameras`: they are in other places than those of the training, so that the places of boxes say nothing.
+    /// Takes the next tick. `other_cameras`: the cameras differ from the training's, so image positions carry no information.
     pub(crate) fn take(
         &mut self,
         run: &TrainedRun,
         other_cameras: bool,
         observed: &Observation,
-    ) -> Vec<Judged> {
+    ) -> Vec<JudgedAircraft> {
         let usual = run.normalisation.without_outliers(observed, other_cameras);
         let pairs = &run.baselines.paired_views;
         let objects = if other_cameras || pairs.is_empty() {
@@ -85,8 +78,13 @@ impl InSight {
             .collect()
     }
 
-    /// `None` of an object of which no box could be used yet.
-    fn judge(&mut self, run: &TrainedRun, other_cameras: bool, of: OfObject) -> Option<Judged> {
+    /// `None` for an object that never had a usable box.
+    fn judge(
+        &mut self,
+        run: &TrainedRun,
+        other_cameras: bool,
+        of: ObjectTick,
+    ) -> Option<JudgedAircraft> {
         let is_seen = of.observed.detections() > 0;
         let known = (self.aircraft.iter()).position(|known| known.number == of.number);
         let index = match known {
@@ -105,7 +103,7 @@ impl InSight {
         };
         let aircraft = &mut self.aircraft[index];
         if is_seen {
-            aircraft.seen_s = of.observed.time_ns as f64 * 1e-9;
+            aircraft.seen_s = of.observed.time_s();
         }
         let baselines = &run.baselines;
         let (filter, fits) = (&baselines.flight_filter, &baselines.inverse_range);
@@ -113,17 +111,19 @@ impl InSight {
         let aside = if other_cameras {
             None
         } else {
-            (baselines.paired_views).aside_at(&mut aircraft.aside, &observed)
+            aircraft
+                .aside
+                .next(&baselines.paired_views.relations, &observed)
         };
         let aside = aside.filter(|aside| aside.is_hidden);
         if let Some(aside) = aside {
             observed = observed.without_images(|view| aside.views.contains(&view));
             if observed.detections() == 0 {
-                // What it measured in the last minute was wrong as well.
+                // Measurements in the last minute were wrong as well.
                 aircraft.filter = filter.online();
             }
         }
-        Some(Judged {
+        Some(JudgedAircraft {
             number: of.number as u32,
             is_followed: of.is_followed,
             estimate: filter.next(&mut aircraft.filter, fits, &observed),
@@ -140,14 +140,14 @@ impl InSight {
 }
 
 impl Unpaired {
-    fn of(&mut self, observed: Observation) -> OfObject {
-        let now_s = observed.time_ns as f64 * 1e-9;
+    fn of(&mut self, observed: Observation) -> ObjectTick {
+        let now_s = observed.time_s();
         if observed.detections() > 0 {
             let since_s = self.seen_s.map_or(0.0, |seen_s| now_s - seen_s);
-            self.number += usize::from(since_s > GIVEN_UP_S);
+            self.number += usize::from(since_s > MEMORY_S);
             self.seen_s = Some(now_s);
         }
-        OfObject {
+        ObjectTick {
             number: self.number,
             is_followed: true,
             observed,

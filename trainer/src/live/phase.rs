@@ -1,10 +1,9 @@
-//! Decides from an aircraft's track so far if it arrives.
+//! Flight phase from the track: arrival or not.
 //!
-//! Distances are those of an approach, so a departure, an aircraft that taxis or crosses, a lamp, and a climb after a missed approach get
-//! none. Two speeds decide: the one towards the target, from the distances that the most precise fit measures tick by tick, and the
-//! vertical one, from the elevation of the box at these distances, by the camera of the training. Each is the median slope over some
-//! seconds (Theil 1950, Sen 1968) with its standard deviation; what is not certain changes nothing, and an aircraft arrives until its track
-//! says otherwise.
+//! Estimates are valid for approaches, so a departure, an aircraft that taxis or crosses, a lamp, and a climb after a missed approach get
+//! none. Two speeds decide: the closing speed, from the distances measured by the most precise fit, and the vertical speed, from the box's
+//! elevation at these distances, with the training's camera. Each is the median slope over some seconds (Theil 1950, Sen 1968) with its
+//! standard deviation; uncertain slopes change nothing, and an aircraft counts as arriving until its track contradicts that.
 
 use std::collections::VecDeque;
 
@@ -17,43 +16,41 @@ use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
 
-/// Slower towards the target is no arrival, m/s: a light aircraft against the wind.
+/// Minimum closing speed for an arrival, m/s: a light aircraft against the wind.
 const MIN_CLOSING_MPS: f64 = 25.0;
-/// A climb of an arrival is slower, and a descent after one is at least as fast, m/s.
+/// Maximum climb for an arrival, and minimum descent that ends a climb, m/s.
 const MAX_CLIMB_MPS: f64 = 3.0;
 const MIN_DESCENT_MPS: f64 = 1.0;
-/// A shorter climb is a gust, seconds.
+/// Minimum climb duration, seconds: shorter ones are gusts.
 const CLIMB_S: f64 = 3.0;
-/// Within this distance a climb is a missed approach, which ends with a descent and not with level flight, metres.
+/// Distance within which a climb is a missed approach, which ends with a descent, not with level flight, metres.
 const MISSED_WITHIN_M: f64 = 8_000.0;
-/// Standard deviations that make it certain.
+/// Significance for decisions, in standard deviations.
 const SURE: f64 = 2.5;
-/// Ticks of this time count, and the last ones if they are slower, seconds.
+/// Time window, seconds, and its minimum number of ticks.
 const WINDOW_S: f64 = 10.0;
 const MIN_COUNT: usize = 6;
-/// Shorter tracks say nothing, seconds.
-const MIN_S: f64 = 1.5;
-/// Ticks that follow each other faster are left out, seconds.
+/// Minimum time between ticks, seconds.
 const STEP_S: f64 = 0.2;
-/// Errors of so many consecutive ticks are alike.
+/// Number of consecutive ticks with a common error.
 const ALIKE: f64 = 3.0;
-/// Least standard deviation of an elevation: a third of a pixel at a focal length of 11,000 px, radians.
+/// Minimum elevation standard deviation, radians: 0.33 px at a focal length of 11,000 px.
 const MIN_ELEVATION_SD: f64 = 3e-5;
-/// The part of the new errors of a measurement that is assumed at least.
+/// Minimum scatter of measurements, relative to their stated new error.
 const MIN_NEW_PART: f64 = 0.5;
 
-/// Phase of a flight.
+/// Flight phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Phase {
-    /// It arrives.
+    /// Arrival.
     #[default]
     Arrival,
-    /// Something else.
+    /// Anything else.
     Other,
 }
 
 impl Phase {
-    /// The word for it in files.
+    /// Word used in files.
     pub fn word(self) -> &'static str {
         match self {
             Self::Arrival => "arrival",
@@ -62,31 +59,31 @@ impl Phase {
     }
 }
 
-/// Judges the track of an aircraft, tick by tick.
+/// Phase decision for one aircraft.
 #[derive(Debug, Default)]
 pub(super) struct PhaseJudge {
-    seen: VecDeque<Seen>,
+    seen: VecDeque<TrackPoint>,
     is_slow: bool,
     climbs: bool,
 }
 
 /// A tick with a measured distance.
 #[derive(Debug, Clone, PartialEq)]
-struct Seen {
+struct TrackPoint {
     time_s: f64,
     fit: usize,
     distance_m: f64,
-    /// From the cameras.
+    /// Distance from the cameras.
     range_m: f64,
-    /// Standard deviations of the error that changes slowly, with the time in which half of it is forgotten, and of the new one.
+    /// Standard deviation of the slowly varying error, its half-life, and standard deviation of the new error per tick.
     slow_m: f64,
     half_time_s: f64,
     new_m: f64,
-    /// By view, above the horizontal, radians.
+    /// Per view, above the horizontal, radians.
     elevations: Vec<Option<f64>>,
 }
 
-/// A slope over time with its standard deviation, per second.
+/// Slope with its standard deviation, per second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Slope {
     per_s: f64,
@@ -94,12 +91,11 @@ struct Slope {
 }
 
 impl PhaseJudge {
-    /// The phase after the next tick.
     pub(super) fn take(&mut self, run: &TrainedRun, observed: &Observation) -> Phase {
-        let time_s = observed.time_ns as f64 * 1e-9;
-        let is_next = |last: &Seen| time_s - last.time_s >= STEP_S - 1e-6;
+        let time_s = observed.time_s();
+        let is_next = |last: &TrackPoint| time_s - last.time_s >= STEP_S - 1e-6;
         if self.seen.back().is_none_or(is_next)
-            && let Some(seen) = Seen::of(run, observed)
+            && let Some(seen) = TrackPoint::of(run, observed)
         {
             self.push(seen);
         }
@@ -114,10 +110,10 @@ impl PhaseJudge {
         }
     }
 
-    fn push(&mut self, seen: Seen) {
+    fn push(&mut self, seen: TrackPoint) {
         let now_s = seen.time_s;
         self.seen.push_back(seen);
-        let is_old = |seen: &Seen| now_s - seen.time_s > WINDOW_S;
+        let is_old = |seen: &TrackPoint| now_s - seen.time_s > WINDOW_S;
         while self.seen.len() > MIN_COUNT && self.seen.front().is_some_and(is_old) {
             self.seen.pop_front();
         }
@@ -126,8 +122,8 @@ impl PhaseJudge {
 
     fn judge(&mut self) {
         let Some(last) = self.seen.back() else { return };
-        // Errors of another fit are other ones.
-        let alike: Vec<&Seen> = (self.seen.iter())
+        // Errors differ between fits.
+        let alike: Vec<&TrackPoint> = (self.seen.iter())
             .filter(|seen| seen.fit == last.fit)
             .collect();
         let lasted_s = last.time_s - alike[0].time_s;
@@ -158,8 +154,8 @@ impl PhaseJudge {
     }
 }
 
-/// Vertical speed with its standard deviation, by the view that saw it most often.
-fn climb_mps(seen: &[&Seen], closing: Slope) -> Option<(f64, f64)> {
+/// Vertical speed with its standard deviation, from the view with most boxes.
+fn climb_mps(seen: &[&TrackPoint], closing: Slope) -> Option<(f64, f64)> {
     let views = seen[0].elevations.len();
     let of_view = |view: usize| -> Vec<(f64, f64)> {
         let elevations = seen.iter();
@@ -177,7 +173,7 @@ fn climb_mps(seen: &[&Seen], closing: Slope) -> Option<(f64, f64)> {
     Some((climb_mps, sd_mps))
 }
 
-impl Seen {
+impl TrackPoint {
     fn of(run: &TrainedRun, observed: &Observation) -> Option<Self> {
         let baselines = &run.baselines;
         let fits = &baselines.inverse_range;
@@ -189,7 +185,7 @@ impl Seen {
             Some(elevation(camera, centre_px))
         });
         Some(Self {
-            time_s: observed.time_ns as f64 * 1e-9,
+            time_s: observed.time_s(),
             fit: best.fit,
             distance_m: best.distance_m,
             range_m: best.distance_m + fits.setback_m(best.fit),
@@ -201,17 +197,17 @@ impl Seen {
     }
 }
 
-/// Angle above the horizontal at which a camera sees a place of its image, radians.
+/// Elevation above the horizontal, radians.
 fn elevation(camera: &Camera, place_px: DVec2) -> f64 {
     let up = camera.center_ecef_m.normalize_or_zero();
     camera.ray(place_px).dot(up).clamp(-1.0, 1.0).asin()
 }
 
 impl Slope {
-    /// Of numbers over time whose errors are at least as large as this; `None` of too few, or too short a time.
+    /// Slope of numbers over time, with a minimum standard deviation of their errors; `None` with too few.
     fn of(numbers: Vec<(f64, f64)>, least_sd: f64) -> Option<Self> {
         let lasted_s = numbers.last()?.0 - numbers.first()?.0;
-        if numbers.len() < MIN_COUNT || lasted_s < MIN_S {
+        if numbers.len() < MIN_COUNT {
             return None;
         }
         let pairs =

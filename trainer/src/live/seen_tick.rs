@@ -1,46 +1,45 @@
-//! The boxes that cameras without an end saw at a tick.
+//! Live input: boxes at one tick.
 
 use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
 
-use crate::samples::camera_health::look::Look;
 use crate::samples::trusted_boxes::other_boxes::{self, Registered};
-use crate::samples::{Observation, Scored, whole_of};
+use crate::samples::{Look, Observation, Scored, whole_of};
 
-/// The images of one time.
+/// Images with a common time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SeenTick {
-    /// Their time, nanoseconds.
+    /// Time, nanoseconds.
     pub time_ns: i64,
-    /// By view; the default where there is no image, or none that may be measured.
+    /// Images per view; the default without a usable image.
     pub views: Vec<SeenView>,
 }
 
-/// An image of a view.
+/// Image in one view.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SeenView {
-    /// Its image.
+    /// Usability.
     pub look: Look,
-    /// Its boxes that count at this moment.
+    /// Accepted boxes.
     pub boxes: Vec<Candidate>,
-    /// The index of the view that it is registered with, and the shift from there.
+    /// Index of the reference view, and the shift from there.
     pub registration: Option<(usize, Shift)>,
 }
 
-/// A box that counts.
+/// An accepted box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// The box.
     pub pixel_box: PixelBox,
     /// Confidence of the model.
     pub score: f64,
-    /// Number of its track in that view.
+    /// Track number in that view.
     pub track: Option<u32>,
 }
 
 impl SeenTick {
-    /// The observation of a tick with this number, at a time in nanoseconds. `cameras` by view.
+    /// The observation at this tick number and time in nanoseconds. `cameras` per view.
     pub(crate) fn observed(&self, (tick, time_ns): (u32, i64), cameras: &[Camera]) -> Observation {
         assert_eq!(self.views.len(), cameras.len(), "views of a tick");
         let found: Vec<_> = self.views.iter().zip(cameras).map(whole).collect();

@@ -26,7 +26,7 @@ use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
 use crate::networks::stage::Cycle;
 use crate::networks::training_loop::{Learned, Task};
-use crate::samples::json_differences::json_differences;
+use crate::samples::rig::json_differences::json_differences;
 
 /// Limit: the weights of the largest networks, three times, in base 64.
 const CHECKPOINT: FileKind = FileKind::new("checkpoint", 16 << 30).unlinked();

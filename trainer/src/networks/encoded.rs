@@ -205,15 +205,15 @@ pub(crate) fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
 pub(crate) fn boxes_of_two_views() -> Encoded {
     use testkit::synthetic::SyntheticCorpus;
 
-    use crate::samples::{DistanceRange, Samples};
+    use crate::samples::Samples;
 
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus {
-        miss_ratio: 0.3,
-        ..SyntheticCorpus::tiny()
-    };
-    let corpus = corpus.write(folder.path()).unwrap();
-    let samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+    let samples = Samples::synthetic(
+        &SyntheticCorpus {
+            miss_ratio: 0.3,
+            ..SyntheticCorpus::tiny()
+        },
+        0.0,
+    );
     let all: Vec<_> = samples.samples.iter().collect();
     let normalisation = Normalisation::fit(&samples.views, &all, &all);
     Encoded::new(all, &normalisation)

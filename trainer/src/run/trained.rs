@@ -13,6 +13,7 @@ use dataset::numbers::limits::{self, Check};
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::background::{Backgrounds, StoredView};
 use crate::config::{PaperDeviation, TrainConfig};
@@ -274,24 +275,12 @@ fn check_numbers(
     if let Some(fault) = std::mem::take(check).first() {
         return Err(sealed.refused(RunFolder::BASELINES, RunFault::OutOfLimits(fault)));
     }
-    let pinholes = baselines.pinholes.iter().flatten();
-    let mut formulas = pinholes
-        .flat_map(|pinhole| [pinhole.focal_times_span_px_m, pinhole.setback_m])
-        .chain(baselines.centre_offsets.iter().flat_map(|offset| {
-            let [right, down] = offset.constant_px;
-            let [of_width, of_height] = offset.part_of_size;
-            [right, down, of_width, of_height]
-        }))
-        .chain(baselines.inverse_range.constants())
-        .chain((baselines.self_calibrated.iter()).flat_map(SelfCalibrated::constants))
-        .chain(baselines.flight_filter.constants())
-        .chain(baselines.paired_views.constants())
-        .chain(baselines.mean_by_time.constants());
+    let formulas: Value = sealed.json(RunFolder::BASELINES, "set of baselines")?;
     let refused = |file, number| {
         let most = MAX_NUMBER;
         sealed.refused(file, RunFault::ImpossibleNumber { number, most })
     };
-    if let Some(number) = formulas.find(is_impossible) {
+    if let Some(number) = impossible_in(&formulas) {
         return Err(refused(RunFolder::BASELINES, number));
     }
     let mut weight = ImpossibleWeight(None);
@@ -302,6 +291,16 @@ fn check_numbers(
 /// True beyond [`MAX_NUMBER`], and for NaN.
 fn is_impossible(number: &f64) -> bool {
     !(0.0..=MAX_NUMBER).contains(&number.abs())
+}
+
+/// First impossible number in a JSON value.
+fn impossible_in(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(number) => number.as_f64().filter(is_impossible),
+        Value::Array(values) => values.iter().find_map(impossible_in),
+        Value::Object(values) => values.values().find_map(impossible_in),
+        Value::Null | Value::Bool(_) | Value::String(_) => None,
+    }
 }
 
 /// First impossible weight.

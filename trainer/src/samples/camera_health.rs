@@ -1,13 +1,12 @@
-//! What was seen by cameras that moved, shook or repeated images, as the flight's usual directions would have seen it.
+//! Correction for cameras that moved, shook or repeated images.
 //!
 //! `dtd detect` measures each camera's direction from the ground in its images ([`dataset::tables::health`]). Where a camera is off, its
-//! boxes and registered shifts are moved to where the usual direction would have seen them. An error that several measured directions have
-//! in common is common to their ticks; the remaining errors make each shift less certain. A view does not count at a tick whose image
-//! repeats an earlier one, or whose direction is off by an amount that is not known well; only where fog hides the direction of a camera
-//! that shakes, its shifts count as the less certain ones that they are. Other ticks stay as they are, bit by bit.
+//! boxes and registered shifts are mapped to the flight's usual direction. The error that several measured directions share is a common
+//! error; the rest makes each shift less certain. A view is ignored while its image repeats an earlier one, or while its direction is off
+//! by a poorly known amount; only a shaking camera whose direction fog hides keeps its shifts, with their larger uncertainty. Other ticks
+//! remain bit-identical.
 
 pub(crate) mod late_images;
-pub(crate) mod look;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -21,38 +20,38 @@ use glam::DVec2;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{CommonError, Observation};
 
-/// A direction that is off with a larger standard deviation is not corrected, pixels: at ten nautical miles such an error is 0.1 % of the
-/// distance with masts 600 m apart.
+/// Maximum standard deviation for corrected directions, pixels: at ten nautical miles, with masts 600 m apart, it causes an error in
+/// distance of 0.1 %.
 const MAX_SD_PX: f64 = 0.3;
 
-/// Condition of the cameras of a scenario where they were not well.
+/// Camera health in a scenario, for ticks with a fault.
 pub(crate) struct CameraHealth<'a> {
     views: &'a [String],
     cameras: &'a [Camera],
     rows: BTreeMap<(u32, usize), ViewHealth>,
-    /// Standard deviation of the usual direction of a camera that shakes, by view, pixels: the least that its directions have.
+    /// Standard deviation of a shaking camera's usual direction per view, pixels: the minimum over its measured directions.
     usual_sd_px: Vec<f64>,
-    /// Standard deviation of the direction of a camera that shakes where its background is hidden, by view, pixels: what the aircraft's
-    /// rows contradict each other by. `None` without such contradictions.
+    /// Standard deviation of a shaking camera's direction per view while its background is hidden, pixels, from the contradictions between
+    /// the aircraft's rows. `None` without contradictions.
     hidden_sd_px: Vec<Option<f64>>,
 }
 
-/// What became of boxes of cameras that were not well.
+/// Effects on boxes from faulty cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Corrections {
-    /// Boxes that were moved.
+    /// Corrected boxes.
     pub moved: usize,
-    /// Boxes that do not count.
+    /// Rejected boxes.
     pub withheld: usize,
-    /// Boxes whose shifts are less certain: their camera shakes, and fog hides where it looked.
+    /// Boxes with less certain shifts: the camera shakes, and fog hides its direction.
     pub uncertain: usize,
-    /// Boxes of late images that were moved to the time of their tick.
+    /// Boxes in late images, moved to the time of their tick.
     pub late: usize,
-    /// Boxes of late images that do not count.
+    /// Rejected boxes in late images.
     pub late_withheld: usize,
-    /// Boxes of late images that stay where they are: by the images up to a tick the lag is not known.
+    /// Boxes in late images that remain unchanged, because the lag is unknown live.
     pub late_kept: usize,
-    /// Shifts between views that cannot show the same aircraft, which do not count.
+    /// Rejected shifts between views that cannot show the same aircraft.
     pub contradicting: usize,
 }
 
@@ -69,7 +68,7 @@ impl AddAssign for Corrections {
 }
 
 impl Corrections {
-    /// All together, as a line for users; `None` if there are none.
+    /// The sum as a line for users; `None` if nothing changed.
     pub(crate) fn line(all: impl Iterator<Item = Self>) -> Option<String> {
         let mut sum = Self::default();
         all.for_each(|of_scenario| sum += of_scenario);
@@ -79,46 +78,56 @@ impl Corrections {
 
 impl fmt::Display for Corrections {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let of_cameras = (self.moved, self.withheld);
-        let of_late = (self.late, self.late_withheld);
+        let Self {
+            moved,
+            withheld,
+            uncertain,
+            late,
+            late_withheld,
+            late_kept,
+            contradicting,
+        } = self;
         let parts = [
-            (of_cameras, "cameras that moved, shook or repeated images"),
-            (of_late, "late images"),
+            (
+                moved + withheld,
+                format!(
+                    "boxes of cameras that moved, shook or repeated images: {moved} corrected, {withheld} left out"
+                ),
+            ),
+            (
+                late + late_withheld,
+                format!("boxes of late images: {late} corrected, {late_withheld} left out"),
+            ),
+            (
+                *uncertain,
+                format!("boxes of cameras that shake in fog: {uncertain} with less certain shifts"),
+            ),
+            (
+                *late_kept,
+                format!(
+                    "boxes of late images: {late_kept} not corrected, since only whole flights tell the lag; expect errors of distances"
+                ),
+            ),
+            (
+                *contradicting,
+                format!(
+                    "shifts between views that contradict each other: {contradicting} left out"
+                ),
+            ),
         ];
-        let parts = parts.iter().filter(|(counts, _)| *counts != (0, 0));
-        let parts = parts.map(|((corrected, left_out), whose)| {
-            format!("boxes of {whose}: {corrected} corrected, {left_out} left out")
-        });
-        let mut parts: Vec<String> = parts.collect();
-        if self.uncertain > 0 {
-            let boxes = self.uncertain;
-            parts.push(format!(
-                "boxes of cameras that shake in fog: {boxes} with less certain shifts"
-            ));
-        }
-        if self.late_kept > 0 {
-            let boxes = self.late_kept;
-            parts.push(format!(
-                "boxes of late images: {boxes} not corrected, since only whole flights tell the lag; expect errors of distances"
-            ));
-        }
-        if self.contradicting > 0 {
-            let shifts = self.contradicting;
-            parts.push(format!(
-                "shifts between views that contradict each other: {shifts} left out"
-            ));
-        }
+        let parts = parts.into_iter().filter(|(count, _)| *count > 0);
+        let parts: Vec<String> = parts.map(|(_, text)| text).collect();
         f.write_str(&parts.join("; "))
     }
 }
 
-/// True for an image of a camera that shakes, without a background to tell where it looked.
+/// True for an image from a shaking camera without a visible background.
 fn is_hidden_shake(row: &ViewHealth) -> bool {
     row.state == HealthState::Shaking && row.motion.is_none()
 }
 
-/// Standard deviation of the rows of the aircraft at ticks at which a view has such images, pixels: beside the first view, or of the first
-/// view beside all others.
+/// Standard deviation of the aircraft's rows at ticks with such images, pixels: relative to the first view, or between the first view and
+/// all others.
 fn hidden_sd_px(view: &str, rows: &[ViewHealth]) -> Option<f64> {
     let hidden = || {
         rows.iter()
@@ -137,7 +146,7 @@ fn hidden_sd_px(view: &str, rows: &[ViewHealth]) -> Option<f64> {
 }
 
 impl<'a> CameraHealth<'a> {
-    /// `cameras` in the order of `views`.
+    /// `cameras` are in the order of `views`.
     pub(crate) fn of(views: &'a [String], cameras: &'a [Camera], rows: Vec<ViewHealth>) -> Self {
         let hidden_sd_px = views.iter().map(|view| hidden_sd_px(view, &rows)).collect();
         let ill = rows.into_iter().filter(|row| !row.state.is_well());
@@ -161,7 +170,7 @@ impl<'a> CameraHealth<'a> {
         }
     }
 
-    /// Standard deviations of the direction of a view in a row, pixels: of what it shares with other ticks, and of the rest.
+    /// Standard deviations of a view's direction in a row, pixels: the part shared with other ticks, and the rest.
     fn sds_px(&self, view: usize, row: &ViewHealth) -> [f64; 2] {
         if let Some(sd_px) = self.hidden_sd_px[view].filter(|_| is_hidden_shake(row)) {
             return [0.0, sd_px];
@@ -169,21 +178,21 @@ impl<'a> CameraHealth<'a> {
         let whole_px = row.motion.map_or(0.0, |turn| turn.shift_sd_px);
         let common_px = match row.state {
             HealthState::Shaking => whole_px.min(self.usual_sd_px[view]),
-            // The turn of a camera that stays turned is measured with the same error again and again.
+            // A camera that stays turned is measured with the same error each time.
             _ => whole_px,
         };
         let own_px = (whole_px.powi(2) - common_px.powi(2)).max(0.0).sqrt();
         [common_px, own_px]
     }
 
-    /// The same tick as usual cameras would have seen it. Counts what changes.
+    /// Maps a tick to the usual directions, and counts the changes.
     pub(crate) fn corrected(&self, observed: Observation, counts: &mut Corrections) -> Observation {
         let row = |view: usize| self.rows.get(&(observed.tick, view));
         let views = 0..self.views.len();
         if views.clone().all(|view| row(view).is_none()) {
             return observed;
         }
-        // `None`: the view does not count.
+        // `None`: the view is ignored.
         let usual = |view: usize, place: DVec2| match row(view) {
             None => Some(place),
             Some(row) if row.state == HealthState::Frozen => None,
@@ -266,7 +275,7 @@ mod tests {
         let sd_px = shaken.shifts[1].unwrap().sd_px;
         assert!((1.4..1.6).contains(&sd_px.x), "{sd_px}");
         assert_eq!((counts.uncertain, counts.moved, counts.withheld), (1, 0, 0));
-        // Without rows that contradict each other, the shake may be of any size.
+        // Without contradicting rows, the shake may have any size.
         let (alone, counts) = corrected(|_| None);
         assert_eq!(
             (alone.boxes[0], alone.boxes[1]),

@@ -5,19 +5,17 @@ use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::samples::Sample;
 
-/// Ticks nearer than this are left out: flights converge at the runway, metres.
-const NEAREST_M: f64 = METERS_PER_NAUTICAL_MILE;
-/// Width of a bin of distance, metres.
-const BIN_M: f64 = METERS_PER_NAUTICAL_MILE;
-/// A bin with fewer ticks has no spread.
+/// Minimum number of ticks in a bin.
 const MIN_TICKS: usize = 3;
 
-/// Standard deviation of the cross-track position at equal distances, metres: the median over bins of a nautical mile, so that one
-/// intercept far out does not count for the whole approach. 0 without enough ticks.
+/// Standard deviation of the cross-track position at equal distances, metres: the median over bins one nautical mile wide, so that a single
+/// intercept far out has little effect. 0 without enough ticks.
 pub(crate) fn lateral_spread_m(samples: &[&Sample]) -> f64 {
     let mut bins: Vec<Vec<f64>> = Vec::new();
-    for sample in samples.iter().filter(|sample| sample.dtd_m >= NEAREST_M) {
-        let bin = (sample.dtd_m / BIN_M) as usize;
+    // The first mile is left out: flights converge at the runway.
+    let is_far = |sample: &&&Sample| sample.dtd_m >= METERS_PER_NAUTICAL_MILE;
+    for sample in samples.iter().filter(is_far) {
+        let bin = (sample.dtd_m / METERS_PER_NAUTICAL_MILE) as usize;
         if bins.len() <= bin {
             bins.resize_with(bin + 1, Vec::new);
         }

@@ -1,18 +1,17 @@
-//! One aircraft in several views: of the boxes of a flight, those that are of the same aircraft.
+//! Association of boxes: one aircraft across several views.
 //!
-//! A detector's best box of a view may be a lamp, a bird or a second arrival, whatever the other views see. Here the views have to agree: a
-//! [`Relation`] of each two views, learned from the training's boxes, says which boxes can be one aircraft, and a [`Follower`] keeps to one
-//! aircraft for a flight. Where views contradict each other, the boxes of the aircraft that was followed before are kept, or none. What one
-//! view sees while the others see nothing counts once it comes along the paths of the training ([`Path`]), until views have agreed on
-//! something else. Where fog hides the background, a camera may have been turned without a sign: an aircraft that stays beside these paths
-//! gets no answer there ([`aside`]).
+//! A detector's best box in a view may show a lamp, a bird or a second arrival, regardless of the other views. Here the views have to
+//! agree: a [`Relation`] per pair of views, learned from training boxes, tells which boxes can show the same aircraft, and a [`Follower`]
+//! keeps to one aircraft per flight. If views contradict each other, the aircraft that was followed before keeps its boxes, or none is
+//! used. An object in one view alone counts once it comes along the training's paths ([`Path`]), until views agree on something else. In
+//! fog a camera may be turned unnoticed: an aircraft that stays beside these paths gets no estimate ([`aside`]).
 
 mod aircraft;
 mod aside;
 mod follower;
 mod path;
 mod relation;
-mod robust_line;
+mod sighting;
 
 use std::collections::BTreeMap;
 
@@ -22,44 +21,47 @@ use crate::samples::{Observation, Sample};
 use aside::Pair;
 pub(crate) use aside::{Aside, AsideWatch};
 pub(crate) use follower::Follower;
-use follower::{InSight, Learned};
-use path::{Path, Sighting};
+use follower::ObjectBoxes;
+use path::Path;
 use relation::{MIN_PAIRS, Relation};
+pub(crate) use sighting::MEMORY_S;
+use sighting::Sighting;
 
-/// The relations of a rig's views, and the paths in each.
+/// Relations between views, and paths in each view.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PairedViews {
-    /// Those of the pairs of views that saw the aircraft together often enough, by the indices of the views.
-    relations: Vec<Relation>,
-    /// Sizes along the paths, of the views that saw the aircraft often enough, by their indices.
+    /// For pairs of views that saw the aircraft together often enough, by view index.
+    pub relations: Vec<Relation>,
+    /// For views that saw the aircraft often enough, by view index.
     paths: Vec<Path>,
 }
 
-/// One object at a tick.
+/// An object at a tick.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct OfObject {
-    /// Number in the order of appearance.
+pub(crate) struct ObjectTick {
+    /// Number in order of appearance.
     pub number: usize,
-    /// Of all objects, this one is followed.
+    /// True for the object that is followed.
     pub is_followed: bool,
-    /// The tick with its boxes alone.
+    /// The tick with only this object's boxes.
     pub observed: Observation,
 }
 
 impl PairedViews {
-    /// Learns the relations from samples whose boxes contain the aircraft.
+    /// Learns from samples with only true boxes.
     pub(crate) fn fit(views: usize, true_boxes: &[&Sample]) -> Self {
-        let pairs = (0..views).flat_map(|one| (one + 1..views).map(move |other| [one, other]));
         Self {
-            relations: pairs.filter_map(|pair| fitted(pair, true_boxes)).collect(),
+            relations: (pairs_among(views))
+                .filter_map(|pair| fitted(pair, true_boxes))
+                .collect(),
             paths: (0..views)
                 .filter_map(|view| fitted_path(view, true_boxes))
                 .collect(),
         }
     }
 
-    /// A line for users about each two views that stay unrelated, or whose turns would not be noticed. `views`: their names.
+    /// Lines for users about pairs of views without a relation, or without a watch for turned cameras. `views`: their names.
     pub(crate) fn unrelated(&self, views: &[String], true_boxes: &[&Sample]) -> Vec<String> {
         let unwatched = self.relations.iter().filter(|of| of.columns.is_none());
         let unwatched = unwatched.map(|relation| {
@@ -70,9 +72,7 @@ impl PairedViews {
                 aside::MIN_FLIGHTS
             )
         });
-        let pairs =
-            (0..views.len()).flat_map(|one| (one + 1..views.len()).map(move |other| [one, other]));
-        pairs
+        pairs_among(views.len())
             .filter(|pair| !self.relations.iter().any(|relation| relation.views == *pair))
             .map(|pair| {
                 let [one, other] = pair.map(|view| &views[view]);
@@ -86,7 +86,7 @@ impl PairedViews {
             .collect()
     }
 
-    /// The same with what concerns one view learned again.
+    /// Copy with everything about one view learned again.
     pub(crate) fn with_view_refitted(
         &self,
         view: usize,
@@ -108,7 +108,7 @@ impl PairedViews {
         Self { relations, paths }
     }
 
-    /// The same without what concerns one view.
+    /// Copy without everything about one view.
     pub(crate) fn without(&self, view: usize) -> Self {
         let mut others = self.clone();
         others.relations.retain(|of| !of.views.contains(&view));
@@ -116,12 +116,12 @@ impl PairedViews {
         others
     }
 
-    /// True if boxes of two views can be told to be of one aircraft.
+    /// True without any relation.
     pub(crate) fn is_empty(&self) -> bool {
         self.relations.is_empty()
     }
 
-    /// Whole flights with at most one box per view: the boxes of one aircraft. Boxes of views without a relation stay as they are.
+    /// Whole flights with at most one box per view: the boxes of one aircraft. Views without a relation stay unchanged.
     pub(crate) fn of_one_aircraft(&self, flights: &[Observation]) -> Vec<Observation> {
         if self.is_empty() {
             return flights.to_vec();
@@ -131,7 +131,7 @@ impl PairedViews {
             let followed = self.followed(flight);
             let aside = self.aside(&followed);
             let placed = followed.into_iter().map(|(number, observed)| {
-                let time_s = observed.time_ns as f64 / 1e9;
+                let time_s = observed.time_s();
                 let aside = number.and_then(|number| aside.get(&number));
                 match aside.filter(|aside| aside.is_hidden && time_s >= aside.since_s) {
                     Some(aside) => observed.without_images(|view| aside.views.contains(&view)),
@@ -143,11 +143,11 @@ impl PairedViews {
         chosen.collect()
     }
 
-    /// A flight with the boxes of the object that is followed, and its number.
+    /// A flight with the boxes of the followed object, and its number.
     fn followed(&self, flight: &[Observation]) -> Vec<(Option<usize>, Observation)> {
         let mut follower = Follower::default();
         let ticks = flight.iter().map(|observed| {
-            let in_sight = follower.step(self.learned(), observed);
+            let in_sight = follower.step(self, observed);
             let followed = in_sight.into_iter().find(|of| of.is_followed);
             let number = followed.as_ref().map(|of| of.number);
             (number, self.of_object(observed, followed.as_ref()))
@@ -155,8 +155,7 @@ impl PairedViews {
         ticks.collect()
     }
 
-    /// The objects of a flight that were beside the paths of the training to their end: what comes back was seen by cameras that look where
-    /// they did.
+    /// Objects that were still beside the training's paths when they ended; one that returned was seen by unturned cameras.
     fn aside(&self, followed: &[(Option<usize>, Observation)]) -> BTreeMap<usize, Aside> {
         let mut watches: BTreeMap<usize, AsideWatch> = BTreeMap::new();
         for (number, observed) in followed {
@@ -167,31 +166,22 @@ impl PairedViews {
         }
         let ended = watches.into_iter();
         ended
-            .filter_map(|(number, watch)| Some((number, watch.last()?)))
+            .filter_map(|(number, watch)| Some((number, watch.aside?)))
             .collect()
     }
 
-    /// The same of one flight, in the order of their numbers.
+    /// Objects beside the paths in a flight, by number.
     pub(crate) fn aside_in(&self, flight: &[Observation]) -> Vec<Aside> {
         self.aside(&self.followed(flight)).into_values().collect()
     }
 
-    /// Takes the next tick of an object among views without an end.
-    pub(crate) fn aside_at<'w>(
-        &self,
-        watch: &'w mut AsideWatch,
-        observed: &Observation,
-    ) -> Option<&'w Aside> {
-        watch.next(&self.relations, observed)
-    }
-
-    /// The next tick of views without an end: the boxes of each object that is remembered, the followed one first.
-    pub(crate) fn next(&self, follower: &mut Follower, observed: &Observation) -> Vec<OfObject> {
-        let mut in_sight = follower.step(self.learned(), observed);
+    /// The next live tick: boxes per remembered object, the followed one first.
+    pub(crate) fn next(&self, follower: &mut Follower, observed: &Observation) -> Vec<ObjectTick> {
+        let mut in_sight = follower.step(self, observed);
         in_sight.sort_by_key(|of| (!of.is_followed, of.number));
         let objects = in_sight.iter();
         objects
-            .map(|of| OfObject {
+            .map(|of| ObjectTick {
                 number: of.number,
                 is_followed: of.is_followed,
                 observed: self.of_object(observed, Some(of)),
@@ -199,15 +189,8 @@ impl PairedViews {
             .collect()
     }
 
-    fn learned(&self) -> Learned<'_> {
-        Learned {
-            relations: &self.relations,
-            paths: &self.paths,
-        }
-    }
-
-    /// The tick with the boxes of an object; the best box of a view without a relation is of the followed one.
-    fn of_object(&self, observed: &Observation, object: Option<&InSight>) -> Observation {
+    /// The tick with an object's boxes; the followed one also gets the best box in each view without a relation.
+    fn of_object(&self, observed: &Observation, object: Option<&ObjectBoxes>) -> Observation {
         let kept = (0..observed.boxes.len()).map(|view| {
             let index = if is_related(&self.relations, view) {
                 object.and_then(|object| object.boxes[view])
@@ -220,7 +203,7 @@ impl PairedViews {
         observed.with_candidates(&kept.collect::<Vec<_>>())
     }
 
-    /// True if these are relations between this many views and paths in them, with possible deviations.
+    /// True for valid view indices and plausible deviations.
     pub(crate) fn is_of(&self, views: usize) -> bool {
         let mut relations = self.relations.iter();
         let is_possible = |relation: &Relation| {
@@ -233,46 +216,44 @@ impl PairedViews {
             && paths.all(|path| path.view < views && path.is_possible())
             && self.paths.is_sorted_by(|a, b| a.view < b.view)
     }
-
-    /// All of its numbers.
-    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
-        let relations = self.relations.iter().flat_map(Relation::constants);
-        relations.chain(self.paths.iter().flat_map(Path::constants))
-    }
 }
 
-/// True if there is a relation between a view and another one.
 fn is_related(relations: &[Relation], view: usize) -> bool {
     let mut relations = relations.iter();
     relations.any(|relation| relation.views.contains(&view))
+}
+
+fn pairs_among(views: usize) -> impl Iterator<Item = [usize; 2]> {
+    (0..views).flat_map(move |one| (one + 1..views).map(move |other| [one, other]))
 }
 
 fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {
     Relation::fit(views, &pairs_of(views, true_boxes))
 }
 
-/// The ticks at which two views saw the aircraft, flight by flight.
+/// Ticks at which both views saw the aircraft, flight by flight.
 fn pairs_of<'a>(views: [usize; 2], true_boxes: &[&'a Sample]) -> Vec<Vec<Pair<'a>>> {
-    let flights = true_boxes.chunk_by(|a, b| a.scenario == b.scenario);
-    let pairs = flights.map(|flight| {
-        let pairs = flight.iter().filter_map(|sample| Pair::of(views, sample));
-        pairs.collect()
-    });
-    pairs.collect()
+    by_flight(true_boxes, |sample| Pair::of(views, sample))
 }
 
 fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {
-    let flights = true_boxes.chunk_by(|a, b| a.scenario == b.scenario);
-    let flights = flights.map(|flight| {
-        let sighting = |sample: &&Sample| {
-            Some(Sighting {
-                time_s: sample.time_ns as f64 / 1e9,
-                pixel_box: sample.boxes[view]?,
-            })
-        };
-        flight.iter().filter_map(sighting).collect::<Vec<_>>()
-    });
-    Path::fit(view, &flights.collect::<Vec<_>>())
+    let sighting = |sample: &Sample| {
+        Some(Sighting {
+            time_s: sample.time_s(),
+            pixel_box: sample.boxes[view]?,
+        })
+    };
+    Path::fit(view, &by_flight(true_boxes, sighting))
+}
+
+fn by_flight<'a, T>(
+    ticks: &[&'a Sample],
+    of_tick: impl Fn(&'a Sample) -> Option<T>,
+) -> Vec<Vec<T>> {
+    let flights = ticks.chunk_by(|a, b| a.scenario == b.scenario);
+    flights
+        .map(|flight| flight.iter().filter_map(|sample| of_tick(sample)).collect())
+        .collect()
 }
 
 #[cfg(test)]

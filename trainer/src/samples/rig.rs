@@ -1,5 +1,6 @@
-//! The rig whose images a corpus has. A network learns one rig.
+//! The rig that recorded a corpus. A network learns one rig.
 
+pub(crate) mod json_differences;
 pub(crate) mod moved_rig;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,29 +10,27 @@ use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::Plan;
 
 use crate::error::{CorpusFault, Error, Result, RigKind};
-use crate::samples::json_differences::{collect, named};
+use crate::samples::rig::json_differences::{collect, named};
 
-/// Cameras by view.
 pub(crate) type Cameras = BTreeMap<String, CameraEntry>;
 
-/// The rig of all scenarios.
+/// The rig for all scenarios.
 #[derive(Debug, Clone)]
 pub(crate) struct Rig {
-    /// Its name.
     pub name: String,
-    /// The cameras of the first scenario.
+    /// Cameras in the first scenario.
     pub cameras: Cameras,
-    /// The cameras as planned, before scenarios misplace or aim them; in a corpus without a plan, the cameras of the first scenario.
+    /// Cameras as planned, before scenarios displace or aim them; without a plan, the cameras in the first scenario.
     pub nominal: Cameras,
-    /// True if these are from a plan.
+    /// True if `nominal` comes from a plan.
     pub is_planned: bool,
-    /// True if the cameras of other scenarios differ: jittered or turned.
+    /// True if cameras differ between scenarios (jittered or turned).
     pub cameras_vary: bool,
 }
 
 impl Rig {
-    /// The rig of these scenarios. Its cameras may be misplaced or turned from scenario to scenario (each scenario's calibration has
-    /// them), but other views, other image sizes or another rig are an error.
+    /// The rig for these scenarios. Cameras may be displaced or turned between scenarios, as each calibration states; other views, image
+    /// sizes or rigs are an error.
     pub(crate) fn of(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<Self> {
         let plan = Plan::of_corpus(corpus)?;
         let planned = plan.map(|plan| plan.common.cameras().into_iter().collect::<Cameras>());
@@ -77,15 +76,13 @@ impl Rig {
             .map(|(common, _)| common)
             .ok_or_else(|| Error::corpus(corpus.root(), CorpusFault::NoScenarios))
     }
-}
 
-impl Rig {
-    /// The cameras as planned, if there is a plan.
+    /// Cameras as planned, if there is a plan.
     pub(crate) fn planned(&self) -> Option<&Cameras> {
         self.is_planned.then_some(&self.nominal)
     }
 
-    /// Extends this rig, of the corpus `first`, to the scenarios of another corpus that was planned with the same rig.
+    /// Extends the rig, which belongs to the corpus `first`, to a second corpus planned with the same rig.
     pub(crate) fn join(&mut self, first: &Corpus, corpus: &Corpus, other: &Self) -> Result<()> {
         let differences = differences((&other.name, &other.nominal), (&self.name, &self.nominal));
         if !differences.is_empty() {
@@ -98,14 +95,14 @@ impl Rig {
     }
 }
 
-/// The views and the sizes of their images, wherever the cameras are.
+/// View names with image sizes.
 pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     let form =
         |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
     cameras.iter().map(form).collect()
 }
 
-/// Differences between two rigs, each given as its name and cameras: path of the value, here and there.
+/// Differences between two rigs, each given as name and cameras: path of the value, here and there.
 pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Vec<String> {
     let mut found = Vec::new();
     if here.0 != there.0 {
@@ -135,7 +132,7 @@ pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Ve
     named(found)
 }
 
-/// True if all cameras have the same positions and optics, however degraded their images are.
+/// True if all cameras have the same positions and optics, regardless of image degradation.
 pub(crate) fn are_same(a: &Cameras, b: &Cameras) -> bool {
     let sound = |cameras: &Cameras| -> Cameras {
         let mut sound = cameras.clone();

@@ -1,53 +1,74 @@
-//! One tick before touchdown: what the cameras saw, and where the aircraft was.
+//! Observations and ground truth at one tick before touchdown.
 
 use std::ops::Deref;
 
 use dataset::geometry::geodesy::Geodetic;
+use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
-use crate::samples::camera_health::look::Look;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::view_shift::ViewShift;
 
-/// An error of the places in a view that all ticks of a flight share, such as the error of a lag or of a camera's turn.
+/// Image usability at a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Look {
+    /// No usable image.
+    #[default]
+    Blind,
+    /// The background is hidden: the camera may have been turned.
+    Unplaced,
+    /// The background shows the camera's direction relative to the rest of the flight, or nothing was checked.
+    Placed,
+}
+
+impl Look {
+    /// Usability under this condition, as known live.
+    pub fn of(state: HealthState) -> Self {
+        match state {
+            HealthState::Unknown => Self::Unplaced,
+            _ if state.is_well() => Self::Placed,
+            _ => Self::Blind,
+        }
+    }
+}
+
+/// Error in image positions that is common to a whole flight, such as a lag error or a turned camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CommonError {
-    /// Index of the view.
     pub view: usize,
-    /// Displacement of places by one standard deviation, right and down, pixels.
+    /// Displacement by one standard deviation, right and down, pixels.
     pub sd_px: DVec2,
 }
 
-/// Observation at one tick: the only input of an estimator.
+/// Observation at one tick: the only input for estimators.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Observation {
     /// Index into [`super::Samples::scenarios`].
     pub scenario: usize,
-    /// Tick within the scenario.
     pub tick: u32,
     /// Time since the scenario's first tick, nanoseconds.
     pub time_ns: i64,
-    /// Box of each view, in the order of [`super::Samples::views`].
+    /// Box per view, in the order of [`super::Samples::views`].
     pub boxes: Vec<Option<PixelBox>>,
-    /// Numbers of the tracks that they belong to, in the same order.
+    /// Track numbers of the boxes.
     pub tracks: Vec<Option<u32>>,
-    /// Position of the aircraft in each view by registration, in the same order.
+    /// Registered position of the aircraft per view.
     pub shifts: Vec<Option<ViewShift>>,
-    /// Views whose only boxes are cut off by the image's edge, which are not in `boxes`.
+    /// Number of views with all boxes cut off by the image's edge; such boxes are excluded from `boxes`.
     pub cut_off: usize,
-    /// Image of each view, in the same order. A view that looks and has no box sees nothing; one that fails is blind.
+    /// Image usability per view. A usable image without a box shows no aircraft.
     pub looks: Vec<Look>,
-    /// Errors of the places in views that all ticks of the flight share, independent of each other.
+    /// Independent errors that are common to the whole flight.
     pub common_errors: Vec<CommonError>,
-    /// Boxes with lower scores in the same images, if there are any.
+    /// Boxes with lower scores in the same images, if any.
     pub others: Option<Box<OtherBoxes>>,
 }
 
 impl Observation {
-    /// Of a scenario at a tick and a time in nanoseconds. `found`: by view the whole boxes, the highest score first, none of them where
-    /// the image's edge cuts off all; `registered`, `looks`: by view.
+    /// Observation at this scenario, tick and time in nanoseconds. `found`: whole boxes per view, sorted by score, empty if the image's
+    /// edge cuts all boxes off; `registered`, `looks`: per view.
     pub(crate) fn of(
         (scenario, tick, time_ns): (usize, u32, i64),
         found: &[Option<Vec<Candidate>>],
@@ -77,7 +98,12 @@ impl Observation {
         }
     }
 
-    /// The same tick with only some of its boxes; a shift goes with its box, and so do the other boxes of its view.
+    /// Time since the scenario's first tick, s.
+    pub(crate) fn time_s(&self) -> f64 {
+        self.time_ns as f64 / 1e9
+    }
+
+    /// The tick with some boxes removed. Their shifts and the further boxes in their views go as well.
     pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
         let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
             seen.is_some() && boxes[shift.reference].is_some()
@@ -88,15 +114,12 @@ impl Observation {
                 .map(|(shift, seen)| shift.filter(|shift| kept(shift, seen)))
                 .collect(),
             others: OtherBoxes::of_views(self.others.as_deref(), &boxes),
-            tracks: self.tracks.clone(),
-            looks: self.looks.clone(),
-            common_errors: self.common_errors.clone(),
             boxes,
-            ..*self
+            ..self.clone()
         }
     }
 
-    /// The same tick without the images of some views.
+    /// The tick without the images in some views.
     pub(crate) fn without_images(&self, is_lost: impl Fn(usize) -> bool) -> Self {
         let boxes = self.boxes.iter().enumerate();
         let boxes = boxes.map(|(view, seen)| seen.filter(|_| !is_lost(view)));
@@ -108,8 +131,8 @@ impl Observation {
         }
     }
 
-    /// The same tick as other cameras would have seen it: `place` gives the place of a point of a view there, pixels, or `None` where it is
-    /// not known; such boxes and shifts are dropped.
+    /// The tick as seen by other cameras. `place` maps an image point in a view, pixels; boxes and shifts are dropped where it returns
+    /// `None`.
     pub(crate) fn moved(&self, place: impl Fn(usize, DVec2) -> Option<DVec2>) -> Self {
         let shift = |view: usize| {
             let shift = self.shifts[view]?;
@@ -124,21 +147,13 @@ impl Observation {
             |(view, seen): (usize, &Option<PixelBox>)| moved_box(seen.as_ref()?, view, &place);
         let moved = Self {
             shifts: (0..self.shifts.len()).map(shift).collect(),
-            tracks: self.tracks.clone(),
-            boxes: self.boxes.clone(),
-            looks: self.looks.clone(),
-            common_errors: self.common_errors.clone(),
-            others: self
-                .others
-                .as_ref()
-                .map(|others| Box::new(others.moved(&place))),
-            ..*self
+            others: (self.others.as_ref()).map(|others| Box::new(others.moved(&place))),
+            ..self.clone()
         };
         moved.with_boxes(self.boxes.iter().enumerate().map(pixel_box).collect())
     }
 
-    /// The same tick with less certain shifts: `sd_px` gives the standard deviation of the places of a view, which adds to what its shifts
-    /// have.
+    /// The tick with less certain shifts: `sd_px` returns a view's additional standard deviation.
     pub(crate) fn widened(mut self, sd_px: impl Fn(usize) -> DVec2) -> Self {
         let added = |own_px: DVec2, views: [usize; 2]| {
             in_quadrature([own_px, sd_px(views[0]), sd_px(views[1])])
@@ -158,7 +173,7 @@ impl Observation {
         self
     }
 
-    /// The same tick with more errors that it shares with others.
+    /// The tick with additional common errors.
     pub(crate) fn with_common(mut self, errors: impl IntoIterator<Item = CommonError>) -> Self {
         let errors = errors.into_iter();
         self.common_errors
@@ -166,13 +181,15 @@ impl Observation {
         self
     }
 
-    /// The same tick with its common errors as part of the deviations of its shifts.
-    fn with_common_in_shifts(mut self) -> Self {
+    /// Includes common errors in the deviations of the shifts. Training uses many flights, which do not share common errors.
+    pub(crate) fn move_common_to_shifts(&mut self) {
         let common = std::mem::take(&mut self.common_errors);
-        self.widened(|view| {
-            let of_view = common.iter().filter(|error| error.view == view);
-            in_quadrature(of_view.map(|error| error.sd_px))
-        })
+        if !common.is_empty() {
+            *self = self.clone().widened(|view| {
+                let of_view = common.iter().filter(|error| error.view == view);
+                in_quadrature(of_view.map(|error| error.sd_px))
+            });
+        }
     }
 
     /// Number of views that saw the aircraft.
@@ -181,13 +198,13 @@ impl Observation {
     }
 }
 
-/// Standard deviations of the sum of independent errors.
+/// Standard deviation for the sum of independent errors.
 fn in_quadrature(sds: impl IntoIterator<Item = DVec2>) -> DVec2 {
     let squares: DVec2 = sds.into_iter().map(|sd| sd * sd).sum();
     DVec2::new(squares.x.sqrt(), squares.y.sqrt())
 }
 
-/// A box of a view, moved like its centre; `None` if that has no place.
+/// A box moved with its centre; `None` if the centre cannot be mapped.
 pub(super) fn moved_box(
     seen: &PixelBox,
     view: usize,
@@ -201,21 +218,20 @@ pub(super) fn moved_box(
     })
 }
 
-/// An observation with its truth. It dereferences to the observation: whatever takes an [`Observation`] cannot see the truth.
+/// An observation with its ground truth. It dereferences to the observation: code that takes an [`Observation`] cannot see the truth.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sample {
-    /// The observation.
     pub observed: Observation,
-    /// True distance to touchdown, metres.
+    /// Distance to touchdown, metres.
     pub dtd_m: f64,
-    /// True distance along the course, metres.
+    /// Distance along the course, metres.
     pub along_track_m: f64,
-    /// True offset right of the course, metres.
+    /// Offset right of the course, metres.
     pub cross_track_m: f64,
-    /// True position of the centre of gravity.
+    /// Position of the centre of gravity.
     pub position: Geodetic,
-    /// Share of contrast that remains over the distance to the nearest camera whose image contains the aircraft; `None` if no
-    /// image does.
+    /// Share of contrast that remains over the distance to the nearest camera whose image contains the aircraft; `None` if there is no such
+    /// camera.
     pub transmission: Option<f64>,
 }
 
@@ -228,76 +244,16 @@ impl Deref for Sample {
 }
 
 impl Sample {
-    /// Makes its common errors part of the deviations of its shifts, for a training. It learns from many flights, which do not have the
-    /// same common errors.
-    pub(crate) fn move_common_to_shifts(&mut self) {
-        if !self.observed.common_errors.is_empty() {
-            self.observed = self.observed.clone().with_common_in_shifts();
-        }
-    }
-
-    /// The same tick with other observations.
     pub(crate) fn with(&self, observed: Observation) -> Self {
         Self { observed, ..*self }
     }
 }
 
-#[cfg(test)]
 impl Observation {
-    /// An aircraft that two registered views see in these columns, a tick per second.
-    pub(crate) fn registered(tick: u32, [first_px, second_px]: [f64; 2]) -> Self {
-        let box_at = |cx_px: f64| PixelBox {
-            cx_px,
-            cy_px: 600.0,
-            width_px: 40.0,
-            height_px: 14.0,
-        };
-        let boxes = [first_px, second_px].map(box_at);
-        let shift = dataset::tables::registrations::Shift {
-            x_px: first_px,
-            y_px: 600.0,
-            dx_px: second_px - first_px,
-            dy_px: 0.0,
-            sd_x_px: 0.03,
-            sd_y_px: 0.04,
-            scale: 1.0,
-            gain: 1.0,
-            correlation: 0.9,
-        };
-        let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
-        observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
-        observed.tick = tick;
-        observed.time_ns = i64::from(tick) * 1_000_000_000;
-        observed
-    }
-}
-
-#[cfg(test)]
-impl Sample {
-    /// A sample at this distance whose views saw these boxes, for tests that need no more.
-    pub(crate) fn of_boxes(dtd_m: f64, boxes: Vec<Option<PixelBox>>) -> Self {
-        Self {
-            observed: Observation {
-                scenario: 0,
-                tick: 0,
-                time_ns: 0,
-                shifts: vec![None; boxes.len()],
-                tracks: vec![None; boxes.len()],
-                looks: vec![Look::Placed; boxes.len()],
-                boxes,
-                common_errors: Vec::new(),
-                cut_off: 0,
-                others: None,
-            },
-            dtd_m,
-            along_track_m: dtd_m,
-            cross_track_m: 0.0,
-            position: Geodetic {
-                latitude_deg: 1.0,
-                longitude_deg: 103.0,
-                altitude_msl_m: 100.0,
-            },
-            transmission: Some(1.0),
-        }
+    /// A tick without any box in this many views.
+    pub(crate) fn unseen((scenario, tick, time_ns): (usize, u32, i64), views: usize) -> Self {
+        let looks = vec![Look::Placed; views];
+        let at = (scenario, tick, time_ns);
+        Self::of(at, &vec![None; views], &vec![None; views], looks)
     }
 }

@@ -1,4 +1,4 @@
-//! Scenarios of the training, the validation and the test side.
+//! Assignment of scenarios to training, validation and test.
 
 pub(crate) mod flight_parts;
 pub(crate) mod leave_out;

@@ -1,4 +1,7 @@
-//! Corpora as samples.
+//! Reading samples from corpora.
+
+mod edited_files;
+pub(crate) mod fixtures;
 
 use std::path::Path;
 
@@ -11,13 +14,10 @@ use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use super::*;
+use fixtures::registered_corpus;
 use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};
 
 const ALL: DistanceRange = DistanceRange::ALL;
-
-fn read(folder: &Path, corpus: &SyntheticCorpus) -> Samples {
-    Samples::read(&corpus.write(folder).unwrap(), None, ALL).unwrap()
-}
 
 fn detection(score: f64, cx_px: f64) -> Detection {
     let pixel_box = PixelBox {
@@ -31,8 +31,7 @@ fn detection(score: f64, cx_px: f64) -> Detection {
 
 #[test]
 fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score() {
-    let folder = tempfile::tempdir().unwrap();
-    let samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
     let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
     let cut = detection(0.9, 19.0);
     let best = whole_boxes(vec![cut.clone(), detection(0.4, 200.0)], &cameras);
@@ -47,12 +46,11 @@ fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score(
 
 #[test]
 fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let mut samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
     let undisturbed = samples.with_true_boxes();
     let recorded: Vec<_> = samples.of_side(Side::Train).into_iter().cloned().collect();
     assert_eq!(undisturbed, recorded, "nothing to leave out yet");
-    // Empty views now contain a box of something else.
+    // Empty views now contain a false box.
     let mut added = 0;
     for sample in &mut samples.samples {
         for seen in sample
@@ -71,8 +69,7 @@ fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
 
 #[test]
 fn of_several_whole_boxes_the_one_with_the_best_score_comes_first() {
-    let folder = tempfile::tempdir().unwrap();
-    let samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
     let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
     let best = whole_boxes(
         vec![
@@ -89,14 +86,13 @@ fn of_several_whole_boxes_the_one_with_the_best_score_comes_first() {
 
 #[test]
 fn every_tick_before_touchdown_is_a_sample_and_a_side_has_those_that_a_view_saw() {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus {
-        miss_ratio: 0.5,
-        ..SyntheticCorpus::tiny()
-    }
-    .write(folder.path())
-    .unwrap();
-    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    let samples = Samples::synthetic(
+        &SyntheticCorpus {
+            miss_ratio: 0.5,
+            ..SyntheticCorpus::tiny()
+        },
+        0.0,
+    );
     let [flown, seen] = [Side::Train, Side::Validation, Side::Test]
         .map(|side| {
             let seen = samples.of_side(side);
@@ -122,8 +118,7 @@ fn every_tick_before_touchdown_is_a_sample_and_a_side_has_those_that_a_view_saw(
 
 #[test]
 fn contrast_is_that_over_the_distance_to_the_nearest_camera_that_has_the_aircraft_in_its_picture() {
-    let folder = tempfile::tempdir().unwrap();
-    let samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
     let sample = &samples.samples[0];
     let cameras = &samples.scenarios[0].cameras;
     let aircraft_m = sample.position.to_ecef();
@@ -236,7 +231,7 @@ fn corpora_with_different_rigs_do_not_train_together() {
     }
 }
 
-/// A corpus with the detections of the synthetic model, and of another one in its first scenario.
+/// A corpus with detections from the synthetic model and a second model.
 fn of_two_models(folder: &Path, other: &ModelIdentity) -> Corpus {
     let corpus = SyntheticCorpus::tiny().write(folder).unwrap();
     let first = corpus.scenarios().unwrap().remove(0);
@@ -338,7 +333,6 @@ fn a_renamed_copy_of_a_recording_is_the_same_flight_and_may_not_be_on_two_sides(
 #[test]
 fn a_live_flight_is_the_same_at_any_picture_rate() {
     let read = |numerator, denominator| {
-        let folder = tempfile::tempdir().unwrap();
         let frame_rate = FrameRate {
             numerator,
             denominator,
@@ -347,7 +341,7 @@ fn a_live_flight_is_the_same_at_any_picture_rate() {
             frame_rate,
             ..SyntheticCorpus::tiny()
         };
-        read(folder.path(), &corpus).scenarios[0].flight.clone()
+        Samples::synthetic(&corpus, 0.0).scenarios[0].flight.clone()
     };
     let flight = read(1, 3);
     for (numerator, denominator) in [(1, 10), (1, 2), (7, 1), (30_000, 1_000)] {
@@ -358,12 +352,11 @@ fn a_live_flight_is_the_same_at_any_picture_rate() {
 #[test]
 fn live_flights_are_the_same_if_their_paths_are_whatever_they_are_called() {
     let read = |seed| {
-        let folder = tempfile::tempdir().unwrap();
         let corpus = SyntheticCorpus {
             seed,
             ..SyntheticCorpus::tiny()
         };
-        read(folder.path(), &corpus).scenarios
+        Samples::synthetic(&corpus, 0.0).scenarios
     };
     let [one, again, other] = [read(0), read(0), read(1)];
     for ((one, again), other) in one.iter().zip(&again).zip(&other) {
@@ -384,7 +377,7 @@ fn a_trajectory_that_the_split_names_differently_is_refused() {
     assert!(message.contains("renamed"), "{message}");
 }
 
-/// What cameras that are turned at some ticks would have stored.
+/// Stores the health table of cameras that are turned at some ticks.
 fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<CameraTurn>)>) {
     for folder in corpus.scenarios().unwrap() {
         let source = folder.open().unwrap();
@@ -445,13 +438,6 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
     }
 }
 
-fn registered() -> SyntheticCorpus {
-    SyntheticCorpus {
-        shift_noise_px: Some(0.0),
-        ..SyntheticCorpus::tiny()
-    }
-}
-
 const STEADY: (HealthState, Option<CameraTurn>) = (HealthState::Steady, None);
 
 fn turn(shift_sd_px: f64) -> Option<CameraTurn> {
@@ -466,7 +452,7 @@ fn turn(shift_sd_px: f64) -> Option<CameraTurn> {
 #[test]
 fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_see_them() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = registered().write(folder.path()).unwrap();
+    let corpus = registered_corpus(0.0).write(folder.path()).unwrap();
     let before = Samples::read(&corpus, None, ALL).unwrap();
     with_health(&corpus, |tick| match tick % 4 {
         0 => vec![STEADY, STEADY],
@@ -478,7 +464,7 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
         ],
     });
     let after = Samples::read(&corpus, None, ALL).unwrap();
-    // Nearer to the edge the turn decides whether a box is whole.
+    // Nearer to the edge, the turn decides whether a box is whole.
     let is_inside = |seen: &Option<PixelBox>| {
         seen.is_none_or(|seen| {
             let [left, top, right, bottom] = seen.edges();
@@ -515,7 +501,7 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
         if one.tick % 4 == 0 {
             assert_eq!(one, other, "steady ticks stay as they are");
         }
-        // Ticks share the error of a turn that stays, and of the usual direction of a camera that shakes.
+        // Ticks share the error of a lasting turn, and the error of the usual direction.
         let views: &[usize] = [&[] as &[usize], &[0], &[1], &[0, 1]][tick as usize % 4];
         let right_and_down = [DVec2::new(0.02, 0.0), DVec2::new(0.0, 0.02)];
         let expected = views
@@ -523,7 +509,7 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
             .flat_map(|&view| right_and_down.map(|sd_px| CommonError { view, sd_px }));
         assert_eq!(other.common_errors, expected.collect::<Vec<_>>());
         let mut trained = other.clone();
-        trained.move_common_to_shifts();
+        trained.observed.move_common_to_shifts();
         assert_eq!(trained.common_errors, []);
         let common_px = 0.02 * (views.len() as f64).sqrt();
         if let (Some(usual), Some(widened)) = (other.shifts[1], trained.shifts[1]) {
@@ -544,7 +530,7 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
 #[test]
 fn a_view_that_is_frozen_or_off_by_an_unknown_amount_does_not_count() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = registered().write(folder.path()).unwrap();
+    let corpus = registered_corpus(0.0).write(folder.path()).unwrap();
     let before = Samples::read(&corpus, None, ALL).unwrap();
     with_health(&corpus, |tick| match tick % 4 {
         0 => vec![(HealthState::Frozen, None), STEADY],
@@ -566,7 +552,7 @@ fn a_view_that_is_frozen_or_off_by_an_unknown_amount_does_not_count() {
 #[test]
 fn a_shift_between_views_that_contradict_each_other_does_not_count_but_their_boxes_do() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = registered().write(folder.path()).unwrap();
+    let corpus = registered_corpus(0.0).write(folder.path()).unwrap();
     let before = Samples::read(&corpus, None, ALL).unwrap();
     with_health(&corpus, |tick| match tick % 2 {
         0 => vec![STEADY, (HealthState::Inconsistent, None)],

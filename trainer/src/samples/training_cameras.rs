@@ -1,10 +1,10 @@
-//! Cameras that decide which boxes of the training side contain the aircraft: those that most boxes agree on.
+//! Cameras that determine which boxes on the training side contain the aircraft, fitted to the boxes themselves.
 //!
-//! The truth gives the aircraft's position at each tick, not in an image. The calibration of a real camera may be wrong by more than a box,
-//! so it is only where the fit starts: the camera of each view is fitted to the boxes of all training flights at once ([`camera_fit`]).
-//! Most boxes must contain the aircraft, and the fitted camera must differ from the stated one by a few degrees at most.
+//! Ground truth gives the aircraft's position at each tick, not in an image. A real camera's calibration may be wrong by more than a box,
+//! so it is only the starting point: each view's camera is fitted to the boxes of all training flights at once ([`camera_fit`]). Most boxes
+//! must contain the aircraft, and the fitted camera must be within a few degrees of the stated one.
 //!
-//! The fit needs the truth, so it is made of the training side alone and applies to it alone.
+//! The fit needs ground truth, so it uses the training side alone and applies to it alone.
 
 pub(crate) mod camera_adjustment;
 mod camera_fit;
@@ -22,28 +22,28 @@ use glam::DVec2;
 use crate::samples::trusted_boxes::{centre_and_size, is_at};
 use crate::samples::{Sample, Samples};
 
-use camera_fit::{CameraFit, Seen};
+use camera_fit::{CameraFit, LabelledBox};
 use contradiction::contradictions_line;
-use dropped_boxes::Droppings;
+use dropped_boxes::TrainingDrops;
 pub(crate) use dropped_boxes::{DroppedBoxes, DroppedByView};
 
-/// Boxes per view that a camera is fitted to; more hardly change it, ...
+/// Maximum number of boxes per view in a fit; more have little effect, ...
 const MAX_BOXES: usize = 2_000;
-/// ... unless this leaves fewer of a scenario, whose own offset needs some.
+/// ... but each scenario keeps enough for its offset.
 const MIN_BOXES_OF_SCENARIO: usize = 32;
 
-/// The fitted camera of each view.
+/// Fitted cameras, one per view.
 #[derive(Debug, Clone)]
 pub(crate) struct TrainingCameras {
     fits: Vec<CameraFit>,
-    /// By view, true if most boxes agree with the fit.
+    /// Per view, true if most boxes agree with the fit.
     agree: Vec<bool>,
     /// Stated cameras by scenario and view.
     stated: Vec<Vec<Camera>>,
 }
 
 impl TrainingCameras {
-    /// Fits the cameras to these ticks, whose truth they use.
+    /// Fits the cameras to these ticks and their ground truth.
     pub(crate) fn of(samples: &Samples, training: &[&Sample]) -> Self {
         let stated: Vec<Vec<Camera>> = (samples.scenarios.iter())
             .map(|scenario| scenario.cameras.clone())
@@ -53,11 +53,11 @@ impl TrainingCameras {
                 let (centre_px, _) = centre_and_size(sample.boxes[view].as_ref()?);
                 let camera = stated[sample.scenario][view];
                 let at_m = sample.position.to_ecef();
-                Some(Seen::new(sample.scenario, camera, at_m, centre_px))
+                Some(LabelledBox::new(sample.scenario, camera, at_m, centre_px))
             });
-            let boxes: Vec<Seen> = boxes.collect();
+            let boxes: Vec<LabelledBox> = boxes.collect();
             let step = boxes.len().div_ceil(MAX_BOXES).max(1);
-            let thinned = |flight: &[Seen]| {
+            let thinned = |flight: &[LabelledBox]| {
                 let step = step.min(flight.len() / MIN_BOXES_OF_SCENARIO).max(1);
                 flight.iter().step_by(step).copied().collect::<Vec<_>>()
             };
@@ -76,7 +76,7 @@ impl TrainingCameras {
         cameras
     }
 
-    /// True if most boxes of a view agree with its fitted camera: fewer may be of anything that stands still where far aircraft are.
+    /// True if most boxes in a view agree with its fitted camera: a minority may show any stationary object near distant aircraft.
     fn is_of_most(&self, view: usize, training: &[&Sample]) -> bool {
         let boxes = training.iter().filter_map(|sample| {
             let seen = sample.boxes[view].as_ref()?;
@@ -86,20 +86,20 @@ impl TrainingCameras {
         agreeing.len() >= others.len()
     }
 
-    /// The samples with only those boxes that contain the aircraft; samples without any are left out.
+    /// The samples with only those boxes that contain the aircraft; samples without any are dropped.
     pub(crate) fn true_boxes(&self, training: &[&Sample]) -> Vec<Sample> {
         let samples = training.iter().map(|sample| self.with_true_boxes(sample));
         samples.filter(|sample| sample.detections() > 0).collect()
     }
 
-    /// Warns of many boxes that do not contain the aircraft, and of stated cameras that the boxes contradict; returns how many are dropped.
+    /// Warns of many false boxes, and of stated cameras that contradict the boxes; returns the number of dropped boxes.
     pub(crate) fn report(
         &self,
         samples: &Samples,
         training: &[&Sample],
         watch: &dyn Watch,
     ) -> DroppedByView {
-        let dropped = Droppings::of(self, samples, training);
+        let dropped = TrainingDrops::of(self, samples, training);
         if dropped.are_unusual() {
             watch.warn(&dropped.to_string());
         }
@@ -112,7 +112,6 @@ impl TrainingCameras {
         dropped.by_view
     }
 
-    /// The sample with only those boxes that contain the aircraft.
     fn with_true_boxes(&self, sample: &Sample) -> Sample {
         let boxes = sample.boxes.iter().enumerate();
         let boxes = boxes.map(|(view, seen)| seen.filter(|seen| self.is_true(view, sample, seen)));
@@ -126,18 +125,9 @@ impl TrainingCameras {
             .is_some_and(|place_px| is_at(seen, place_px))
     }
 
-    /// Expected place of the aircraft in the image of a view, pixels.
+    /// Expected image position of the aircraft, pixels.
     fn place_px(&self, view: usize, sample: &Sample) -> Option<DVec2> {
         let camera = &self.stated[sample.scenario][view];
         self.fits[view].place_px(sample.scenario, camera, sample.position.to_ecef())
-    }
-}
-
-#[cfg(test)]
-impl Samples {
-    /// The training side with only those boxes that contain the aircraft.
-    pub(crate) fn with_true_boxes(&self) -> Vec<Sample> {
-        let training = self.of_side(dataset::corpus::splits::Side::Train);
-        TrainingCameras::of(self, &training).true_boxes(&training)
     }
 }

@@ -1,17 +1,16 @@
-//! Selection of a detector's boxes: which ones formulas are fitted to, and which ones do not count as measurements.
+//! Selection of detected boxes for fits and measurements.
 //!
-//! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the image. A few of them in thousands ruin a
-//! least-squares fit: such a box is wrong by hundreds of percent, a correct one by one percent. Two rules keep them out, and every consumer
-//! of samples gets them from [`crate::samples`]:
+//! A detector also reports other objects, and parts of aircraft that leave the image. A few such boxes in thousands ruin a
+//! least-squares fit: they are wrong by hundreds of percent, correct ones by one percent. Two rules exclude them, and every consumer of
+//! samples gets them from [`crate::samples`]:
 //!
-//! - **Whole** needs no truth and applies to all sides: a box that touches the image's edge is cut off there, so neither its
-//!   centre nor its size is the aircraft's.
-//! - **Contains the aircraft** needs the truth, so it applies to the training side only, and there to the formulas and to the ranges of
-//!   [`crate::networks::normalisation`]; to the networks only if the settings ask for it, because the paper's networks learn from all
-//!   detections. The boxes of all training flights decide where the aircraft is in an image ([`crate::samples::training_cameras`]), not
-//!   `calibration.json`.
+//! - **Whole** needs no ground truth and applies to all sides: a box at the image's edge is cut off there, so its centre and size are
+//!   wrong.
+//! - **Contains the aircraft** needs ground truth, so it applies to the training side only: to the formulas and the ranges of
+//!   [`crate::networks::normalisation`], and to the networks only on request, because the paper's networks learn from all detections. The
+//!   boxes of all training flights determine the aircraft's image position ([`crate::samples::training_cameras`]), not `calibration.json`.
 //!
-//! A tick without any box left gets no answer.
+//! A tick without any remaining box has no estimate.
 
 pub(crate) mod other_boxes;
 
@@ -19,10 +18,10 @@ use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
-/// A box that ends this near the image's edge touches it, pixels: a detector places an invisible edge within a pixel or two.
+/// Distance from the image's edge within which a box counts as cut off, pixels: detectors place an invisible edge to within one or two
+/// pixels.
 const EDGE_PX: f64 = 2.0;
 
-/// True if a box is completely within the image.
 pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
     let [left, top, right, bottom] = seen.edges();
     // Pixel (0, 0) covers -0.5 to 0.5.
@@ -32,13 +31,12 @@ pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
         && bottom < f64::from(camera.height_px) - 0.5 - EDGE_PX
 }
 
-/// True if a box contains the aircraft, which is at `place_px` in the image: its centre is within its own size of that place.
+/// True if a box contains the aircraft: its centre is within its own size of `place_px`.
 pub(crate) fn is_at(seen: &PixelBox, place_px: DVec2) -> bool {
     let (centre, size) = centre_and_size(seen);
     (place_px - centre).abs().cmple(size).all()
 }
 
-/// Centre and size of a box, pixels.
 pub(crate) fn centre_and_size(seen: &PixelBox) -> (DVec2, DVec2) {
     (
         DVec2::new(seen.cx_px, seen.cy_px),
@@ -49,17 +47,11 @@ pub(crate) fn centre_and_size(seen: &PixelBox) -> (DVec2, DVec2) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::{DistanceRange, Samples};
+    use crate::samples::Samples;
     use testkit::synthetic::SyntheticCorpus;
 
     fn tiny() -> Samples {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let range = DistanceRange {
-            min_nm: 0.05,
-            max_nm: None,
-        };
-        Samples::read(&corpus, None, range).unwrap()
+        Samples::synthetic(&SyntheticCorpus::tiny(), 0.05)
     }
 
     #[test]

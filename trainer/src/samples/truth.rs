@@ -1,4 +1,4 @@
-//! The true distances of a corpus, whether a detector has searched its images or not.
+//! Ground truth for a corpus, with or without detections.
 
 use dataset::corpus::Corpus;
 use dataset::corpus::model_identity::NamedDetections;
@@ -11,19 +11,16 @@ use crate::samples::{
     DistanceRange, Observation, Samples, ScenarioSummary, absent, cameras_of, side_of,
 };
 
-/// Labelled ticks of a corpus.
+/// Labelled ticks.
 pub(crate) struct Truth {
-    /// The ticks before touchdown. Their observations have no views, and their detections no name: none were read.
+    /// The ticks before touchdown. Observations have no views, and detections no name.
     pub samples: Samples,
-    /// Number of ticks of each scenario, past touchdown as well.
+    /// Ticks per scenario, also past touchdown.
     pub ticks: Vec<usize>,
 }
 
 impl Truth {
     /// Reads the labels, the split and the conditions of all scenarios.
-    ///
-    /// # Errors
-    /// The corpus has no scenario, no split or no labels, or contradicts its plan.
     pub(crate) fn read(corpus: &Corpus) -> Result<Self> {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
@@ -49,18 +46,8 @@ impl Truth {
             let frames = scenario.frames()?;
             let cameras = cameras_of(&scenario)?;
             let summary = ScenarioSummary::of(&scenario, record, cameras, &frames, side);
-            let unobserved = |row: &TickRow| Observation {
-                scenario: ticks.len(),
-                tick: row.tick,
-                time_ns: row.time_ns,
-                boxes: Vec::new(),
-                shifts: Vec::new(),
-                tracks: Vec::new(),
-                looks: Vec::new(),
-                common_errors: Vec::new(),
-                others: None,
-                cut_off: 0,
-            };
+            let unobserved =
+                |row: &TickRow| Observation::unseen((ticks.len(), row.tick, row.time_ns), 0);
             let observations = frames.rows.iter().map(unobserved).collect();
             ticks.push(frames.rows.len());
             let observed = (summary, frames, observations);

@@ -1,7 +1,7 @@
-//! Relative positions of one aircraft in several views, as precisely as the images allow.
+//! Aircraft positions relative to a second view.
 //!
-//! Each box has independent errors, and distance follows from the differences between views. For registered views
-//! ([`dataset::tables::registrations`]) that difference is several times more precise than from two boxes.
+//! Box errors are independent between views, and distance follows from the difference between views. Registration
+//! ([`dataset::tables::registrations`]) measures this difference several times more precisely than two boxes do.
 
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
@@ -10,31 +10,33 @@ use glam::DVec2;
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
 
-/// Position of the aircraft in a view minus its position in the reference view.
+/// Shift error beyond its stated standard deviation, px: perspective, lights seen from two sides.
+pub(crate) const MIN_SD_PX: f64 = 0.05;
+
+/// Position in a view minus position in the reference view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewShift {
-    /// Index of the reference view.
     pub reference: usize,
     /// Right and down, pixels.
     pub shift_px: DVec2,
-    /// Its standard deviation, pixels.
+    /// Standard deviation, pixels.
     pub sd_px: DVec2,
-    /// Appearance of the aircraft in the view relative to the reference view: its size ...
+    /// Size of the aircraft relative to the reference view.
     pub scale: f64,
-    /// ... and its contrast.
+    /// Contrast relative to the reference view.
     pub gain: f64,
-    /// Correlation of the two images.
+    /// Correlation between the two images.
     pub correlation: f64,
 }
 
 impl ViewShift {
-    /// Variance along one axis, mean of both, square pixels.
+    /// Variance along one axis, averaged over both, square pixels.
     pub(crate) fn variance_px2(&self) -> f64 {
         self.sd_px.length_squared() / 2.0
     }
 
-    /// A registered shift between the views of two boxes; `None` if it does not belong to these boxes: the tracked point is outside the box
-    /// of the reference view, or its match is outside the box of the other view.
+    /// A registered shift between two boxes; `None` if the tracked point is outside the box in the reference view, or its match is outside
+    /// the box in the other view.
     pub(crate) fn between(
         (reference, in_reference): (usize, &PixelBox),
         in_view: &PixelBox,
@@ -58,17 +60,17 @@ impl ViewShift {
     }
 }
 
-/// Places of the aircraft in some views of a tick.
+/// Image positions of the aircraft at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Places {
-    /// By view, pixels.
+    /// Per view, pixels.
     pub centres_px: Vec<DVec2>,
-    /// Standard deviation of their differences, pixels, root mean square over views and axes; `None` if it is not known.
+    /// Standard deviation of position differences, root mean square over views and axes, pixels; `None` if unknown.
     pub sd_px: Option<f64>,
 }
 
 impl Places {
-    /// The centres of the boxes; `None` if one of the views is empty.
+    /// Box centres; `None` if a view has no box.
     pub(crate) fn of_boxes(observed: &Observation, views: &[usize]) -> Option<Self> {
         let centre = |&view: &usize| Some(centre_and_size(observed.boxes[view].as_ref()?).0);
         Some(Self {
@@ -77,8 +79,8 @@ impl Places {
         })
     }
 
-    /// Positions whose differences are the registered shifts and whose mean is the mean of the boxes; `None` if the views are not
-    /// registered with one of them.
+    /// Positions with the registered shifts between them and the mean of the box centres; `None` unless all views are registered with one
+    /// view in the set.
     pub(crate) fn registered(observed: &Observation, views: &[usize]) -> Option<Self> {
         let boxes = Self::of_boxes(observed, views)?;
         let reference = views
@@ -121,28 +123,10 @@ impl Places {
 mod tests {
     use super::*;
     use crate::samples::Sample;
-
-    fn box_at(cx_px: f64, cy_px: f64) -> PixelBox {
-        PixelBox {
-            cx_px,
-            cy_px,
-            width_px: 40.0,
-            height_px: 14.0,
-        }
-    }
+    use crate::samples::tests::fixtures::{box_at, shift_of};
 
     fn shift(x_px: f64, dx_px: f64) -> Shift {
-        Shift {
-            x_px,
-            y_px: 600.0,
-            dx_px,
-            dy_px: 4.0,
-            sd_x_px: 0.03,
-            sd_y_px: 0.04,
-            scale: 1.0,
-            gain: 1.0,
-            correlation: 0.9,
-        }
+        shift_of([x_px, 600.0], [dx_px, 4.0])
     }
 
     fn sample(shifts: Vec<Option<ViewShift>>) -> Sample {

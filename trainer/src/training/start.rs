@@ -16,7 +16,7 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{RunSummary, TrainedRun};
 use crate::samples::Samples;
-use crate::samples::json_differences::json_differences;
+use crate::samples::rig::json_differences::json_differences;
 use crate::samples::rig::{are_same, form};
 
 /// Run to start from.

@@ -1,9 +1,9 @@
-//! `self_calibrated`: cameras fitted to labelled flights, and triangulation of the aircraft with them.
+//! `self_calibrated`: cameras fitted to labelled flights, and triangulation with them.
 //!
-//! Each labelled tick gives the aircraft's position; its boxes and registered shifts give the positions in the views ([`measured`]). The
-//! cameras that best reconcile the two are fitted ([`bundle`]): pan, tilt, roll, focal length and position of each, and the position of the
-//! measured point on the aircraft. The fit starts from the rig of the plan, with prior deviations from the settings; the calibration of the
-//! scenarios, which includes jitter and aims, is not read. Lens distortion is taken from the rig.
+//! Each labelled tick gives the aircraft's position; its boxes and registered shifts give image positions ([`measured`]). The cameras that
+//! best reconcile the two are fitted ([`bundle`]): pan, tilt, roll, focal length and position of each, and the position of the measured
+//! point on the aircraft. The fit starts from the rig of the plan, with prior deviations from the settings; the scenarios' calibration,
+//! which includes jitter and aims, is not read. Lens distortion is taken from the rig.
 //!
 //! At a tick, the same measurements give the position of the aircraft by weighted least squares, from at least two views. A single view
 //! gives no answer.
@@ -24,7 +24,7 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::config::SelfCalibrationConfig;
-use crate::estimators::geometry::fitted_camera::FittedCamera;
+use crate::estimators::geometry::FittedCamera;
 use crate::estimators::geometry::triangulation::of_one_aircraft;
 use crate::samples::rig::Cameras;
 use crate::samples::rig::moved_rig::Move;
@@ -35,32 +35,30 @@ use crate::samples::{FARTHEST_M, Observation, Sample, ScenarioSummary};
 use bundle::{AIRCRAFT_UNKNOWNS, Bundle, Solution, Tick};
 use measured::{Deviations, Measured};
 
-/// A view that saw the aircraft at fewer ticks is not fitted.
+/// Minimum number of ticks for fitting a view.
 pub(crate) const MIN_TICKS: usize = 30;
-/// Ticks that a fit uses; more hardly change it.
+/// Maximum number of ticks in a fit; more have little effect.
 const MAX_TICKS: usize = 20_000;
-/// Prior standard deviations of the measured point: half the length of an airliner, its symmetry, its height, metres.
+/// Prior standard deviations of the measured point, metres: half the length of an airliner, its symmetry, its height.
 const POINT_SD_M: [f64; AIRCRAFT_UNKNOWNS] = [10.0, 3.0, 5.0];
-/// Steps to the position, and the length of the last one, metres.
+/// Maximum number of steps to a position, and the length of the last one, metres.
 const MAX_STEPS: usize = 10;
 const LAST_STEP_M: f64 = 1e-3;
-/// Step of a numerical derivative of a place, metres.
+/// Step for numerical derivatives, metres.
 const PROBE_M: f64 = 1.0;
 
-/// The fitted cameras and what else an answer needs.
+/// Fitted cameras with their measurement errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SelfCalibrated {
-    /// By view; `null` for a view that saw the aircraft too rarely.
+    /// Per view; `null` for a view that saw the aircraft too rarely.
     cameras: Vec<Option<FittedCamera>>,
-    /// Position of the measured point.
     point: PointOnAircraft,
-    /// Its standard deviations.
     point_sd: PointOnAircraft,
-    /// Of the measurements.
+    /// Measurement errors.
     deviations: Deviations,
 }
 
-/// A point relative to the labelled position of the aircraft, along the landing course, metres.
+/// A point relative to the labelled position, along the landing course, metres.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct PointOnAircraft {
     ahead_m: f64,
@@ -83,7 +81,7 @@ impl PointOnAircraft {
 }
 
 impl SelfCalibrated {
-    /// Fits the cameras of a rig, in the order of the views; `None` if fewer than two views saw the aircraft often enough.
+    /// Fits a rig's cameras in the order of the views; `None` if fewer than two views saw the aircraft often enough.
     pub(crate) fn fit(
         rig: &Cameras,
         scenarios: &[ScenarioSummary],
@@ -123,16 +121,14 @@ impl SelfCalibrated {
         })
     }
 
-    /// Moves the cameras with their runway to another one.
     pub(crate) fn move_with(&mut self, motion: &Move) {
         for fitted in self.cameras.iter_mut().flatten() {
             fitted.move_with(motion);
         }
     }
 
-    /// The same with the camera of one view fitted again to other flights, starting from `planned` if it is given and else from the old
-    /// camera. All other numbers stay, also the deviations of the measurements. `None` if the view has no camera to start from, or saw the
-    /// aircraft too rarely.
+    /// Copy with one camera fitted again to other flights, starting from `planned` or else from the old camera. All other numbers stay,
+    /// including measurement errors. `None` if there is no camera to start from, or the view saw the aircraft too rarely.
     pub(crate) fn refitted(
         &self,
         view: usize,
@@ -147,7 +143,7 @@ impl SelfCalibrated {
         if ticks < MIN_TICKS {
             return None;
         }
-        // A view without a camera has no measurements either: any camera will do.
+        // A view without a camera has no measurements, so any camera will do.
         let rig: Vec<CameraEntry> = (self.cameras.iter().enumerate())
             .map(|(other, fitted)| match fitted {
                 Some(fitted) if other != view => fitted.rig.clone(),
@@ -174,20 +170,17 @@ impl SelfCalibrated {
         Some(refitted)
     }
 
-    /// The same without a camera for this view.
     pub(crate) fn without(&self, view: usize) -> Self {
         let mut others = self.clone();
         others.cameras[view] = None;
         others
     }
 
-    /// The fitted cameras, by view.
     pub(crate) fn cameras(&self) -> Vec<Option<Camera>> {
         let camera = |fitted: &Option<FittedCamera>| fitted.as_ref().map(FittedCamera::camera);
         self.cameras.iter().map(camera).collect()
     }
 
-    /// Ready to answer.
     pub(crate) fn locator(&self) -> Locator<'_> {
         Locator {
             fitted: self,
@@ -195,12 +188,11 @@ impl SelfCalibrated {
         }
     }
 
-    /// True if there are as many cameras as views.
     pub(crate) fn is_of(&self, views: usize) -> bool {
         self.cameras.len() == views
     }
 
-    /// Looks at the numbers of the cameras.
+    /// Checks the cameras against the limits.
     pub(crate) fn check(&self, check: &mut Check) {
         for fitted in self.cameras.iter().flatten() {
             fitted.rig.check(check);
@@ -208,33 +200,13 @@ impl SelfCalibrated {
             check.number("fitted focal length", focal_px, limits::FOCAL_LENGTH_PX);
         }
     }
-
-    /// The numbers of the fit.
-    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
-        let cameras = self.cameras.iter().flatten();
-        let adjusted = cameras.flat_map(|c| {
-            [c.adjustment.to_array(), c.sd.to_array()]
-                .into_iter()
-                .flatten()
-        });
-        let Deviations {
-            box_px,
-            shift_ratio,
-        } = self.deviations;
-        adjusted
-            .chain(self.point.to_array())
-            .chain(self.point_sd.to_array())
-            .chain(box_px)
-            .chain(shift_ratio)
-    }
 }
 
-/// Numbers of a list from `first` on.
 fn part<const N: usize>(numbers: &[f64], first: usize) -> [f64; N] {
     std::array::from_fn(|i| numbers[first + i])
 }
 
-/// The fit of all cameras and of the measured point.
+/// Prepares the fit of all cameras and of the measured point.
 fn bundle(
     rig: &[CameraEntry],
     scenarios: &[ScenarioSummary],
@@ -267,7 +239,7 @@ fn bundle(
     }
 }
 
-/// From ahead, right and up, where ahead is the landing course.
+/// Rotation from ahead (landing course), right and up.
 fn ecef_from_course(at: Geodetic, scenario: &ScenarioSummary) -> DMat3 {
     let (sin, cos) = scenario.runway.course_true_deg.to_radians().sin_cos();
     let ned_from_course = DMat3::from_cols(
@@ -278,14 +250,14 @@ fn ecef_from_course(at: Geodetic, scenario: &ScenarioSummary) -> DMat3 {
     at.ecef_from_ned() * ned_from_course
 }
 
-/// Answers with fitted cameras.
+/// Triangulation with fitted cameras.
 pub(crate) struct Locator<'a> {
     fitted: &'a SelfCalibrated,
     cameras: Vec<Option<Camera>>,
 }
 
 impl Locator<'_> {
-    /// Distance to touchdown, metres; `None` unless two fitted views or more saw the same object.
+    /// Distance to touchdown, metres; `None` unless at least two fitted views saw the same object.
     pub(crate) fn distance_m(
         &self,
         observed: &Observation,
@@ -302,8 +274,8 @@ impl Locator<'_> {
             .then_some(distance_m)
     }
 
-    /// The place of the point that the boxes are centred on, and its standard deviation, the root of the sum over the axes, metres; `None`
-    /// unless two fitted views or more saw the same object. It needs no runway.
+    /// Position at the centre of the boxes, and its standard deviation (root of the sum over the axes, metres); `None` unless at least two
+    /// fitted views saw the same object. No runway is needed.
     pub(crate) fn place(&self, observed: &Observation) -> Option<(Geodetic, f64)> {
         let (point_m, normal) = self.seen_point_m(observed)?;
         let covariance = normal.inverse()?;
@@ -325,7 +297,7 @@ impl Locator<'_> {
         self.best_point_m(&measured, meeting_point_m(&rays)?)
     }
 
-    /// The point that the measurements agree on best, by Gauss-Newton from a point nearby, with the last equations.
+    /// Best point by Gauss-Newton from a nearby start, with the last equations.
     fn best_point_m(
         &self,
         measured: &[Measured],

@@ -1,15 +1,16 @@
-//! The geometric solution: with known cameras, the point nearest to the rays through the box centres.
+//! Triangulation: with known cameras, the point nearest to the rays through the box centres.
 //!
-//! Needs two views; a tick that one view missed gets no answer, which the number of samples shows. A box's centre is not the centre
-//! of gravity: tail and gear shift it up or down by a part of the box's size, and a detector may have a constant bias. Both are
-//! corrected by a fit on the training side: per view and axis, `offset = constant + part * size`.
+//! Needs two views; a tick that one view missed gets no answer, as the number of samples shows. A box's centre is not the centre of
+//! gravity: tail and gear shift it up or down by a fraction of the box's size, and a detector may have a constant bias. A fit on the
+//! training side corrects both, per view and axis: `offset = constant + part * size`.
 //!
-//! A detector also finds things other than aircraft: rays through boxes of different things do not meet. Then the largest group of rays
-//! that do meet gives the answer; with two views there is none.
+//! A detector also reports objects other than aircraft: rays through boxes of different objects do not meet. Then the largest group of rays
+//! that meet gives the answer; with two views there is none.
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::rays::{Ray, meeting_point_m};
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::tables::pixel_box::PixelBox;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -17,35 +18,39 @@ use serde::{Deserialize, Serialize};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{Observation, Sample, ScenarioSummary};
 
-/// Rays that pass each other farther than this are not of one aircraft, metres: its length.
+/// Maximum distance between rays to one aircraft, metres: its length.
 const MEET_WITHIN_M: f64 = 40.0;
 
-/// Position of the centre of gravity in a view's box.
+/// Position of the centre of gravity relative to the box.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct CentreOffset {
     /// Right and down, pixels.
     pub constant_px: [f64; 2],
-    /// Right as a part of the width, down as a part of the height.
+    /// Right relative to the width, down relative to the height.
     pub part_of_size: [f64; 2],
 }
 
 impl CentreOffset {
-    /// Fits the offset of one view to samples whose boxes contain the aircraft. Each sample is weighted by the inverse square of
-    /// its box's size, because a detector's errors grow with it. With too few samples the centre stays where it is.
+    /// Fits one view's offset to samples with true boxes. Samples are weighted by the inverse square of the box size, because a detector's
+    /// errors grow with it. With too few samples the offset is zero.
     pub(crate) fn fit(view: usize, scenarios: &[ScenarioSummary], training: &[&Sample]) -> Self {
         let mut fitted = Self::default();
         for axis in 0..2 {
-            let rows: Vec<[f64; 2]> = training
-                .iter()
-                .filter_map(|sample| {
-                    let seen = sample.boxes[view]?;
-                    let camera = &scenarios[sample.scenario].cameras[view];
-                    let truth = camera.project(sample.position.to_ecef())?;
-                    let (centre, size) = centre_and_size(&seen);
-                    (size[axis] > 0.0).then(|| [size[axis], truth[axis] - centre[axis]])
-                })
-                .collect();
-            if let Some((constant, part)) = weighted_line(&rows) {
+            let mut line = NormalEquations::new(2);
+            for sample in training {
+                let Some(seen) = sample.boxes[view] else {
+                    continue;
+                };
+                let camera = &scenarios[sample.scenario].cameras[view];
+                let (centre, size) = centre_and_size(&seen);
+                if let Some(truth) = camera.project(sample.position.to_ecef())
+                    && size[axis] > 0.0
+                {
+                    let weight = size[axis].powi(-2);
+                    line.add(&[1.0, size[axis]], truth[axis] - centre[axis], weight);
+                }
+            }
+            if let Some([constant, part]) = line.solve_for() {
                 fitted.constant_px[axis] = constant;
                 fitted.part_of_size[axis] = part;
             }
@@ -59,28 +64,15 @@ impl CentreOffset {
     }
 }
 
-/// `y = constant + part * x` with weights `1 / x^2`, that is `y / x = constant / x + part` unweighted; `None` if x does not vary.
-fn weighted_line(rows: &[[f64; 2]]) -> Option<(f64, f64)> {
-    let count = rows.len() as f64;
-    let mean = |f: &dyn Fn(&[f64; 2]) -> f64| rows.iter().map(f).sum::<f64>() / count;
-    let (mean_inverse, mean_ratio) = (mean(&|r| 1.0 / r[0]), mean(&|r| r[1] / r[0]));
-    let spread = mean(&|r| (1.0 / r[0] - mean_inverse).powi(2));
-    if rows.len() < 2 || spread <= f64::EPSILON * mean_inverse.powi(2) {
-        return None;
-    }
-    let constant = mean(&|r| (1.0 / r[0] - mean_inverse) * (r[1] / r[0] - mean_ratio)) / spread;
-    Some((constant, mean_ratio - constant * mean_inverse))
-}
-
-/// Point where the rays of one aircraft meet; `None` if one of them misses the others by too much.
+/// Meeting point of rays to one aircraft; `None` if a ray misses it by too much.
 fn common_point_m(rays: &[Ray]) -> Option<DVec3> {
     let point_m = meeting_point_m(rays)?;
     let meets = |ray: &Ray| ray.off_m(point_m) <= MEET_WITHIN_M / 2.0;
     rays.iter().all(meets).then_some(point_m)
 }
 
-/// Indices of the rays that belong to one aircraft: all of them, or else the largest group that meets. `None` if no two meet, or if two
-/// different groups are equally large, which leaves open which of them is right.
+/// Indices of the rays to one aircraft: all rays, or else the largest group that meets. `None` if no two rays meet, or if two different
+/// groups are equally large, so that either may be right.
 pub(crate) fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
     if common_point_m(rays).is_some() {
         return Some((0..rays.len()).collect());
@@ -104,7 +96,7 @@ pub(crate) fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
     (groups.len() == 1).then(|| groups.remove(0))
 }
 
-/// Distance to touchdown of a sample, metres; `None` unless two views or more saw the same object.
+/// Distance to touchdown, metres; `None` unless at least two views saw the same object.
 pub(crate) fn predict(
     offsets: &[CentreOffset],
     cameras: &[Camera],
@@ -127,7 +119,7 @@ pub(crate) fn predict(
     (seen, rays) = agreeing.iter().map(|&i| (seen[i], rays[i])).unzip();
     let mut point_m = meeting_point_m(&rays)?;
     if cameras.iter().any(|camera| camera.refraction.is_some()) {
-        // The correction for refraction depends on the distance, for which the first solution is accurate enough.
+        // Refraction depends on the distance, for which the first solution is accurate enough.
         for (ray, (camera, pixel)) in rays.iter_mut().zip(seen) {
             ray.direction = camera.ray_to(pixel, camera.center_ecef_m.distance(point_m));
         }
@@ -142,7 +134,7 @@ pub(crate) fn predict(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::{DistanceRange, Samples};
+    use crate::samples::Samples;
     use dataset::corpus::splits::Side;
     use dataset::geometry::distortion::Distortion;
     use dataset::geometry::imaging::Imaging;
@@ -150,28 +142,19 @@ mod tests {
 
     #[test]
     fn noise_free_boxes_give_the_exact_distance_of_held_out_trajectories() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            centre_noise_px: 0.0,
-            size_noise_px: 0.0,
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let samples = Samples::read(
-            &corpus,
-            None,
-            DistanceRange {
-                min_nm: 0.05,
-                max_nm: None,
+        let samples = Samples::synthetic(
+            &SyntheticCorpus {
+                centre_noise_px: 0.0,
+                size_noise_px: 0.0,
+                ..SyntheticCorpus::tiny()
             },
-        )
-        .unwrap();
+            0.05,
+        );
         let training = samples.of_side(Side::Train);
         let offsets: Vec<_> = (0..samples.views.len())
             .map(|view| CentreOffset::fit(view, &samples.scenarios, &training))
             .collect();
-        // The stand-in's boxes are centred 1 m above the centre of gravity of a 12.5 m high aircraft.
+        // The simulated boxes are centred 1 m above the centre of gravity of a 12.5 m high aircraft.
         assert!(
             (offsets[0].part_of_size[1] - 1.0 / 12.5).abs() < 1e-9,
             "{offsets:?}"
@@ -196,29 +179,24 @@ mod tests {
 
     #[test]
     fn lenses_bent_light_and_turned_cameras_leave_the_distance_of_noise_free_boxes_exact() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            centre_noise_px: 0.0,
-            size_noise_px: 0.0,
-            turned_deg: 0.2,
-            imaging: Imaging {
-                distortion: Some(Distortion {
-                    k1: -2.0,
-                    p1: 0.002,
-                    ..Distortion::default()
-                }),
-                refraction_coefficient: 0.13,
-                degradation: None,
+        let samples = Samples::synthetic(
+            &SyntheticCorpus {
+                centre_noise_px: 0.0,
+                size_noise_px: 0.0,
+                turned_deg: 0.2,
+                imaging: Imaging {
+                    distortion: Some(Distortion {
+                        k1: -2.0,
+                        p1: 0.002,
+                        ..Distortion::default()
+                    }),
+                    refraction_coefficient: 0.13,
+                    degradation: None,
+                },
+                ..SyntheticCorpus::tiny()
             },
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let range = DistanceRange {
-            min_nm: 0.5,
-            max_nm: None,
-        };
-        let samples = Samples::read(&corpus, None, range).unwrap();
+            0.5,
+        );
         assert!(samples.scenarios[0].cameras[0].refraction.is_some());
         let training = samples.of_side(Side::Train);
         let offsets: Vec<_> = (0..samples.views.len())
@@ -258,19 +236,14 @@ mod tests {
 
     #[test]
     fn a_box_of_something_else_neither_moves_the_fit_nor_gives_an_answer() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            centre_noise_px: 0.0,
-            size_noise_px: 0.0,
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let range = DistanceRange {
-            min_nm: 0.05,
-            max_nm: None,
-        };
-        let mut samples = Samples::read(&corpus, None, range).unwrap();
+        let mut samples = Samples::synthetic(
+            &SyntheticCorpus {
+                centre_noise_px: 0.0,
+                size_noise_px: 0.0,
+                ..SyntheticCorpus::tiny()
+            },
+            0.05,
+        );
         let fit = |samples: &Samples| -> Vec<CentreOffset> {
             let training = samples.with_true_boxes();
             let training: Vec<_> = training.iter().collect();
@@ -307,7 +280,7 @@ mod tests {
         assert_eq!(answer(&samples), None);
     }
 
-    /// Rays of masts that stand side by side, metres apart, to places of the aircraft.
+    /// Rays from masts side by side, metres apart, to positions of the aircraft.
     fn rays(seen: &[(f64, [f64; 3])]) -> Vec<Ray> {
         let ray = |&(right_m, place): &(f64, [f64; 3])| {
             let origin_m = DVec3::new(right_m, 0.0, 0.0);
@@ -336,7 +309,7 @@ mod tests {
 
     #[test]
     fn where_nothing_says_which_views_are_right_there_is_no_answer() {
-        // Level with the aircraft, so that its ray meets each of the others, at two places.
+        // Level with the aircraft, so that the third ray meets each of the others, at two points.
         let level = [-100.0, 9_000.0, 500.0];
         let seen = rays(&[(-300.0, AIRCRAFT), (0.0, AIRCRAFT), (300.0, level)]);
         assert_eq!(of_one_aircraft(&seen), None);

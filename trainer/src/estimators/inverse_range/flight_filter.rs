@@ -1,22 +1,19 @@
-//! The distance over a whole flight: a causal filter and an offline smoother over what the fits of [`crate::estimators::inverse_range`]
-//! measure.
+//! `inverse_range_filtered` and `inverse_range_smoothed`: a causal filter and an offline smoother for the distance over a whole flight,
+//! from the measurements of [`crate::estimators::inverse_range`].
 //!
-//! Unknown are distance to touchdown, ground speed and acceleration ([`motion`]), and the smooth part of the error of each fit
-//! ([`correlated_error`]), because such errors last for many ticks. At a tick any views may be missing: the most precise fit of those
-//! that are there corrects the distance, and without any the aircraft flies on. The calibration counts as little as for those fits.
+//! The unknowns are distance to touchdown, ground speed and acceleration ([`motion`]), and the smooth part of each fit's error
+//! ([`correlated_error`]), because such errors last for many ticks. At a tick any views may be missing: the most precise available fit
+//! corrects the distance; without a measurement the filter only predicts. Like those fits, the filter hardly depends on the calibration.
 //!
-//! Input: the observations of one flight in the order of time. Output: per tick distance, ground speed and time to touchdown, each with
-//! a standard deviation and a 90 % interval. The misfits of the flight itself show outliers and the size of its errors ([`forward`]); the
-//! widths of the intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see
-//! ([`labelled_flight`]).
+//! Input: observations during a flight in temporal order. Output: per tick distance, ground speed and time to touchdown, each with a
+//! standard deviation and a 90 % interval. The flight's own misfits reveal outliers and error sizes ([`forward`]); interval
+//! widths are chosen to hold 90 % ([`held_share`]) of the labels on flights that the fits did not see ([`labelled_flight`]).
 //!
-//! Intervals also grow where the rows of the views fit each other badly ([`misfit_scale`]), and by the errors that all ticks share
-//! ([`common_error`]).
+//! Intervals also grow where the rows of the views fit each other badly, and with common errors ([`widening`]).
 //!
-//! The measurements are distances, because the formula of a fit inverts exactly: the filter is linear.
+//! The measurements are distances, because a fit's formula inverts exactly: the filter is linear.
 
 mod backward;
-mod common_error;
 mod correlated_error;
 mod estimate;
 mod forward;
@@ -24,8 +21,9 @@ mod gaussian;
 mod held_share;
 mod hypothesis;
 mod labelled_flight;
-mod misfit_scale;
+mod mixture;
 mod motion;
+mod widening;
 
 use std::borrow::Borrow;
 
@@ -38,33 +36,31 @@ use crate::samples::sides::flight_parts::MAX_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
-use common_error::LastCommonError;
 use correlated_error::CorrelatedError;
 pub(crate) use estimate::{Estimate, Estimated};
 use estimate::{HalfWidths, Widening};
 use forward::{Filter, Tick, filter};
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
-use misfit_scale::{RecentMisfit, beyond, scales, usual_px};
 use motion::Motion;
+use widening::{LastCommonError, RecentMisfit, beyond, by_all, by_past, scales, usual_px};
 
-/// Model of motion and measurement errors, learned in training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FlightFilter {
     motion: Motion,
-    /// Of the fits of `inverse_range`, in their order.
+    /// Errors of the fits in `inverse_range`, in their order.
     errors: Vec<CorrelatedError>,
-    /// Usual time between the ticks at which these were seen, seconds.
+    /// Usual time between ticks in training, seconds.
     tick_s: f64,
-    /// Usual misfit of rows ([`InverseRange::row_misfit_px`]), pixels: errors grow with it.
+    /// Usual row misfit ([`InverseRange::row_misfit_px`]), pixels: errors grow with it.
     usual_misfit_px: Option<f64>,
-    /// Half widths of the 90 % intervals of the filter ...
+    /// Interval half widths for the filter.
     filtered: HalfWidths,
-    /// ... and of the smoother.
+    /// Interval half widths for the smoother.
     smoothed: HalfWidths,
 }
 
-/// The filter of one aircraft, tick by tick. Its memory does not grow with their number.
+/// Live filter for one aircraft, with bounded memory.
 #[derive(Clone)]
 pub(crate) struct OnlineFilter {
     filter: Filter,
@@ -75,14 +71,14 @@ pub(crate) struct OnlineFilter {
 /// Ticks that an estimate may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Knowing {
-    /// Its own and those before: what a controller's screen can show.
+    /// The current tick and earlier ones, as in live operation.
     Past,
-    /// All of the flight.
+    /// The whole flight.
     All,
 }
 
 impl FlightFilter {
-    /// Fits motion, errors and intervals to flights of the training side, held out from the fits in turn, and of the validation side.
+    /// Fits motion, errors and intervals to training flights, held out from the fits in turn, and to validation flights.
     pub(crate) fn fit(
         fits: &CrossFitted,
         samples: &Samples,
@@ -93,8 +89,8 @@ impl FlightFilter {
         Self::fit_to(&flights, fits.all.deviations())
     }
 
-    /// Copy for a new camera: the errors of fits that contain its view are estimated from its approaches, each measured by fits that did
-    /// not see it. A single approach changes no errors.
+    /// Copy for a new camera: the errors of fits with its view are estimated from its approaches, each measured by fits that did not see
+    /// it. A single approach changes no errors.
     pub(crate) fn with_camera_refitted(
         &self,
         view: usize,
@@ -116,7 +112,7 @@ impl FlightFilter {
         }
     }
 
-    /// The same without the errors of the fits that contain a view.
+    /// Copy without the errors of fits with this view.
     pub(crate) fn without(&self, view: usize, fits: &InverseRange) -> Self {
         let errors = self.errors.iter().zip(fits.contain(view));
         let others = errors.filter(|(_, is_of_view)| !is_of_view);
@@ -126,7 +122,7 @@ impl FlightFilter {
         }
     }
 
-    /// `deviations`: standard deviations for fits without errors on any flight.
+    /// `deviations`: standard deviations for fits without any measured errors.
     fn fit_to(flights: &[LabelledFlight], deviations: impl Iterator<Item = f64>) -> Self {
         let labels: Vec<_> = flights.iter().map(LabelledFlight::labels).collect();
         let errors_of = |fit: usize, is_used: &dyn Fn(&LabelledFlight) -> bool| -> Vec<_> {
@@ -145,7 +141,7 @@ impl FlightFilter {
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
         };
-        // Each part of the flights is evaluated with error sizes from the other flights, like a new flight.
+        // Each part is evaluated with error sizes from the other flights, like a new flight.
         let parts: Vec<Self> = (0..MAX_PARTS)
             .map(|part| {
                 let is_outside = |flight: &LabelledFlight| flight.flown % MAX_PARTS != part;
@@ -169,8 +165,8 @@ impl FlightFilter {
         fitted
     }
 
-    /// The estimates of one flight, tick by tick; `None` before the first measurement, and where the distance is too uncertain. `fits`
-    /// are those that the filter was fitted with.
+    /// Estimates for one flight, tick by tick; `None` before the first measurement, and while the distance is too uncertain. `fits` are the
+    /// fits that the filter was trained with.
     pub(crate) fn predict(
         &self,
         fits: &InverseRange,
@@ -180,7 +176,7 @@ impl FlightFilter {
         self.of_ticks(&ticks(fits, flight), knowing)
     }
 
-    /// The filter of an aircraft that comes into sight.
+    /// A filter for a new aircraft.
     pub(crate) fn online(&self) -> OnlineFilter {
         let fits = (0..self.errors.len()).collect();
         OnlineFilter {
@@ -190,7 +186,7 @@ impl FlightFilter {
         }
     }
 
-    /// Its estimate at the next tick, as [`Self::predict`] has it by the past.
+    /// Estimate at the next tick, equal to [`Self::predict`] with past ticks.
     pub(crate) fn next(
         &self,
         online: &mut OnlineFilter,
@@ -209,8 +205,8 @@ impl FlightFilter {
             .estimate(&self.motion, &known.motion, widening)
     }
 
-    /// Standard deviation of a measurement, metres: of its part that changes slowly, with the time in which half of that is forgotten,
-    /// seconds, and of the part that is new at each tick.
+    /// Slowly varying measurement error as a standard deviation, metres, its half-life, seconds, and standard deviation of the new error
+    /// per tick, metres.
     pub(crate) fn deviations_m(&self, measurement: &Measurement) -> (f64, f64, f64) {
         let error = &self.errors[measurement.fit];
         let [smooth_m, new_m] = error.parts_m(measurement, measurement.distance_m);
@@ -234,8 +230,8 @@ impl FlightFilter {
         };
         let scales = scales(self.usual_misfit_px, ticks, knowing);
         let common = match knowing {
-            Knowing::Past => common_error::by_past(ticks),
-            Knowing::All => common_error::by_all(ticks),
+            Knowing::Past => by_past(ticks),
+            Knowing::All => by_all(ticks),
         };
         let widenings = scales.into_iter().zip(common);
         let estimates = known.iter().zip(widenings);
@@ -263,8 +259,7 @@ impl FlightFilter {
             && self.constants().all(|number| number > 0.0)
     }
 
-    /// All of its numbers.
-    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
+    fn constants(&self) -> impl Iterator<Item = f64> {
         let motion = &self.motion;
         let errors = self.errors.iter().flat_map(|error| {
             let distances = error.distances_m.iter();
@@ -296,7 +291,7 @@ fn usual_tick_s(flights: &[LabelledFlight]) -> Option<f64> {
     (usual.median > 0.0).then_some(usual.median)
 }
 
-/// Measurements of the fits at each tick of a flight.
+/// Measurements at each tick in a flight.
 fn ticks<O: Borrow<Observation>>(
     fits: &InverseRange,
     flight: impl IntoIterator<Item = O>,
@@ -308,12 +303,14 @@ fn ticks<O: Borrow<Observation>>(
 impl Tick {
     fn of(fits: &InverseRange, observed: &Observation) -> Self {
         Self {
-            time_s: observed.time_ns as f64 * 1e-9,
+            time_s: observed.time_s(),
             measurements: fits.measurements(observed),
             row_misfit_px: fits.row_misfit_px(observed),
         }
     }
 }
 
+#[cfg(test)]
+mod disturbed_tests;
 #[cfg(test)]
 mod tests;

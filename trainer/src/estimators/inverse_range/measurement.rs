@@ -1,4 +1,4 @@
-//! Measurements of the single fits at a tick, to be weighed against each other and against earlier ticks.
+//! Distance measurements from single fits at a tick.
 
 use super::Fit;
 use super::InverseRange;
@@ -7,52 +7,49 @@ use super::row_misfit::RowRelation;
 use crate::samples::view_shift::Places;
 use crate::samples::{CommonError, Observation, Sample};
 
-/// Step by which the sensitivity to a place is measured, pixels.
+/// Step for the numerical sensitivity to a position, pixels.
 const STEP_PX: f64 = 0.01;
 
-/// The distance that one fit reads from the places at a tick. The formula of the inverse range is inverted exactly, so that no filter has
-/// to linearise it.
+/// Distance measured by one fit. The formula is inverted exactly, so filters need no linearisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Measurement {
-    /// Number of the fit, from the most precise one.
+    /// Index of the fit, the most precise one first.
     pub fit: usize,
-    /// True if it needs one view only.
     pub of_one_view: bool,
     /// Distance to touchdown, metres.
     pub distance_m: f64,
-    /// Precision of the places, relative to the best ones, and of the formula there: its error is as many times larger as this is smaller.
-    /// It does not include the common errors.
+    /// Relative precision of positions and formula, 1 for the best: the error is inversely proportional. Common errors are not included.
     pub precision: f64,
-    /// Standard deviation of the part of its error that all ticks share, metres.
+    /// Standard deviation of the error common to all ticks, metres.
     pub common_sd_m: f64,
 }
 
 impl Measurement {
-    /// Its error relative to the true distance, as it were with places of the best precision: positive if it reads too far.
+    /// Relative error, normalised to the best precision: positive if the measurement is too far.
     pub(crate) fn error_at(&self, distance_m: f64) -> f64 {
         (self.distance_m - distance_m) * self.precision / scale_m(distance_m)
     }
 }
 
-/// Reference of relative errors, metres: the distance, except near touchdown.
+/// Reference for relative errors, metres: the distance, except near touchdown.
 pub(crate) fn scale_m(distance_m: f64) -> f64 {
     distance_m.max(NEAREST_M)
 }
 
 impl InverseRange {
-    /// Measurements of all fits whose views all saw the aircraft, the most precise first.
+    /// Measurements from all fits whose views saw the aircraft, the most precise first.
     pub(crate) fn measurements(&self, observed: &Observation) -> Vec<Measurement> {
         let fits = 0..self.fits.len();
         fits.filter_map(|fit| self.measurement(fit, observed))
             .collect()
     }
 
-    /// Distance of the cameras behind the touchdown target by a fit, metres.
+    /// Distance of a fit's cameras behind the touchdown target, metres.
     pub(crate) fn setback_m(&self, fit: usize) -> f64 {
         self.fits[fit].setback_m
     }
 
-    /// Measurement of one fit; `None` if one of its views is empty, or its formula gives no distance at these positions.
+    /// Measurement from one fit; `None` if one of its views is empty, or its formula has no distance at these positions.
     pub(super) fn measurement(&self, number: usize, observed: &Observation) -> Option<Measurement> {
         let fit = &self.fits[number];
         let places = fit.set.places(observed)?;
@@ -69,12 +66,12 @@ impl InverseRange {
         })
     }
 
-    /// Standard deviations of the relative errors on the training side, fit by fit.
+    /// Standard deviations of relative errors on the training side, fit by fit.
     pub(crate) fn deviations(&self) -> impl ExactSizeIterator<Item = f64> {
         self.fits.iter().map(|fit| fit.deviation)
     }
 
-    /// The same fits in the same order with coefficients from other samples. A fit that these samples do not determine stays as it is.
+    /// The same fits in the same order with coefficients from other samples. A fit that these samples do not determine stays.
     pub(crate) fn refitted(&self, training: &[&Sample]) -> Self {
         let refitted = |fit: &Fit| {
             let (rows, scales) = fit.set.rows(training);
@@ -90,8 +87,7 @@ impl InverseRange {
 }
 
 impl Fit {
-    /// Standard deviation of the distance due to common errors of the places, metres. Infinite where no step from the places is one that
-    /// the formula has a distance for.
+    /// Standard deviation of the distance due to common errors, metres. Infinite if the formula has no distance next to these positions.
     fn common_sd_m(&self, places: &Places, distance_m: f64, errors: &[CommonError]) -> f64 {
         let variance_m2 = |error: &CommonError| {
             let number = self.set.views.iter().position(|&view| view == error.view)?;

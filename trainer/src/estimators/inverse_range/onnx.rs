@@ -1,4 +1,4 @@
-//! The formulas in an ONNX graph, in double precision.
+//! ONNX export of the formulas, in double precision.
 
 use onnx_graph::proto::AttributeProto;
 
@@ -7,7 +7,7 @@ use crate::networks::estimator_graph::{BOXES, EstimatorGraph};
 use crate::samples::FARTHEST_M;
 
 impl InverseRange {
-    /// The distance in metres: of the first fit whose places are all there.
+    /// Distance from the first fit whose positions are available, metres.
     pub(crate) fn to_onnx(&self, graph: &mut EstimatorGraph) -> String {
         let mut answer = graph.graph.double(f64::NAN);
         for fit in self.fits.iter().rev() {
@@ -21,7 +21,7 @@ impl InverseRange {
 }
 
 impl ViewSet {
-    /// True if all of its positions are available, `[batch, 1]`.
+    /// True if all positions are available, `[batch, 1]`.
     fn applies_to_onnx(&self, graph: &mut EstimatorGraph) -> String {
         let seen = graph.seen_by_all(&self.views);
         if !self.registered {
@@ -32,7 +32,7 @@ impl ViewSet {
         let measured = graph.graph.plain("Not", &[&missing]);
         let measured = graph.all_in_rows(&measured);
         let measured = graph.all(&measured);
-        // One of them is the reference.
+        // One view is the reference.
         let zero = graph.graph.double(0.0);
         let still = graph.graph.plain("Equal", &[&shifts, &zero]);
         let still = graph.all_in_rows(&still);
@@ -45,7 +45,7 @@ impl ViewSet {
         graph.registrations(&self.views, 0..2)
     }
 
-    /// The coordinates, `[batch, 2 * views]`.
+    /// Coordinates, `[batch, 2 * views]`.
     fn places_to_onnx(&self, graph: &mut EstimatorGraph) -> String {
         let boxes = graph.some_of(BOXES, self.views.iter().copied());
         let [from, to, axis] = [0, 2, 2].map(|number| graph.graph.integers(&[number]));
@@ -65,7 +65,7 @@ impl ViewSet {
 }
 
 impl Fit {
-    /// The distance at some coordinates, `[batch, 1]`; NaN where it has none.
+    /// Distance at these coordinates, `[batch, 1]`; NaN where the formula has none.
     fn distance_to_onnx(&self, graph: &mut EstimatorGraph, places: &str) -> String {
         let graph = &mut graph.graph;
         let count = self.offset_px.len();
@@ -77,7 +77,7 @@ impl Fit {
 
         let (constant, rest) = self.coefficients_per_m.split_at(1);
         let (linear, products) = rest.split_at(count);
-        // Upper triangle: row by row the products of a coordinate with itself and all after it.
+        // Upper triangle, row by row: products of a coordinate with itself and all after it.
         let mut square = vec![0.0; count * count];
         let mut products = products.iter();
         for row in 0..count {

@@ -1,40 +1,32 @@
-//! How far rows of registered views are from where they should be.
+//! Deviation of registered rows from the epipolar line.
 //!
-//! Where a view sees an aircraft, by where another sees it, is a line (epipolar geometry). Along it, mostly in columns, the place tells the
-//! distance; across it, mostly in rows, it tells nothing. What rows are off by is error alone, and clouds behind the aircraft, light and
-//! air displace both: where rows scatter more, distances do.
+//! The position in a second view lies on a line (epipolar geometry). Along it, mostly in columns, the position gives the distance; across
+//! it, mostly in rows, it contains only error. Clouds behind the aircraft, light and air displace both: where rows scatter more, distances
+//! do.
 
-use dataset::numbers::least_squares::NormalEquations;
-use dataset::numbers::spread::deviation_from_zero;
 use serde::{Deserialize, Serialize};
 
 use super::robust_fit::precision_of;
+use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{Observation, Sample};
 
-/// Constant, and change with column and row in the reference view and with the columns between the views.
+/// Constant, and change with column and row in the reference view and with the shift in columns.
 const UNKNOWNS: usize = 4;
-/// Unit of places, pixels.
-const UNIT_PX: f64 = 1_000.0;
-/// Shifts below which nothing is learned, ...
+/// Minimum number of shifts.
 const MIN_SHIFTS: usize = 30;
-/// ... and at most; more do not change it.
+/// Maximum number of shifts; more do not change the fit.
 const MAX_SHIFTS: usize = 20_000;
-/// Keeps slopes small that flights on one line do not determine, beside a mean of squares of about one.
-const RIDGE: f64 = 1e-6;
-/// Residuals of so many standard deviations have half the weight, in so many rounds.
-const CAUCHY: f64 = 2.5;
-const ROUNDS: usize = 20;
 
-/// The row of the aircraft in a view, by its place in another.
+/// Row in a view as a function of the position in the reference view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct RowRelation {
-    /// Indices of the reference view and of the other.
+    /// Indices of the reference view and of the second view.
     pub(super) views: [usize; 2],
     pub(super) coefficients_px: [f64; UNKNOWNS],
 }
 
-/// Factors of the coefficients, and the row that is found.
+/// Terms and measured row.
 type Row = ([f64; UNKNOWNS], f64);
 
 fn row_in([reference, view]: [usize; 2], observed: &Observation) -> Option<Row> {
@@ -49,7 +41,7 @@ fn row_in([reference, view]: [usize; 2], observed: &Observation) -> Option<Row> 
     Some((terms, shift.shift_px.y))
 }
 
-/// Standard deviation of that row, with the errors that it shares with other ticks, pixels.
+/// Standard deviation of that row, including common errors, pixels.
 fn row_sd_px([reference, view]: [usize; 2], observed: &Observation) -> Option<f64> {
     let own_px = observed.shifts[view]?.sd_px.y;
     let common = observed.common_errors.iter();
@@ -58,7 +50,7 @@ fn row_sd_px([reference, view]: [usize; 2], observed: &Observation) -> Option<f6
 }
 
 impl RowRelation {
-    /// The relations of all views that were registered with each other often enough.
+    /// Relations for all views that were registered with each other often enough.
     pub(super) fn all(views: usize, training: &[&Sample]) -> Vec<Self> {
         let pairs = (0..views).flat_map(|a| (0..views).map(move |b| [a, b]));
         pairs.filter_map(|pair| Self::of(pair, training)).collect()
@@ -72,37 +64,24 @@ impl RowRelation {
             return None;
         }
         let step = rows.len().div_ceil(MAX_SHIFTS);
-        let rows: Vec<&Row> = rows.iter().step_by(step).collect();
-        let mut weights = vec![1.0; rows.len()];
-        let mut relation = None;
-        for _ in 0..ROUNDS {
-            let mut equations = NormalEquations::new(UNKNOWNS);
-            for ((terms, row_px), weight) in rows.iter().zip(&weights) {
-                equations.add(terms, *row_px, *weight);
-            }
-            equations.add_to_diagonal(RIDGE * rows.len() as f64);
-            let fitted = Self {
-                views,
-                coefficients_px: equations.solve_for()?,
-            };
-            let sd_px = deviation_from_zero(rows.iter().map(|row| fitted.off_px(row)));
-            let half_px = CAUCHY * sd_px.max(f64::MIN_POSITIVE);
-            for (row, weight) in rows.iter().zip(&mut weights) {
-                *weight = (1.0 + (fitted.off_px(row) / half_px).powi(2)).recip();
-            }
-            relation = Some(fitted);
-        }
-        relation
+        // In finer units the ridge of the fit moves no row.
+        let finer = UNIT_PX / FINE_UNIT_PX;
+        let points = rows.iter().step_by(step);
+        let points = points.map(|(terms, row_px)| (terms.map(|term| finer * term), *row_px, 1.0));
+        let (coefficients, _) = robust_line(&points.collect::<Vec<_>>())?;
+        Some(Self {
+            views,
+            coefficients_px: coefficients.map(|coefficient| finer * coefficient),
+        })
     }
 
     fn off_px(&self, (terms, row_px): &Row) -> f64 {
-        let expected = terms.iter().zip(&self.coefficients_px);
-        row_px - expected.map(|(term, by)| term * by).sum::<f64>()
+        row_px - dot(terms, &self.coefficients_px)
     }
 }
 
-/// Root mean square over the pairs of views that are registered at a tick, pixels, as it were with shifts of the best precision: what is
-/// stated as less certain is expected to be off by more. `None` without any.
+/// Root mean square over the registered pairs at a tick, pixels, normalised to shifts with the best precision: less certain rows may be off
+/// by more. `None` without any.
 pub(super) fn row_misfit_px(relations: &[RowRelation], observed: &Observation) -> Option<f64> {
     let off = relations.iter().filter_map(|relation| {
         let row = row_in(relation.views, observed)?;
@@ -117,25 +96,18 @@ pub(super) fn row_misfit_px(relations: &[RowRelation], observed: &Observation) -
 
 #[cfg(test)]
 mod tests {
-    use dataset::tables::pixel_box::PixelBox;
-    use dataset::tables::registrations::Shift;
     use glam::DVec2;
 
     use super::*;
     use crate::samples::CommonError;
+    use crate::samples::tests::fixtures::{box_at, shift_of};
     use crate::samples::view_shift::ViewShift;
 
     const SD_PX: f64 = 0.04;
 
-    /// An aircraft whose row in the second view is off by this.
+    /// An aircraft with a row error in the second view.
     fn sample(tick: u32, off_px: f64) -> Sample {
         let time = f64::from(tick);
-        let box_at = |cx_px: f64, cy_px: f64| PixelBox {
-            cx_px,
-            cy_px,
-            width_px: 40.0,
-            height_px: 20.0,
-        };
         let (x, y, apart) = (
             900.0 + 3.0 * (0.3 * time).sin(),
             500.0 + time,
@@ -143,17 +115,7 @@ mod tests {
         );
         let down = 4.0 + 0.01 * x - 0.02 * y + 0.03 * apart + off_px;
         let boxes = [box_at(x, y), box_at(x + apart, y + down)];
-        let shift = Shift {
-            x_px: x,
-            y_px: y,
-            dx_px: apart,
-            dy_px: down,
-            sd_x_px: 0.03,
-            sd_y_px: SD_PX,
-            scale: 1.0,
-            gain: 1.0,
-            correlation: 0.9,
-        };
+        let shift = shift_of([x, y], [apart, down]);
         let mut sample = Sample::of_boxes(1.0, boxes.map(Some).to_vec());
         sample.observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
         sample
@@ -176,7 +138,7 @@ mod tests {
                 "{off_px}: {found_px}"
             );
         }
-        // What is stated as uncertain is expected to be off.
+        // Uncertain rows may be off.
         let mut turned = sample(77, 0.5).observed;
         turned.common_errors.push(CommonError {
             view: 0,

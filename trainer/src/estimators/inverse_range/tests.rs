@@ -1,35 +1,18 @@
-//! Fits to boxes from geometry.
+//! Fits to synthetic boxes.
 
 use dataset::corpus::splits::Side;
 use glam::DVec2;
-use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
 use crate::samples::sides::flight_parts::FlightParts;
-use crate::samples::{CommonError, DistanceRange, Samples};
-
-fn read(corpus: &SyntheticCorpus) -> Samples {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = corpus.write(folder.path()).unwrap();
-    let range = DistanceRange {
-        min_nm: 0.05,
-        max_nm: None,
-    };
-    Samples::read(&corpus, None, range).unwrap()
-}
-
-fn registered() -> SyntheticCorpus {
-    SyntheticCorpus {
-        shift_noise_px: Some(0.05),
-        ..SyntheticCorpus::tiny()
-    }
-}
+use crate::samples::tests::fixtures::registered_corpus;
+use crate::samples::{CommonError, Samples};
 
 fn fit(samples: &Samples, training: &[&Sample]) -> InverseRange {
     InverseRange::fit(samples.views.len(), training)
 }
 
-/// Mean and largest error beyond 1 NM, percent, of those test samples that are answered; and how many these are.
+/// Mean and maximum error beyond 1 NM, percent, over answered test samples, and their number.
 fn errors_pct<'a>(
     fitted: &InverseRange,
     test: impl IntoIterator<Item = &'a Sample>,
@@ -56,7 +39,7 @@ fn seen_by(sample: &Sample, views: &[usize]) -> Sample {
 
 #[test]
 fn registered_shifts_give_several_times_the_precision_of_boxes_and_both_beat_one_view() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let fitted = fit(&samples, &samples.of_side(Side::Train));
     let test: Vec<&Sample> = samples.of_side(Side::Test);
     let both: Vec<&Sample> = test
@@ -91,7 +74,7 @@ fn an_error_that_all_ticks_share_moves_the_distance_as_far_as_it_is_stated_to() 
         view: 1,
         sd_px: DVec2::new(0.1, 0.02),
     };
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let fitted = fit(&samples, &samples.of_side(Side::Train));
     let both = |sample: &&Sample| sample.detections() == 2;
     let mut test = samples.of_side(Side::Test).into_iter().filter(both);
@@ -120,7 +103,7 @@ fn an_error_that_all_ticks_share_moves_the_distance_as_far_as_it_is_stated_to() 
 
 #[test]
 fn the_cameras_stand_where_the_search_finds_them() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let fitted = fit(&samples, &samples.of_side(Side::Train));
     let best = &fitted.fits[0];
     assert!(best.set.registered && best.set.views == [0, 1]);
@@ -134,7 +117,7 @@ fn the_cameras_stand_where_the_search_finds_them() {
 
 #[test]
 fn flights_on_one_line_do_not_make_it_explode_beside_that_line() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let training = samples.of_side(Side::Train);
     for scenario in 0..4 {
         let one: Vec<&Sample> = training
@@ -153,7 +136,7 @@ fn flights_on_one_line_do_not_make_it_explode_beside_that_line() {
 
 #[test]
 fn a_few_ticks_that_are_far_off_hardly_move_it() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let mut training: Vec<Sample> = samples.of_side(Side::Train).into_iter().cloned().collect();
     for sample in training.iter_mut().step_by(25) {
         sample.dtd_m *= 1.1;
@@ -167,7 +150,7 @@ fn a_few_ticks_that_are_far_off_hardly_move_it() {
 
 #[test]
 fn without_enough_ticks_there_is_no_fit_and_no_answer() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let training = samples.of_side(Side::Train);
     let both = |sample: &&&Sample| sample.detections() == 2;
     let few: Vec<&Sample> = training.iter().filter(both).copied().take(20).collect();
@@ -184,7 +167,7 @@ fn without_enough_ticks_there_is_no_fit_and_no_answer() {
 
 #[test]
 fn places_that_no_distance_fits_have_no_answer() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let fitted = fit(&samples, &samples.of_side(Side::Train));
     let both = |sample: &&Sample| sample.detections() == 2;
     let mut sample = samples
@@ -202,7 +185,7 @@ fn places_that_no_distance_fits_have_no_answer() {
 
 #[test]
 fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let training = samples.of_side(Side::Train);
     let fitted = fit(&samples, &training);
     let other_flights: Vec<&Sample> = training
@@ -233,10 +216,10 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
 #[test]
 fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_and_all_views_are_not()
  {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.05);
     let fitted = fit(&samples, &samples.of_side(Side::Train));
     let test = samples.of_side(Side::Test);
-    // At a distance at which flights have long joined the usual path.
+    // At a distance where flights have long joined the usual path.
     let sample = test.iter().find(|sample| sample.dtd_m < 6_000.0).unwrap();
     let moved = |right_px: f64| {
         let boxes = sample.boxes.iter().map(|seen| {

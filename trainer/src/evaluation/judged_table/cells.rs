@@ -1,5 +1,6 @@
-//! The cells of a table of predictions, from a Parquet or a CSV file.
+//! Prediction table cells, from a Parquet or a CSV file.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use csv::{ReaderBuilder, StringRecord, Trim};
@@ -9,24 +10,24 @@ use dataset::tables::columns::Table;
 use super::layout::{Layout, SCENARIO, listed};
 use crate::error::{self, Error, PredictionsFault};
 
-/// Bytes that every Parquet file begins with.
+/// Magic bytes of Parquet files.
 const PARQUET: &[u8] = b"PAR1";
-/// Above the ticks of any corpus.
+/// Maximum number of rows, above the ticks of any corpus.
 const MAX_ROWS: u64 = 1 << 30;
 
-/// The cells that count.
+/// The used cells.
 pub(super) struct Cells {
     pub layout: Layout,
-    /// BLAKE3 of the file.
+    /// BLAKE3 hash of the file.
     pub blake3: String,
-    /// Scenario of each row.
+    /// Scenario per row.
     pub scenario: Vec<Option<String>>,
-    /// The columns of [`Layout::numbers`], in their order.
-    pub numbers: Vec<Vec<Option<f64>>>,
+    /// The columns of [`Layout::numbers`], by name.
+    pub numbers: BTreeMap<String, Vec<Option<f64>>>,
 }
 
 impl Cells {
-    /// Reads a table: CSV if the name of its file ends in `.csv`, and else Parquet.
+    /// Reads a table: CSV if the file name ends in `.csv`, otherwise Parquet.
     pub(super) fn read(path: &Path) -> error::Result<Self> {
         let refused = |fault| Error::predictions(path, fault);
         let bytes = outside_file::read(path, FileKind::TABLE).map_err(|error| {
@@ -59,7 +60,7 @@ impl Cells {
         let layout = Layout::of(&names).map_err(|fault| Error::predictions(path, fault))?;
         let scenario = table.optional_text(SCENARIO)?;
         let columns = layout.numbers().into_iter();
-        let numbers = columns.map(|column| table.any_numbers(column));
+        let numbers = columns.map(|column| Ok((column.to_owned(), table.any_numbers(column)?)));
         Ok(Self {
             numbers: numbers.collect::<dataset::Result<_>>()?,
             scenario,
@@ -93,16 +94,17 @@ impl Cells {
                 values.push(number(bytes, &record, column, names[column])?);
             }
         }
+        let columns = columns.iter().map(|&column| names[column].to_owned());
         Ok(Self {
+            numbers: columns.zip(numbers).collect(),
             layout,
             blake3,
             scenario,
-            numbers,
         })
     }
 }
 
-/// The line in which a record begins. The reader ends a record before the line feed of a Windows line end.
+/// Line number where a record begins. The reader ends a record before the line feed in Windows line ends.
 fn line_of(bytes: &[u8], record: &StringRecord) -> usize {
     let end = record.position().map_or(0, |place| place.byte() as usize);
     let rest = bytes.get(end..).unwrap_or_default();
@@ -114,7 +116,6 @@ fn line_of(bytes: &[u8], record: &StringRecord) -> usize {
     1 + before.filter(|byte| **byte == b'\n').count()
 }
 
-/// The number in a field; `None` if the field is empty.
 fn number(
     bytes: &[u8],
     record: &StringRecord,

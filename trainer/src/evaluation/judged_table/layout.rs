@@ -1,5 +1,5 @@
-//! The columns of a table of predictions: `scenario`, `tick`, optionally `detections`, and per estimator `NAME_dtd_m`, optionally with the
-//! ends of its 90 % interval.
+//! Prediction table columns: `scenario`, `tick`, optionally `detections`, and per estimator `NAME_dtd_m`, optionally with 90 % interval
+//! ends.
 
 use std::collections::BTreeSet;
 
@@ -7,40 +7,42 @@ use crate::error::PredictionsFault;
 
 pub(super) const SCENARIO: &str = "scenario";
 pub(super) const TICK: &str = "tick";
-/// Number of views that saw the aircraft, as `dtd predict` writes it.
+/// Number of views that saw the aircraft, as written by `dtd predict`.
 pub(super) const DETECTIONS: &str = "detections";
 const DISTANCE: &str = "_dtd_m";
-/// Endings of the columns with the ends of an interval, as `dtd predict` writes them, and shorter ones.
+/// Suffixes of interval columns: as written by `dtd predict`, and a shorter form.
 const INTERVALS: [[&str; 2]; 2] = [["_dtd_m_from", "_dtd_m_to"], ["_from_m", "_to_m"]];
-/// Maximum length of an estimator's name.
 const MAX_NAME_BYTES: usize = 64;
-/// Maximum number of columns named in a message.
 const NAMED: usize = 12;
 
-/// Columns of one estimator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct EstimatorColumns {
-    /// Name of the estimator.
     pub name: String,
-    /// Column of its distances.
+    /// Column of the distances.
     pub distance: String,
-    /// Columns of the ends of its intervals, if it states any.
+    /// Columns of the interval ends, if any.
     pub interval: Option<[String; 2]>,
 }
 
-/// Columns of a table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Layout {
     /// True if the table has the number of views that saw the aircraft.
     pub has_detections: bool,
-    /// Estimators, in the order of their columns; one at least.
+    /// Estimators in the order of their columns; at least one.
     pub estimators: Vec<EstimatorColumns>,
-    /// Columns without a meaning here.
+    /// Unused columns.
     pub ignored: Vec<String>,
 }
 
+impl EstimatorColumns {
+    pub(super) fn names(&self) -> impl Iterator<Item = &String> {
+        let ends = self.interval.iter().flatten();
+        [&self.distance].into_iter().chain(ends)
+    }
+}
+
 impl Layout {
-    /// The layout of a table with columns of these names.
+    /// Layout for these column names.
     pub(super) fn of(names: &[&str]) -> Result<Self, PredictionsFault> {
         let mut there = BTreeSet::new();
         for &name in names {
@@ -82,13 +84,10 @@ impl Layout {
         })
     }
 
-    /// Names of the columns with numbers that are read: the tick, the detections if there are any, then each estimator's.
+    /// Numeric columns in reading order: the tick, the detections if present, then each estimator's.
     pub(super) fn numbers(&self) -> Vec<&str> {
         let detections = self.has_detections.then_some(DETECTIONS);
-        let of_estimators = self.estimators.iter().flat_map(|columns| {
-            let ends = columns.interval.iter().flatten();
-            [&columns.distance].into_iter().chain(ends)
-        });
+        let of_estimators = self.estimators.iter().flat_map(EstimatorColumns::names);
         let first = [TICK].into_iter().chain(detections);
         first.chain(of_estimators.map(String::as_str)).collect()
     }
@@ -105,7 +104,7 @@ fn check_name(name: &str, column: &str) -> Result<(), PredictionsFault> {
     })
 }
 
-/// The columns of an estimator's intervals, if there are any.
+/// Interval columns for an estimator, if any.
 fn interval(name: &str, there: &BTreeSet<&str>) -> Result<Option<[String; 2]>, PredictionsFault> {
     for ends in INTERVALS {
         let [from, to] = ends.map(|end| format!("{name}{end}"));
@@ -121,7 +120,7 @@ fn interval(name: &str, there: &BTreeSet<&str>) -> Result<Option<[String; 2]>, P
     Ok(None)
 }
 
-/// The first of some names, and how many more there are.
+/// The first names, and the number left out.
 pub(super) fn listed(names: &[impl AsRef<str>]) -> String {
     let first = names.iter().take(NAMED);
     let first: Vec<String> = first

@@ -1,57 +1,47 @@
-//! The rows of a table of predictions, checked and put beside the ticks of the corpus.
+//! Prediction table rows, checked and matched with the ticks of the corpus.
 
 use std::collections::{BTreeSet, HashMap};
 
 use super::cells::Cells;
-use super::layout::{DETECTIONS, EstimatorColumns, Layout, SCENARIO, TICK, listed};
+use super::layout::{DETECTIONS, EstimatorColumns, SCENARIO, TICK, listed};
 use crate::error::PredictionsFault;
 use crate::evaluation::rules::EvaluationRules;
 use crate::samples::truth::Truth;
 use crate::samples::{Sample, ScenarioSummary};
 
-/// Maximum number of views of a rig, and more.
+/// Maximum number of views in a rig, with a margin.
 const MAX_DETECTIONS: u32 = 255;
 
-/// What a table says about the ticks that are judged.
+/// Predictions at the evaluated ticks.
 pub(super) struct Predictions {
     /// Number of views that saw the aircraft; `None` if the table does not say.
     pub detections: Option<Vec<usize>>,
-    /// In the order of the names.
-    pub estimators: Vec<Predicted>,
-    /// Number of rows of other ticks.
+    /// Sorted by name.
+    pub estimators: Vec<EstimatorPredictions>,
+    /// Number of rows at other ticks.
     pub not_judged: usize,
 }
 
-/// Predictions of one estimator at the judged ticks.
-pub(super) struct Predicted {
+/// Predictions from one estimator at the evaluated ticks.
+pub(super) struct EstimatorPredictions {
     pub name: String,
-    /// Metres.
     pub distances_m: Vec<Option<f64>>,
-    /// Ends of 90 % intervals, metres; `None` if the estimator states none.
+    /// Ends of 90 % intervals, metres; `None` for an estimator without intervals.
     pub intervals_m: Option<Vec<Option<[f64; 2]>>>,
 }
 
-/// The columns of an estimator, its distances, and the ends of its intervals.
-type EstimatorCells<'a> = (
-    &'a EstimatorColumns,
-    &'a [Option<f64>],
-    &'a [Vec<Option<f64>>],
-);
-
-/// Cells whose rows are ticks of a corpus.
+/// Rows matched with scenarios.
 struct Rows<'a> {
-    layout: &'a Layout,
-    /// Scenario of each row.
+    cells: &'a Cells,
+    /// Scenario per row.
     scenario: Vec<usize>,
     tick: Vec<u32>,
     detections: Option<Vec<usize>>,
-    /// Columns of the estimators, each followed by the ends of its intervals.
-    of_estimators: &'a [Vec<Option<f64>>],
     scenarios: &'a [ScenarioSummary],
 }
 
 impl Predictions {
-    /// The predictions at `judged` ticks; a tick without a row has no prediction.
+    /// Predictions at `judged` ticks; a tick without a row has no prediction.
     pub(super) fn at(
         judged: &[&Sample],
         cells: &Cells,
@@ -72,9 +62,9 @@ impl Predictions {
         if found == 0 {
             return Err(rows.none_judged(judged, rules));
         }
-        let mut estimators = rows
-            .estimators()
-            .map(|(columns, values, ends)| rows.predicted(columns, values, ends, &row_of))
+        let estimators = cells.layout.estimators.iter();
+        let mut estimators = estimators
+            .map(|columns| rows.predicted(columns, &row_of))
             .collect::<Result<Vec<_>, _>>()?;
         estimators.sort_by(|one, other| one.name.cmp(&other.name));
         let seen = |seen: &Vec<usize>| {
@@ -91,45 +81,31 @@ impl Predictions {
 
 impl<'a> Rows<'a> {
     fn of(cells: &'a Cells, truth: &'a Truth) -> Result<Self, PredictionsFault> {
-        let Cells {
-            layout,
-            scenario,
-            numbers,
-            ..
-        } = cells;
         let scenarios = &truth.samples.scenarios;
-        let scenario = known_scenarios(scenario, scenarios)?;
-        let (tick, others) = numbers
-            .split_first()
-            .map_or((&[][..], &[][..]), |(tick, others)| (&tick[..], others));
-        let tick = whole_numbers(tick, TICK, u32::MAX)?;
+        let scenario = known_scenarios(&cells.scenario, scenarios)?;
+        let tick = whole_numbers(&cells.numbers[TICK], TICK, u32::MAX)?;
         let tick = tick.into_iter().enumerate().map(|(row, tick)| {
             tick.ok_or(PredictionsFault::NoKey {
                 row: row + 1,
                 column: TICK,
             })
         });
-        let (detections, of_estimators) = match others {
-            [detections, others @ ..] if layout.has_detections => {
-                let detections = whole_numbers(detections, DETECTIONS, MAX_DETECTIONS)?;
-                let of_row = |seen: Option<u32>| seen.unwrap_or_default() as usize;
-                let any = detections.iter().any(Option::is_some);
-                let detections = any.then(|| detections.into_iter().map(of_row).collect());
-                (detections, others)
-            }
-            others => (None, others),
+        let detections = match cells.numbers.get(DETECTIONS) {
+            Some(detections) => whole_numbers(detections, DETECTIONS, MAX_DETECTIONS)?,
+            None => Vec::new(),
         };
+        let of_row = |seen: Option<u32>| seen.unwrap_or_default() as usize;
+        let any = detections.iter().any(Option::is_some);
         Ok(Self {
-            layout,
+            cells,
             scenario,
             tick: tick.collect::<Result<_, _>>()?,
-            detections,
-            of_estimators,
+            detections: any.then(|| detections.into_iter().map(of_row).collect()),
             scenarios,
         })
     }
 
-    /// The row of each tick of each scenario.
+    /// Row per scenario and tick.
     fn by_tick(&self, truth: &Truth) -> Result<Vec<Vec<Option<usize>>>, PredictionsFault> {
         let ticks = truth.ticks.iter();
         let mut by_tick: Vec<Vec<Option<usize>>> = ticks.map(|&ticks| vec![None; ticks]).collect();
@@ -155,27 +131,11 @@ impl<'a> Rows<'a> {
         Ok(by_tick)
     }
 
-    /// The columns of each estimator: distances and ends of intervals.
-    fn estimators(&self) -> impl Iterator<Item = EstimatorCells<'a>> {
-        let mut left = self.of_estimators;
-        self.layout.estimators.iter().filter_map(move |columns| {
-            let (distances, others) = left.split_first()?;
-            let (ends, others) =
-                others.split_at_checked(columns.interval.iter().flatten().count())?;
-            left = others;
-            Some((columns, &distances[..], ends))
-        })
-    }
-
-    /// Rejects numbers that are no distances anywhere.
+    /// Rejects infinite and NaN distances.
     fn refuse_infinite(&self) -> Result<(), PredictionsFault> {
-        for (columns, distances, ends) in self.estimators() {
-            let names = [&columns.distance].into_iter();
-            let names = names.chain(columns.interval.iter().flatten());
-            let values = [distances]
-                .into_iter()
-                .chain(ends.iter().map(|end| &end[..]));
-            for (column, values) in names.zip(values) {
+        for columns in &self.cells.layout.estimators {
+            for column in columns.names() {
+                let values = &self.cells.numbers[column];
                 let is_bad = |value: &Option<f64>| value.is_some_and(|value| !value.is_finite());
                 if let Some(row) = values.iter().position(is_bad) {
                     return Err(PredictionsFault::NotFinite {
@@ -193,19 +153,20 @@ impl<'a> Rows<'a> {
     fn predicted(
         &self,
         columns: &EstimatorColumns,
-        distances: &[Option<f64>],
-        ends: &[Vec<Option<f64>>],
         row_of: &[Option<usize>],
-    ) -> Result<Predicted, PredictionsFault> {
+    ) -> Result<EstimatorPredictions, PredictionsFault> {
+        let numbers = &self.cells.numbers;
+        let distances = &numbers[&columns.distance];
         let at_ticks = row_of.iter().copied();
         let distances_m = at_ticks.clone().map(|row| distances[row?]).collect();
-        let (Some([from_column, to_column]), [from, to]) = (&columns.interval, ends) else {
-            return Ok(Predicted {
+        let Some([from_column, to_column]) = &columns.interval else {
+            return Ok(EstimatorPredictions {
                 name: columns.name.clone(),
                 distances_m,
                 intervals_m: None,
             });
         };
+        let [from, to] = [from_column, to_column].map(|column| &numbers[column]);
         let interval_m = |row: usize| match (distances[row], from[row], to[row]) {
             (_, None, None) => Ok(None),
             (Some(_), Some(from_m), Some(to_m)) if from_m <= to_m => Ok(Some([from_m, to_m])),
@@ -219,7 +180,7 @@ impl<'a> Rows<'a> {
             }),
         };
         let intervals_m = at_ticks.map(|row| row.map_or(Ok(None), interval_m));
-        Ok(Predicted {
+        Ok(EstimatorPredictions {
             name: columns.name.clone(),
             distances_m,
             intervals_m: Some(intervals_m.collect::<Result<_, _>>()?),
@@ -242,7 +203,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The scenario of each row, as a place in `scenarios`.
+/// Scenario index per row.
 fn known_scenarios(
     ids: &[Option<String>],
     scenarios: &[ScenarioSummary],

@@ -1,19 +1,19 @@
-//! Units other than metres in which distances may have been written by mistake.
+//! Units that may have been used by mistake instead of metres.
 
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
-/// The unit, and its length in metres.
+/// Name and length in metres.
 const UNITS: [(&str, f64); 3] = [
     ("nautical miles", METERS_PER_NAUTICAL_MILE),
     ("kilometres", 1_000.0),
     ("feet", 0.3048),
 ];
-/// Distance of the median from the exact factor up to which the unit is the likely reason. Errors of estimators are smaller, and the units
-/// are farther apart.
-const TOLERANCE: f64 = 0.1;
+/// Maximum distance between the median ratio and the exact factor for a likely unit or change of sign. Errors of estimators are smaller,
+/// and the units are farther apart.
+pub(super) const TOLERANCE: f64 = 0.1;
 
-/// The unit, with its length in metres, of distances whose median is this share of the truth in metres; `None` for metres, or if no unit
-/// explains the share.
+/// The unit with its length in metres, from the median ratio of predictions to ground truth in metres; `None` for metres, or if no unit
+/// explains the ratio.
 pub(super) fn probable_unit(median_ratio: f64) -> Option<(&'static str, f64)> {
     let is_near = |(_, meters): &(&str, f64)| (median_ratio * meters - 1.0).abs() < TOLERANCE;
     UNITS.into_iter().find(is_near)

@@ -1,7 +1,7 @@
-//! Intervals of figures: how far they would vary with other flights.
+//! Confidence intervals for figures, over the choice of flights.
 //!
-//! Ticks of one trajectory err together, so whole trajectories are drawn with replacement, with all scenarios that fly them. A flight that
-//! is drawn twice counts twice.
+//! Ticks within a trajectory have correlated errors, so whole trajectories are drawn with replacement, with all scenarios that fly them. A
+//! flight that is drawn twice counts twice.
 
 use std::collections::BTreeMap;
 
@@ -16,13 +16,13 @@ use crate::evaluation::rules::BootstrapRules;
 /// Lower and upper ends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Intervals {
-    /// Of the mean absolute percentage error.
+    /// Mean absolute percentage error.
     pub mape_pct: [f64; 2],
-    /// Of its median.
+    /// Median of the absolute percentage error.
     pub median_pct: [f64; 2],
-    /// Of its 95 % quantile.
+    /// 95 % quantile of the absolute percentage error.
     pub p95_pct: [f64; 2],
-    /// Trajectories that were drawn from: those with an answer.
+    /// Number of trajectories with an answer.
     pub trajectories: usize,
 }
 
@@ -75,7 +75,7 @@ impl Intervals {
     }
 }
 
-/// Mean, median and 95 % quantile of sorted errors, each of which counts as often as its trajectory was drawn.
+/// Mean, median and 95 % quantile of sorted errors, each weighted by trajectory draws.
 fn figures(errors: &[(f64, usize)], times: &[usize]) -> [f64; 3] {
     let count: usize = errors.iter().map(|&(_, t)| times[t]).sum();
     let ranks = [0.5, 0.95].map(|share| (count as f64 * share).ceil() as usize);
@@ -106,7 +106,7 @@ mod tests {
         share: 0.9,
     };
 
-    /// Ticks of flights that are each off by the same percentage throughout.
+    /// Flights with a constant percentage error each.
     fn flights(errors_pct: &[f64]) -> Vec<Outcome<'static>> {
         const NAMES: [&str; 8] = ["a", "b", "c", "d", "e", "f", "g", "h"];
         let ticks = |(&error_pct, flight): (&f64, &'static str)| {
@@ -150,7 +150,7 @@ mod tests {
         );
         let one_off = flights(&[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 9.0]);
         let wide = Intervals::of(&one_off, &RULES).unwrap();
-        // With chance (7/8)^8 = 34 % the odd one is never drawn, with 8 % three times or more: mean 1 + 8 * 3 / 8.
+        // With probability (7/8)^8 = 34 % the odd one is never drawn, with 8 % three times or more: mean 1 + 8 * 3 / 8.
         assert!((wide.mape_pct[0] - 1.0).abs() < 1e-9, "{wide:?}");
         assert!((wide.mape_pct[1] - 4.0).abs() < 1e-9, "{wide:?}");
         assert_eq!(wide.trajectories, 8);

@@ -1,8 +1,8 @@
-//! A box of a box plot: quartiles and whiskers of signed errors.
+//! Quartiles and whiskers of signed errors, for a box plot.
 
 use serde::{Deserialize, Serialize};
 
-/// Signed percentage errors of some answers; positive if they are too far.
+/// Signed percentage errors, positive if the answers are too far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BoxFigures {
     /// First quartile, median and third quartile.
@@ -14,7 +14,7 @@ pub struct BoxFigures {
 }
 
 impl BoxFigures {
-    /// `None` without errors, or if they are too large to be told apart.
+    /// `None` without errors, or if they overflow.
     pub(crate) fn of(mut errors_pct: Vec<f64>) -> Option<Self> {
         errors_pct.sort_by(f64::total_cmp);
         let (first, last) = (*errors_pct.first()?, *errors_pct.last()?);

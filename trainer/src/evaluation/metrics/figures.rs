@@ -1,39 +1,38 @@
-//! Figures over some ticks: errors of the answers, and how many ticks have one.
+//! Error figures and coverage over some ticks.
 
 use serde::{Deserialize, Serialize};
 
 use super::Outcome;
 
-/// Errors over some ticks, and their coverage. Errors cover the answered ticks; coverage counts all. `None` without any tick.
+/// Errors over the answered ticks, and coverage over all ticks. `None` without any tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ErrorFigures {
     /// Mean absolute percentage error.
     pub mape_pct: Option<f64>,
     /// Median of the absolute percentage error: the smallest that half of the answers do not exceed.
     pub median_pct: Option<f64>,
-    /// The smallest percentage error that 95 % of the answers do not exceed.
+    /// 95 % quantile of the percentage error: the smallest that 95 % of the answers do not exceed.
     pub p95_pct: Option<f64>,
     /// Standard deviation of the absolute percentage error.
     pub sd_pct: Option<f64>,
     /// Mean absolute error, metres.
     pub mae_m: Option<f64>,
-    /// The smallest error that 95 % of the answers do not exceed, metres.
+    /// 95 % quantile of the absolute error, metres.
     pub p95_m: Option<f64>,
     /// Number of answered ticks.
     pub samples: usize,
-    /// Number of ticks at which the aircraft is there.
+    /// Number of ticks with the aircraft present.
     pub ticks: usize,
     /// `samples / ticks`.
     pub coverage: Option<f64>,
-    /// The same without the ticks at which fog hides the aircraft.
+    /// Coverage without ticks hidden by fog.
     pub coverage_in_sight: Option<f64>,
 }
 
 impl ErrorFigures {
-    /// Figures of some outcomes.
     pub(crate) fn of<'a>(outcomes: impl IntoIterator<Item = &'a Outcome<'a>>) -> Self {
         let (mut errors_pct, mut errors_m) = (Vec::new(), Vec::new());
-        let (mut ticks, mut in_sight) = (0, Share::default());
+        let (mut ticks, mut in_sight, mut answered_in_sight) = (0, 0, 0);
         for outcome in outcomes {
             let error_pct = outcome.signed_error_pct();
             if let (Some(error_pct), Some(error_m)) = (error_pct, outcome.error_m()) {
@@ -42,7 +41,8 @@ impl ErrorFigures {
             }
             ticks += 1;
             if !outcome.is_hidden {
-                in_sight.count(error_pct.is_some());
+                in_sight += 1;
+                answered_in_sight += usize::from(error_pct.is_some());
             }
         }
         let samples = errors_pct.len();
@@ -62,35 +62,17 @@ impl ErrorFigures {
             p95_m: quantile(&errors_m, 0.95),
             samples,
             ticks,
-            coverage: Share {
-                part: samples,
-                whole: ticks,
-            }
-            .ratio(),
-            coverage_in_sight: in_sight.ratio(),
+            coverage: share(samples, ticks),
+            coverage_in_sight: share(answered_in_sight, in_sight),
         }
     }
 }
 
-/// Some of all.
-#[derive(Default)]
-struct Share {
-    part: usize,
-    whole: usize,
+fn share(part: usize, whole: usize) -> Option<f64> {
+    (whole > 0).then(|| part as f64 / whole as f64)
 }
 
-impl Share {
-    fn count(&mut self, is_part: bool) {
-        self.part += usize::from(is_part);
-        self.whole += 1;
-    }
-
-    fn ratio(&self) -> Option<f64> {
-        (self.whole > 0).then(|| self.part as f64 / self.whole as f64)
-    }
-}
-
-/// The smallest of sorted numbers that this share of them does not exceed.
+/// Quantile of sorted numbers: the smallest number that this share does not exceed.
 pub(crate) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let rank = (sorted.len() as f64 * share).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied()
@@ -103,7 +85,7 @@ fn mean(numbers: &[f64]) -> Option<f64> {
     (!numbers.is_empty()).then_some(sum)
 }
 
-/// Their standard deviation, finite as well: only parts of the largest distance from the mean are squared.
+/// Standard deviation of finite numbers: finite, because ratios to the largest deviation are squared.
 fn deviation(numbers: &[f64]) -> Option<f64> {
     let mean = mean(numbers)?;
     let from_mean: Vec<f64> = numbers.iter().map(|number| (number - mean).abs()).collect();

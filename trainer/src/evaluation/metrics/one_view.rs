@@ -1,4 +1,4 @@
-//! Figures of one view alone, and what several views are worth against it.
+//! Figures for one view alone, and the gain from several views.
 
 use std::collections::BTreeMap;
 
@@ -7,22 +7,21 @@ use serde::{Deserialize, Serialize};
 use super::{ErrorFigures, EstimatorMetrics, Outcome, by_key, weather_and_time};
 use crate::run::estimator::Estimator;
 
-/// Figures of an estimator that gets one view alone: the ticks at which this view saw the aircraft are answered.
+/// Figures for an estimator with one view: ticks that this view saw are answered.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SingleViewFigures {
-    /// Of all ticks.
+    /// All ticks.
     #[serde(flatten)]
     pub all: ErrorFigures,
-    /// By name of the weather.
+    /// Figures by weather name.
     pub by_weather: BTreeMap<String, ErrorFigures>,
-    /// By local time.
+    /// Figures by local time.
     pub by_time: BTreeMap<String, ErrorFigures>,
-    /// By name of the weather and local time, separated by a space.
+    /// Figures by weather name and local time, separated by a space.
     pub by_weather_and_time: BTreeMap<String, ErrorFigures>,
 }
 
 impl SingleViewFigures {
-    /// Figures of outcomes with all other views removed.
     pub(crate) fn of(outcomes: &[Outcome]) -> Self {
         let by = |key: fn(&Outcome) -> String| -> BTreeMap<String, ErrorFigures> {
             let groups = by_key(outcomes, key).into_iter();
@@ -39,24 +38,24 @@ impl SingleViewFigures {
     }
 }
 
-/// A monoscopic network, and what `paper_lstm` gains over it. As in the paper, each view is judged by itself, and the errors of the views
-/// are averaged, not their answers.
+/// A monoscopic network, and the gain of `paper_lstm` over it. As in the paper, each view is evaluated separately, and the errors of the
+/// views are averaged, not their answers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AgainstOneView {
-    /// Features of a box that the network gets.
+    /// Box features that the network uses.
     pub inputs: String,
     /// Name of the estimator.
     pub estimator: String,
-    /// Mean absolute percentage error of each view alone, by view.
+    /// Mean absolute percentage error per view.
     pub mape_by_view_pct: BTreeMap<String, Option<f64>>,
     /// Mean over the views.
     pub mean_pct: Option<f64>,
-    /// Part of this error that `paper_lstm` does not have, over all ticks, percent.
+    /// Reduction of this error by `paper_lstm`, over all ticks, percent.
     pub reduction_pct: Option<f64>,
 }
 
 impl AgainstOneView {
-    /// One for each kind of input; none if single views were not judged.
+    /// Figures for each kind of input; empty if single views were not evaluated.
     pub(crate) fn all(estimators: &BTreeMap<String, EstimatorMetrics>) -> Vec<Self> {
         let several = estimators.get(Estimator::PaperLstm.name());
         let several_pct = several.and_then(|of| of.overall.all.mape_pct);

@@ -4,14 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use super::Outcome;
 
-/// Figures of stated intervals of the distance. Every flight counts the same.
+/// Figures of stated distance intervals. Every flight has the same weight.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StatedIntervals {
-    /// Share of the intervals that hold the truth, mean over flights.
+    /// Mean coverage over flights.
     pub held: f64,
-    /// The same of the flights with the least and the largest share.
+    /// Minimum and maximum coverage over flights.
     pub held_by_flight: [f64; 2],
-    /// Mean width, percent of the true distance, mean over flights.
+    /// Mean width over flights, percent of the true distance.
     pub width_pct: f64,
 }
 

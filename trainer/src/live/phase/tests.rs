@@ -1,11 +1,11 @@
-//! Flights seen by a camera beside the runway, with errors as large as those of usual fits.
+//! Simulated flights beside the runway, with realistic errors.
 
 use super::*;
 
 /// Distance of the camera behind the target, metres.
 const SETBACK_M: f64 = 1_500.0;
 
-/// Errors of a fit: as parts of the distance, those that change slowly and the new ones.
+/// Relative fit errors: slowly varying and new ones.
 #[derive(Clone, Copy)]
 struct Errors {
     slow: f64,
@@ -21,14 +21,14 @@ const OF_ONE_VIEW: Errors = Errors {
     new: 0.01,
 };
 
-/// A number from -1 to 1 that looks random.
+/// A pseudorandom number from -1 to 1.
 fn jitter(seed: u32, step: u32) -> f64 {
     let mixed =
         (seed.wrapping_mul(0x9E37_79B9) ^ step.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35);
     f64::from(mixed ^ mixed >> 15) / f64::from(u32::MAX) * 2.0 - 1.0
 }
 
-/// Phases at five ticks per second of a flight: `at` gives distance to the target and height over it, metres.
+/// Phases during a flight with five ticks per second.
 fn phases(seconds: u32, errors: Errors, at: impl Fn(f64) -> [f64; 2]) -> Vec<Phase> {
     let mut judge = PhaseJudge::default();
     let ticks = 0..5 * seconds;
@@ -41,7 +41,7 @@ fn phases(seconds: u32, errors: Errors, at: impl Fn(f64) -> [f64; 2]) -> Vec<Pha
             let measured_m = distance_m * (1.0 + slow + new);
             let range_m = distance_m + SETBACK_M;
             let elevation = (height_m / range_m).atan() + 3e-5 * jitter(9, tick);
-            judge.push(Seen {
+            judge.push(TrackPoint {
                 time_s,
                 fit: 0,
                 distance_m: measured_m,
@@ -56,7 +56,7 @@ fn phases(seconds: u32, errors: Errors, at: impl Fn(f64) -> [f64; 2]) -> Vec<Pha
         .collect()
 }
 
-/// The first second from which on all phases are this one.
+/// Start of the final phase, seconds.
 fn from_s(phases: &[Phase], phase: Phase) -> Option<f64> {
     let last_other = phases.iter().rposition(|found| *found != phase);
     let first = last_other.map_or(0, |last| last + 1);

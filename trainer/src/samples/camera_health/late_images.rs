@@ -1,9 +1,9 @@
-//! Images that are late, moved to the time of their tick.
+//! Correction for late images.
 //!
-//! `dtd detect` measures by how much the images of a view are late ([`dataset::tables::health::late_views`]). What such a view shows at a
-//! tick is where the aircraft was before, so its box and its shift are moved on by the motion in this view during the lag. Where that
-//! motion is unknown, the view does not count. Errors of the motion make each shift less certain. An error of the lag is common to all
-//! ticks of the flight, and so is the doubt about a lag that is likely but not certain.
+//! `dtd detect` measures the lag of each view ([`dataset::tables::health::late_views`]). A late image shows where the aircraft was before,
+//! so boxes and shifts are moved by the motion in this view during the lag. Where the motion is unknown, the view is ignored. Errors in the
+//! motion make each shift less certain. An error in the lag is common to the whole flight, and so is the doubt about a lag that is only
+//! likely.
 
 use std::collections::BTreeMap;
 
@@ -15,15 +15,14 @@ use crate::samples::camera_health::Corrections;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{CommonError, Observation};
 
-/// Standard deviation of a lag that is just likely, as a part of it: in one case of four it is none. That is rarer the more standard
-/// deviations a lag has.
+/// Standard deviation of a barely likely lag, relative to the lag: one such lag in four is spurious. The share falls with the significance.
 const DOUBT: f64 = 0.5;
-/// A lag is the slope of distances over motions, and errors of the motions make it look smaller: by a quarter where the sightings leave
-/// 0.05 s, in fog, and not at all where they leave 0.015 s (health tables of scripts/disturbed-corpora.sh). The part that may be missing
-/// grows with the square of that.
+/// A lag is the slope of distances over motions, and errors in the motions attenuate it: by a quarter where the sightings leave 0.05 s, in
+/// fog, and not at all where they leave 0.015 s (health tables of scripts/disturbed-corpora.sh). The missing part grows with the square of
+/// this standard deviation.
 const ATTENUATING_SD_S: f64 = 0.1;
 
-/// By how much the images of each view are late.
+/// Lag per view.
 pub(crate) fn lateness(views: &[String], health: &[ViewHealth]) -> Vec<Late> {
     let [likely, sure] =
         [ViewLag::is_likely, ViewLag::is_sure].map(|counts| late_views(health, counts));
@@ -44,7 +43,7 @@ pub(crate) fn lateness(views: &[String], health: &[ViewHealth]) -> Vec<Late> {
     views.iter().map(of_view).collect()
 }
 
-/// Standard deviation of a lag that is likely and may be none, seconds.
+/// Standard deviation of a likely but uncertain lag, seconds.
 fn doubt_s(lag_s: f64, sd_s: f64) -> f64 {
     if lag_s == 0.0 {
         return 0.0;
@@ -53,10 +52,10 @@ fn doubt_s(lag_s: f64, sd_s: f64) -> f64 {
     DOUBT * lag_s * (-beyond / 4.0).exp()
 }
 
-/// Places of the boxes of each view and track, by time in seconds.
+/// Box centres per view and track, by time in seconds.
 type Tracks = BTreeMap<(usize, Option<u32>), Vec<(f64, DVec2)>>;
 
-/// The ticks of a scenario whose views are late by this. Counts what changes.
+/// Corrects a scenario's ticks for the lag of each view, and counts the changes.
 pub(crate) fn in_time(
     observations: Vec<Observation>,
     late: &[Late],
@@ -72,7 +71,7 @@ pub(crate) fn in_time(
                 && late[view] != Late::default()
             {
                 let track = (view, observed.tracks[view]);
-                let at = (seconds(observed), centre_and_size(seen).0);
+                let at = (observed.time_s(), centre_and_size(seen).0);
                 tracks.entry(track).or_default().push(at);
             }
         }
@@ -83,10 +82,10 @@ pub(crate) fn in_time(
     let moved = |observed: Observation| {
         let motion_px_s = |view: usize| {
             let track = (view, observed.tracks[view]);
-            let motion = motion_at(tracks.get(&track)?, seconds(&observed))?;
+            let motion = motion_at(tracks.get(&track)?, observed.time_s())?;
             Some([motion.per_s, motion.unit_sd_per_s * scatter_px[&track]])
         };
-        // The motion in each view, and its standard deviation.
+        // Motion per view, and its standard deviation.
         let motions: Vec<Option<[DVec2; 2]>> = (late.iter().enumerate())
             .map(|(view, late)| match motion_px_s(view) {
                 None if late.seconds == 0.0 => Some([DVec2::ZERO; 2]),
@@ -113,10 +112,6 @@ pub(crate) fn in_time(
     observations.into_iter().map(moved).collect()
 }
 
-fn seconds(observed: &Observation) -> f64 {
-    observed.time_ns as f64 * 1e-9
-}
-
 #[cfg(test)]
 mod tests {
     use dataset::tables::health::{HealthState, ViewLag};
@@ -135,7 +130,7 @@ mod tests {
         },
     ];
 
-    /// Ticks of two views, the second of which shows the aircraft as it was before.
+    /// Ticks from two views; the second is late.
     fn flight(late_s: f64) -> Vec<Observation> {
         let tick = |tick: u32| {
             let time_s = f64::from(tick);
@@ -154,7 +149,7 @@ mod tests {
             assert!((at(moved) - at(&expected)).abs() < 1e-6);
             let shift = |observed: &Observation| observed.shifts[1].unwrap().shift_px;
             assert!((shift(moved) - shift(&expected)).length() < 1e-6);
-            // Its motion is known exactly: 20 pixels a second to the right.
+            // The motion is known exactly: 20 pixels per second to the right.
             let sd_px = moved.shifts[1].unwrap().sd_px;
             assert!((sd_px - DVec2::new(0.03, 0.04)).length() < 1e-6, "{sd_px}");
             let [CommonError { view: 1, sd_px }] = moved.common_errors[..] else {
@@ -188,7 +183,7 @@ mod tests {
         };
         let none = Late::default();
         assert_eq!(late(35.0, 50.0), [none; 2]);
-        // It is the first view that shows an earlier aircraft.
+        // The first view is the late one.
         let of_views = late(-490.0, 25.0);
         assert_eq!((of_views[0].seconds, of_views[1]), (0.49, none));
         assert_eq!(late(110.0, 50.0), [none; 2]);
@@ -200,7 +195,7 @@ mod tests {
             assert_eq!(sure.seconds, 0.49);
             assert!((least_s..most_s).contains(&sure.sd_s), "{sure:?}");
         }
-        // At 20 pixels a second.
+        // At 20 pixels per second.
         let likely = late(200.0, 78.0);
         let mut counts = Corrections::default();
         let moved = in_time(flight(0.2), &likely, &mut counts);
@@ -217,16 +212,16 @@ mod tests {
         const NOISE_PX: f64 = 0.5;
         let mut noisy = flight(LATE_S);
         for (number, observed) in noisy.iter_mut().enumerate() {
-            // Alternating, so that no cubic follows it.
+            // Alternating, so that no cubic follows.
             let off_px = if number % 2 == 0 { NOISE_PX } else { -NOISE_PX };
             observed.boxes[1].as_mut().unwrap().cx_px += off_px;
         }
         let mut counts = Corrections::default();
         let widened = in_time(noisy, &LATE, &mut counts);
-        // A cubic through eight places a second apart knows its slope to 0.41 of their deviation in the middle.
+        // A cubic through eight positions one second apart determines the slope in the middle to 0.41 of their deviation.
         let expected_px = 0.03_f64.hypot(LATE_S * 0.41 * NOISE_PX);
         let sd_px = widened[10].shifts[1].unwrap().sd_px;
-        // A median takes errors of one size for larger ones than they are.
+        // A median overestimates errors that all have the same size.
         assert!((1.0..1.8).contains(&(sd_px.x / expected_px)), "{sd_px}");
         assert!(
             sd_px.x > 2.0 * 0.03 && (sd_px.y - 0.04).abs() < 1e-6,

@@ -1,50 +1,40 @@
-//! One object in sight over time: where each view saw it last, and which boxes of the next tick continue that.
+//! An object in sight: its last sighting in each view, and the boxes that continue it.
 
 use std::collections::VecDeque;
 
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
-use super::path::Sighting;
+use super::sighting::{MEMORY_S, RECENT_S, STEP_S, STILL_GROWTH, Sighting};
+use crate::samples::robust_line::dot;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::trusted_boxes::other_boxes::Candidate;
 
-/// Boxes of this time give the motion in an image, seconds, ...
-const MOTION_S: f64 = 10.0;
-/// ... and boxes of this time show whether it moves or grows, no more of them than one in a second. An aircraft that comes straight at a
-/// camera from 13 NM stays where it is in the image and grows by 0.3 % per second: ten seconds of boxes show that from 4 NM on, a minute
-/// of them from the beginning.
-const REMEMBERED_S: f64 = 60.0;
-const STEP_S: f64 = 1.0;
-/// A shorter time gives no motion, seconds.
+/// Minimum time for a motion estimate, seconds.
 const MIN_MOTION_S: f64 = 2.0;
-/// Objects that move less, pixels per second, and grow less, in parts of the width over the time that is remembered, stand still: at
-/// 10 NM, an aircraft 300 m to the side of a mast moves six times as much, and any aircraft grows by twice as much in ten seconds.
+/// Maximum speed for a stationary object, px/s: at 10 NM, an aircraft 300 m beside a mast moves six times as fast.
 const STILL_PX_S: f64 = 0.1;
-const STILL_GROWTH: f64 = 0.02;
-/// A still object exceeds that by chance: the centre and the width of a box of a far thing have these standard deviations, pixels, ...
+/// Standard deviations of a distant box's centre and width, pixels: a stationary object may exceed [`STILL_PX_S`] by chance, ...
 const CENTRE_SD_PX: f64 = 0.35;
 const WIDTH_SD_PX: f64 = 1.3;
-/// ... so motion and growth have to be so many standard errors. Chance moves one thing in three thousand that far. An aircraft that moves
-/// by 0.6 px/s does so within five seconds, and one that moves by 0.15 px/s within ten.
+/// ... so motion and growth have to be significant by this many standard errors. Chance reaches that once in three thousand. An aircraft
+/// with 0.6 px/s takes five seconds, one with 0.15 px/s ten.
 const SURE: f64 = 4.0;
-/// Distance of a box from where it is expected, in widths of the box: at once, and per second since, with a known motion and without. An
-/// airliner at 2 NM moves by a fifth of its width in a second.
+/// Maximum distance from the expected position, in box widths: immediately, and per second with and without a motion estimate. An airliner
+/// at 2 NM moves by 0.2 widths per second.
 const AWAY_AT_ONCE: f64 = 1.0;
 const AWAY_PER_S: f64 = 0.1;
 const AWAY_PER_S_WITHOUT_MOTION: f64 = 0.3;
-/// A box of the same track may be this much farther away ...
+/// Factor of that distance within a track ...
 const SAME_TRACK: f64 = 3.0;
-/// ... and larger or smaller: fog may hide parts of it.
+/// ... and of growth within a track: fog may hide parts.
 const SAME_TRACK_GROWTH: f64 = 1.5;
-/// What a view saw longer ago says nothing about a box that other views agree with, seconds.
-const LATE_S: f64 = 10.0;
-/// Least and largest width of a box in parts of the last one's, and the growth of the latter per second.
-const MIN_GROWTH: f64 = 0.7;
+/// Maximum ratio between the widths of successive boxes, and its growth per second.
 const MAX_GROWTH: f64 = 1.4;
 const GROWTH_PER_S: f64 = 0.03;
 
-/// A change per second, and its standard error.
+/// Rate of change with its standard error.
 #[derive(Debug, Clone, Copy)]
 struct Slope {
     per_s: f64,
@@ -52,13 +42,13 @@ struct Slope {
 }
 
 impl Slope {
-    /// True if it is certainly a change, and not below this.
+    /// True for a significant change, if it reaches the minimum.
     fn is_over(self, least_per_s: f64) -> bool {
         self.per_s >= least_per_s.max(SURE * self.error)
     }
 }
 
-/// What one view saw of an object.
+/// An object's sightings in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trace {
     last: Sighting,
@@ -82,7 +72,7 @@ impl Trace {
         if newest.is_none_or(|newest| self.last.time_s - newest.time_s >= STEP_S) {
             self.earlier.push_back(self.last);
         }
-        while (self.earlier.front()).is_some_and(|oldest| time_s - oldest.time_s > REMEMBERED_S) {
+        while (self.earlier.front()).is_some_and(|oldest| time_s - oldest.time_s > MEMORY_S) {
             self.earlier.pop_front();
         }
         self.last.time_s = time_s;
@@ -90,14 +80,14 @@ impl Trace {
         self.track = seen.track;
     }
 
-    /// The sighting that its motion begins at; `None` if it was seen for too short a time.
+    /// First sighting of the motion estimate; `None` if the object is too new.
     fn first(&self) -> Option<&Sighting> {
         let since = |seen: &Sighting| self.last.time_s - seen.time_s;
-        let first = (self.earlier.iter()).find(|seen| since(seen) <= MOTION_S);
+        let first = (self.earlier.iter()).find(|seen| since(seen) <= RECENT_S);
         first.filter(|first| since(first) >= MIN_MOTION_S)
     }
 
-    /// Motion in the image, pixels per second; `None` if it was seen for too short a time.
+    /// Motion in the image, pixels per second; `None` if the object is too new.
     fn motion_px_s(&self) -> Option<DVec2> {
         let first = self.first()?;
         let [last_px, first_px] =
@@ -105,15 +95,16 @@ impl Trace {
         Some((last_px - first_px) / (self.last.time_s - first.time_s))
     }
 
-    /// True if it certainly moves or grows; `None` if it was seen for too short a time.
+    /// True for significant motion or growth over a minute: an aircraft that flies straight at a camera from 13 NM stays in place and grows
+    /// by 0.3 % per second, which ten seconds show only from 4 NM on. `None` if the object is too new.
     fn is_moving(&self) -> Option<bool> {
         self.first()?;
         let lasted_s = self.last.time_s - self.earlier.front()?.time_s;
         let centre = |seen: &PixelBox| centre_and_size(seen).0;
-        let right = self.slope(CENTRE_SD_PX, |seen| centre(seen).x);
-        let down = self.slope(CENTRE_SD_PX, |seen| centre(seen).y);
+        let right = self.slope(CENTRE_SD_PX, |seen| centre(seen).x)?;
+        let down = self.slope(CENTRE_SD_PX, |seen| centre(seen).y)?;
         let width_sd = WIDTH_SD_PX / self.last.pixel_box.width_px;
-        let growth = self.slope(width_sd, |seen| seen.width_px.ln());
+        let growth = self.slope(width_sd, |seen| seen.width_px.ln())?;
         let motion = Slope {
             per_s: right.per_s.hypot(down.per_s),
             error: right.error.max(down.error),
@@ -121,33 +112,34 @@ impl Trace {
         Some(motion.is_over(STILL_PX_S) || growth.is_over(STILL_GROWTH / lasted_s))
     }
 
-    /// The straight line through a number of its sightings, whose standard deviation is at least this. There are at least two of them.
-    fn slope(&self, least_sd: f64, number: impl Fn(&PixelBox) -> f64) -> Slope {
+    /// Regression line for a quantity over at least two sightings, with a minimum standard deviation.
+    fn slope(&self, least_sd: f64, number: impl Fn(&PixelBox) -> f64) -> Option<Slope> {
         let sightings = self.earlier.iter().chain([&self.last]);
-        let numbers: Vec<(f64, f64)> = sightings
-            .map(|seen| (seen.time_s, number(&seen.pixel_box)))
+        let numbers: Vec<_> = sightings
+            .map(|seen| {
+                let since_s = seen.time_s - self.last.time_s;
+                ([1.0, since_s], number(&seen.pixel_box))
+            })
             .collect();
-        let count = numbers.len() as f64;
-        let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
-            numbers.iter().map(|&(at_s, number)| of(at_s, number)).sum()
-        };
-        let middle_s = sum(&|at_s, _| at_s) / count;
-        let mean = sum(&|_, number| number) / count;
-        let spread = sum(&|at_s, _| (at_s - middle_s).powi(2));
-        let per_s = sum(&|at_s, number| (at_s - middle_s) * number) / spread;
-        let left = |at_s: f64, number: f64| (number - mean - per_s * (at_s - middle_s)).powi(2);
-        let sd = (sum(&left) / (count - 2.0).max(1.0)).sqrt().max(least_sd);
-        Slope {
-            per_s,
-            error: sd / spread.sqrt(),
+        let mut line = NormalEquations::new(2);
+        for (terms, number) in &numbers {
+            line.add(terms, *number, 1.0);
         }
+        let fitted: [f64; 2] = line.solve_for()?;
+        let left = (numbers.iter()).map(|(terms, number)| (number - dot(terms, &fitted)).powi(2));
+        let free = numbers.len().saturating_sub(2).max(1);
+        let sd = (left.sum::<f64>() / free as f64).sqrt().max(least_sd);
+        Some(Slope {
+            per_s: fitted[1],
+            error: sd * line.inverse()?[1][1].sqrt(),
+        })
     }
 
     fn is_of_track(&self, seen: Candidate) -> bool {
         seen.track.is_some() && seen.track == self.track
     }
 
-    /// Distance of a box from where this object is expected, in parts of the largest possible one; `None` if it is another object.
+    /// Distance from the expected position relative to the maximum; `None` for a different object.
     pub(super) fn distance_to(&self, time_s: f64, seen: Candidate) -> Option<f64> {
         let since_s = (time_s - self.last.time_s).max(0.0);
         let is_same_track = self.is_of_track(seen);
@@ -158,7 +150,7 @@ impl Trace {
             1.0
         };
         let most_grown = freedom * MAX_GROWTH * (GROWTH_PER_S * since_s).exp();
-        if !(MIN_GROWTH / freedom..=most_grown).contains(&grown) {
+        if !((freedom * MAX_GROWTH).recip()..=most_grown).contains(&grown) {
             return None;
         }
         let motion_px_s = self.motion_px_s();
@@ -184,26 +176,26 @@ impl Trace {
 /// An object that some views see.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Aircraft {
-    /// Number in the order of appearance.
+    /// Number in order of appearance.
     pub(super) number: usize,
-    /// By view.
+    /// Per view.
     traces: Vec<Option<Trace>>,
-    /// By view, index of its box among the candidates of this tick.
+    /// Candidate index per view at this tick.
     pub(super) boxes: Vec<Option<usize>>,
-    /// Time in which two views agreed on it, seconds.
+    /// Time with agreement between two views, seconds.
     pub(super) paired_s: f64,
-    /// Time in which any view saw it, seconds.
+    /// Time in sight, seconds.
     pub(super) seen_s: f64,
-    /// When that was last, seconds.
+    /// Time of the last sighting, seconds.
     pub(super) last_s: f64,
-    /// Time for which the views have been contradicting each other, seconds.
+    /// Duration of the current contradiction between views, seconds.
     pub(super) disputed_s: f64,
-    /// It came along the paths of the training at a usual speed.
+    /// True if it came along the training's paths at a usual speed.
     pub(super) has_approached: bool,
 }
 
 impl Aircraft {
-    /// An object of which the first box is this one of a view.
+    /// A new object, with one box.
     pub(super) fn new(number: usize, views: usize, view: usize, index: usize) -> Self {
         let mut new = Self {
             number,
@@ -224,13 +216,12 @@ impl Aircraft {
         self.boxes.iter().flatten().count()
     }
 
-    /// Distance of a box from where this object is expected in that view ([`Trace::distance_to`]); `None` if it is another object, or the
-    /// view has not seen it.
+    /// See [`Trace::distance_to`]; also `None` if the view has not seen the object.
     pub(super) fn distance_to(&self, time_s: f64, view: usize, seen: Candidate) -> Option<f64> {
         self.traces[view].as_ref()?.distance_to(time_s, seen)
     }
 
-    /// The first and the last sighting of the motion in each view that has seen one.
+    /// First and last sighting of the motion in each view.
     pub(super) fn motions(&self) -> impl Iterator<Item = (usize, [&Sighting; 2])> {
         let traces = self.traces.iter().enumerate();
         traces.filter_map(|(view, trace)| {
@@ -239,32 +230,31 @@ impl Aircraft {
         })
     }
 
-    /// True if a view sees it move or grow: an approach does, lamps and masts do not. `None` if it was seen for too short a time.
+    /// True if a view sees it move or grow: approaches do, lamps and masts do not. `None` if the object is too new.
     pub(super) fn is_moving(&self) -> Option<bool> {
         let traces = self.traces.iter().flatten();
         traces.filter_map(Trace::is_moving).max()
     }
 
-    /// True if a box has the number of this object's track in that view.
     pub(super) fn is_of_track(&self, view: usize, seen: Candidate) -> bool {
         let trace = self.traces[view].as_ref();
         trace.is_some_and(|trace| trace.is_of_track(seen))
     }
 
-    /// The last box in each view that has seen it.
+    /// Last box per view.
     pub(super) fn last_boxes(&self) -> impl Iterator<Item = (usize, &PixelBox)> + Clone {
         let traces = self.traces.iter().enumerate();
         traces.filter_map(|(view, trace)| Some((view, &trace.as_ref()?.last.pixel_box)))
     }
 
-    /// True if a box may be this object: it continues what its view saw, if anything of late.
+    /// True if a box may show this object: it continues any recent sighting in its view.
     pub(super) fn may_be(&self, time_s: f64, view: usize, seen: Candidate) -> bool {
         let trace = self.traces[view].as_ref();
-        let recent = trace.filter(|trace| time_s - trace.last.time_s <= LATE_S);
+        let recent = trace.filter(|trace| time_s - trace.last.time_s <= RECENT_S);
         recent.is_none_or(|trace| trace.distance_to(time_s, seen).is_some())
     }
 
-    /// Ends the tick: its boxes become what was seen last.
+    /// Ends the tick: its boxes become the last sightings.
     pub(super) fn remember(&mut self, time_s: f64, boxes: &[Vec<Candidate>]) {
         for (view, index) in self.boxes.iter().enumerate() {
             let Some(index) = *index else { continue };
@@ -277,7 +267,7 @@ impl Aircraft {
         }
     }
 
-    /// The same object in each view by itself, after the views have contradicted each other for too long. Nothing is paired any more.
+    /// Splits the object by view, after a long contradiction. All pairing is lost.
     pub(super) fn divided(self, mut number: impl FnMut() -> usize) -> Vec<Self> {
         let views = 0..self.traces.len();
         let of_view = |view: usize| {
@@ -299,7 +289,7 @@ impl Aircraft {
         views.filter_map(of_view).collect()
     }
 
-    /// Takes over what another one, seen by other views at this tick, has there.
+    /// Takes over the boxes of an object that other views see at this tick.
     pub(super) fn absorb(&mut self, mut other: Self) {
         for view in 0..self.boxes.len() {
             if other.boxes[view].is_some() {

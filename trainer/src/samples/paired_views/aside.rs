@@ -1,9 +1,9 @@
-//! Views that together see an aircraft beside the paths of the training for a long time.
+//! Aircraft that several views see beside the training's paths for a long time.
 //!
-//! Rows show whether two boxes are of one aircraft, and columns how far away it is. A camera that is turned sideways shifts its columns
-//! alone: the views still agree, on a distance that is wrong by several per cent, and motion and size are those of an approach. The
-//! background shows a turn within a flight; in fog the paths of the training are the only evidence. Gusts and intercepts lead away from
-//! these paths and back within some seconds. A turned camera is off by the same number of columns as long as it stays turned.
+//! Rows tell whether two boxes show the same aircraft, columns how far away it is. A camera turned sideways shifts its columns only: the
+//! views still agree, on a distance that is wrong by several percent, and motion and size look like an approach. The background reveals a
+//! turn within a flight; in fog the training's paths are the only evidence. Gusts and intercepts leave these paths and return within
+//! seconds. A turned camera is off by a constant number of columns.
 
 use std::collections::VecDeque;
 
@@ -11,32 +11,24 @@ use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use super::relation::{Relation, width_px};
-use super::robust_line::{dot, robust_line};
-use crate::samples::Observation;
-use crate::samples::camera_health::look::Look;
+use super::sighting::{MAX_GAP_S, MEMORY_S, STEP_S};
+use crate::samples::robust_line::{FINE_UNIT_PX, dot, robust_line};
+use crate::samples::{Look, Observation};
 
-/// Unit of the coordinates in the fit, pixels: so small that what keeps slopes small in [`robust_line`] moves no column by a pixel.
-const UNIT_PX: f64 = 100.0;
-/// Pairs that decide about the fit; more do not change it.
+/// Maximum number of pairs in the fit; more do not change it.
 const MAX_PAIRS: usize = 5_000;
-/// Each part of the flights is judged by the others.
+/// Number of cross-validation parts.
 const PARTS: usize = 4;
-/// Fewer flights that two views saw for a minute do not show how far flights are from their common path.
+/// Minimum number of flights, each seen by two views for a minute, that determine the spread around the common path.
 pub(super) const MIN_FLIGHTS: usize = 4;
-/// An offset that lasts for this time counts, seconds.
-const KEPT_S: f64 = 60.0;
-/// A longer gap without a pair of boxes restarts the minute, seconds.
-const MAX_GAP_S: f64 = 30.0;
-/// Pairs are compared once in this time, seconds, and a minute has at least so many of them.
-const STEP_S: f64 = 1.0;
+/// Minimum number of compared pairs per minute.
 const MIN_PAIRS: usize = 5;
-/// Share of pairs on either side that do not count: single wrong boxes.
+/// Share of outliers on either side: single wrong boxes.
 const OUTLIERS: f64 = 0.1;
-/// A flight is beside the paths if its offset is so many times the largest one of the training's flights, and at least this, pixels.
+/// Limit for offsets: a multiple of the training's largest offset, and at least this many pixels.
 const TIMES_OF_TRAINING: f64 = 3.0;
 const MIN_OFF_PX: f64 = 5.0;
 
-/// A pair of boxes at a time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair<'a> {
     pub(super) time_s: f64,
@@ -44,50 +36,50 @@ pub(super) struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// The boxes of two views at a tick, if both have one.
+    /// Boxes in two views at a tick; `None` if one is missing.
     pub(super) fn of([first, second]: [usize; 2], observed: &'a Observation) -> Option<Self> {
         let boxes = &observed.boxes;
         Some(Self {
-            time_s: observed.time_ns as f64 / 1e9,
+            time_s: observed.time_s(),
             boxes: [boxes[first].as_ref()?, boxes[second].as_ref()?],
         })
     }
 }
 
-/// The column in the second view by the place in the first, on the paths of the training.
+/// Column in the second view as a function of the position in the first, on the training's paths.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Columns {
-    /// Column, pixels, by the place in units of [`UNIT_PX`]: constant, and factors of the column, its square, and the row.
+    /// Column, pixels, by position in units of [`FINE_UNIT_PX`]: constant, and factors for the column, its square, and the row.
     column: [f64; 4],
-    /// The largest offset that a training flight had for a minute, from a line through other flights, pixels.
+    /// Largest offset that a training flight kept for a minute, from a line through other flights, pixels.
     kept_px: f64,
 }
 
 fn terms(seen: &PixelBox) -> [f64; 4] {
-    let x = seen.cx_px / UNIT_PX;
-    [1.0, x, x * x, seen.cy_px / UNIT_PX]
+    let x = seen.cx_px / FINE_UNIT_PX;
+    [1.0, x, x * x, seen.cy_px / FINE_UNIT_PX]
 }
 
-/// The line near which nearly all pairs are.
+/// Robust line through the pairs.
 fn line<'a>(pairs: impl Iterator<Item = &'a Pair<'a>> + Clone) -> Option<[f64; 4]> {
     let step = pairs.clone().count().div_ceil(MAX_PAIRS).max(1);
     let points = pairs.step_by(step).map(|pair| {
         let [first, second] = pair.boxes;
-        // The nearer it is, the more pixels is an offset of as many metres.
+        // The closer the aircraft, the larger the offset in pixels per metre.
         (terms(first), second.cx_px, width_px(pair.boxes))
     });
     let (column, _) = robust_line(&points.collect::<Vec<_>>())?;
     Some(column)
 }
 
-/// Columns by which the second view is off to the right, pixels.
+/// Column offset in the second view, to the right, pixels.
 fn off_px(column: &[f64; 4], [first, second]: [&PixelBox; 2]) -> f64 {
     second.cx_px - dot(column, &terms(first))
 }
 
 impl Columns {
-    /// Of the pairs of training flights; `None` of too few.
+    /// Fits pairs from training flights; `None` with too few.
     pub(super) fn fit(flights: &[Vec<Pair>]) -> Option<Self> {
         let mut amounts_px: Vec<f64> = Vec::new();
         for part in 0..PARTS {
@@ -98,7 +90,7 @@ impl Columns {
             };
             let judged = flights.iter().enumerate().filter(is_of_part);
             amounts_px.extend(judged.filter_map(|(_, flight)| {
-                let mut kept = Kept::default();
+                let mut kept = OffsetHistory::default();
                 let minutes = flight.iter().filter_map(|pair| {
                     let offset = Offset {
                         time_s: pair.time_s,
@@ -120,34 +112,27 @@ impl Columns {
         })
     }
 
-    /// A larger offset is beside the paths, pixels.
+    /// Maximum offset on the paths, pixels.
     pub(super) fn limit_px(&self) -> f64 {
         (TIMES_OF_TRAINING * self.kept_px).max(MIN_OFF_PX)
     }
 
-    /// All of its numbers.
-    pub(super) fn constants(&self) -> impl Iterator<Item = f64> {
-        self.column.into_iter().chain([self.kept_px])
-    }
-
-    /// True if the amount is possible.
     pub(super) fn is_possible(&self) -> bool {
         self.kept_px >= 0.0
     }
 }
 
-/// A minute of two views.
+/// A minute of offsets between two views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Minute {
-    /// Its begin, seconds.
+    /// Start, seconds.
     since_s: f64,
-    /// Offset to one side, pixels; 0 if they were off to both.
+    /// Smallest offset to one side, pixels; 0 if offsets have both signs.
     off_px: f64,
-    /// True if no background was visible in most of the images.
+    /// True if the background was hidden in most images.
     is_hidden: bool,
 }
 
-/// An offset at a time.
 #[derive(Debug, Clone, Copy)]
 struct Offset {
     time_s: f64,
@@ -155,17 +140,17 @@ struct Offset {
     is_hidden: bool,
 }
 
-/// Offsets of two views over time.
+/// Recent offsets between two views.
 #[derive(Debug, Clone, Default)]
-struct Kept {
+struct OffsetHistory {
     /// The oldest first.
     recent: VecDeque<Offset>,
-    /// The last minute of which enough is known.
+    /// The last complete minute.
     minute: Option<Minute>,
 }
 
-impl Kept {
-    /// Takes the next one. A minute that is over the limit is followed by a new one: to be on the paths again takes a whole minute as well.
+impl OffsetHistory {
+    /// Takes the next offset. After a minute over the limit a new one begins: returning to the paths takes a whole minute as well.
     fn take(&mut self, next: Offset, limit_px: f64) {
         let time_s = next.time_s;
         let last_s = self.recent.back().map_or(time_s, |last| last.time_s);
@@ -175,13 +160,13 @@ impl Kept {
         if self.recent.is_empty() || time_s - last_s >= STEP_S {
             self.recent.push_back(next);
         }
-        // The oldest one is a minute ago, or longer if ticks are rare.
-        let is_over = |second: &Offset| time_s - second.time_s >= KEPT_S;
+        // The oldest offset is a minute old, or older if ticks are rare.
+        let is_over = |second: &Offset| time_s - second.time_s >= MEMORY_S;
         while self.recent.get(1).is_some_and(is_over) {
             self.recent.pop_front();
         }
         let since_s = self.recent.front().map_or(time_s, |oldest| oldest.time_s);
-        if time_s - since_s >= KEPT_S && self.recent.len() >= MIN_PAIRS {
+        if time_s - since_s >= MEMORY_S && self.recent.len() >= MIN_PAIRS {
             let hidden = self.recent.iter().filter(|of| of.is_hidden).count();
             let off_px = self.off_px();
             self.minute = Some(Minute {
@@ -204,22 +189,23 @@ impl Kept {
     }
 }
 
-/// An aircraft beside the paths of the training.
+/// An aircraft beside the training's paths.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Aside {
-    /// Indices of the views that may have been turned: those that are not on the paths together with any other view.
+    /// Views that may be turned: those that are not on the paths together with any other view.
     pub views: Vec<usize>,
-    /// When it began, seconds; before all times if the aircraft has not been on the paths for a minute.
+    /// Start, seconds; negative infinity if the aircraft was never on the paths for a minute.
     pub since_s: f64,
-    /// Largest offset of two views for a minute, and the limit, pixels.
+    /// Largest offset between two views for a minute, and the limit, pixels.
     pub off_px: f64,
     pub limit_px: f64,
-    /// True if the background was hidden for a minute of it: a camera may have been turned without a sign.
+    /// True if the background was hidden for a minute: a camera may have been turned unnoticed.
     pub is_hidden: bool,
 }
 
 impl Aside {
-    /// A line for users about such flights, all with a hidden background or none; `None` of none. `views`: the names of all views.
+    /// Line for users about these flights, all with a hidden background or all without; `None` for an empty list. `views`: names of all
+    /// views.
     pub(crate) fn line(views: &[String], found: &[(String, Self)]) -> Option<String> {
         let (scenario, worst) = found
             .iter()
@@ -247,24 +233,26 @@ impl Aside {
     }
 }
 
-/// Watches one aircraft.
+/// Watch for one aircraft.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AsideWatch {
-    /// By relation.
-    kept: Vec<Kept>,
-    aside: Option<Aside>,
-    /// True if it has been on the paths for a minute.
+    /// Per relation.
+    kept: Vec<OffsetHistory>,
+    /// The result at the last tick.
+    pub(super) aside: Option<Aside>,
+    /// True after a minute on the paths.
     was_on_paths: bool,
 }
 
 impl AsideWatch {
     /// Takes the boxes of the next tick. The result lasts until the aircraft has been on the paths for a minute.
-    pub(super) fn next(
+    pub(crate) fn next(
         &mut self,
         relations: &[Relation],
         observed: &Observation,
     ) -> Option<&Aside> {
-        self.kept.resize_with(relations.len(), Kept::default);
+        self.kept
+            .resize_with(relations.len(), OffsetHistory::default);
         let (mut on_paths, mut beside) = (Vec::new(), Vec::new());
         for (relation, kept) in relations.iter().zip(&mut self.kept) {
             let Some(columns) = &relation.columns else {
@@ -314,11 +302,6 @@ impl AsideWatch {
         });
         self.aside.as_ref()
     }
-
-    /// The result at the last tick.
-    pub(super) fn last(self) -> Option<Aside> {
-        self.aside
-    }
 }
 
 #[cfg(test)]
@@ -326,7 +309,7 @@ mod tests {
     use super::*;
 
     fn kept_px(times_s: impl Iterator<Item = f64>, off_px: impl Fn(f64) -> f64) -> Option<f64> {
-        let mut kept = Kept::default();
+        let mut kept = OffsetHistory::default();
         times_s.for_each(|time_s| {
             let offset = Offset {
                 time_s,

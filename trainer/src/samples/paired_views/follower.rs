@@ -1,87 +1,69 @@
-//! Following one aircraft through a flight: which boxes of each tick are its boxes.
+//! Following one aircraft through a flight.
 //!
-//! Boxes of one view continue each other by their track or their motion ([`Trace`](super::aircraft::Trace)); boxes of two views belong
-//! together if they agree with the relation of the views ([`Relation`]). The objects that result are ranked by the time for which two views
-//! agreed on them, then by the time for which one saw them, then by their size, so of two arrivals the nearer one counts if both came into
-//! sight together. The choice uses the ticks so far, never later ones.
+//! Within a view, boxes continue each other by track or motion ([`Trace`](super::aircraft::Trace)); across views, boxes belong together if
+//! they satisfy the [`Relation`]. The resulting objects are ranked by the time for which two views agreed on them, then by time in sight,
+//! then by size, so the nearer arrival wins if two come into sight together. Only past ticks count.
 
 use dataset::tables::pixel_box::PixelBox;
 
 use super::aircraft::Aircraft;
-use super::is_related;
-use super::path::{Path, Sighting};
+use super::path::Path;
 use super::relation::Relation;
-use crate::samples::Observation;
-use crate::samples::camera_health::look::Look;
+use super::sighting::{MEMORY_S, RECENT_S, Sighting};
+use super::{PairedViews, is_related};
 use crate::samples::trusted_boxes::other_boxes::Candidate;
+use crate::samples::{Look, Observation};
 
-/// Boxes of a view at a tick that are considered, those with the highest scores.
+/// Maximum number of considered boxes per view and tick, by score.
 const MAX_BOXES: usize = 16;
-/// Objects that are remembered at most.
+/// Maximum number of remembered objects.
 const MAX_AIRCRAFT: usize = 64;
-/// The time to the tick before counts up to this, seconds: in a longer gap anything may have happened.
+/// Maximum time credited per tick, seconds: longer gaps may hide anything.
 const MAX_STEP_S: f64 = 5.0;
-/// An aircraft that two views agreed on for this time stays the one that is followed, seconds ...
-const ESTABLISHED_S: f64 = 10.0;
-/// ... until no view has seen it for this time, seconds.
-const GIVEN_UP_S: f64 = 60.0;
-/// Other objects are forgotten sooner, seconds.
-const FORGOTTEN_S: f64 = 10.0;
-/// Advantage of the object that is followed over others that two views agree on, seconds.
-const ADVANTAGE_S: f64 = 3.0;
-/// Views may contradict each other about an object for this time, seconds.
+/// Time for which views may disagree, s: rows change by one or two pixels per second.
 const DISPUTE_S: f64 = 3.0;
-/// Objects in two views contradict each other if they were last seen within this time, seconds: rows change by a pixel or two in a second.
-const RIVAL_S: f64 = 3.0;
-/// An object of one view alone counts after this time, seconds: then places tell its speed.
-const APPROACH_S: f64 = 10.0;
-/// A view without an image for this time is blind, seconds.
-const BLIND_S: f64 = 10.0;
-/// Of two boxes that contradict each other, one is an intruder if it is so many times as far from where it is expected, plus this.
+/// Ratio and difference of distances from the expected position that identify one of two contradicting boxes as an intruder.
 const INTRUDER: f64 = 2.0;
 const INTRUDER_AWAY: f64 = 0.2;
 
-/// Relations and paths that the training learned.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Learned<'a> {
-    pub(super) relations: &'a [Relation],
-    pub(super) paths: &'a [Path],
-}
-
-/// The objects in sight of a flight. Their number is limited, and so is what is remembered of each.
+/// Objects in sight. Their number and memory are bounded.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Follower {
     aircraft: Vec<Aircraft>,
-    /// Number of the one that is followed.
+    /// Number of the followed object.
     followed: Option<usize>,
     next_number: usize,
     last_s: Option<f64>,
-    /// By view, when it had its last image.
+    /// Time of the last image per view.
     looked_s: Vec<Option<f64>>,
 }
 
-/// An object at a tick.
+/// An object's boxes at a tick.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct InSight {
+pub(super) struct ObjectBoxes {
     pub(super) number: usize,
-    /// It is the one that is followed.
+    /// True for the followed object.
     pub(super) is_followed: bool,
-    /// By view, the index of its box among [`Observation::candidates`]; none where it may be something else.
+    /// Candidate index per view ([`Observation::candidates`]); none where the box is doubtful.
     pub(super) boxes: Vec<Option<usize>>,
 }
 
 impl Follower {
-    /// The objects of the next tick, also those that are out of sight for a while.
-    pub(super) fn step(&mut self, learned: Learned, observed: &Observation) -> Vec<InSight> {
-        let time_s = observed.time_ns as f64 / 1e9;
+    /// Objects at the next tick, including those temporarily out of sight.
+    pub(super) fn step(
+        &mut self,
+        learned: &PairedViews,
+        observed: &Observation,
+    ) -> Vec<ObjectBoxes> {
+        let time_s = observed.time_s();
         let step_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
-        // Never zero: an object that was paired once differs from one that never was.
+        // Never zero, so that an object paired once differs from an unpaired one.
         let step_s = step_s.clamp(1e-3, MAX_STEP_S);
         self.last_s = Some(time_s);
         let views = 0..observed.boxes.len();
         let boxes: Vec<Vec<Candidate>> = views
             .map(|view| {
-                let is_followed = is_related(learned.relations, view);
+                let is_followed = is_related(&learned.relations, view);
                 let most = if is_followed { MAX_BOXES } else { 0 };
                 observed.candidates(view).take(most).collect()
             })
@@ -94,7 +76,7 @@ impl Follower {
                 Some(time_s)
             };
         }
-        let looks = |looked_s: &Option<f64>| looked_s.is_some_and(|at| time_s - at <= BLIND_S);
+        let looks = |looked_s: &Option<f64>| looked_s.is_some_and(|at| time_s - at <= RECENT_S);
         let tick = Tick {
             learned,
             time_s,
@@ -116,13 +98,13 @@ impl Follower {
                 aircraft.paired_s += step_s;
             }
             aircraft.remember(time_s, &boxes);
-            if aircraft.paired_s == 0.0 && aircraft.seen_s >= APPROACH_S {
+            if aircraft.paired_s == 0.0 && aircraft.seen_s >= RECENT_S {
                 aircraft.has_approached |= learned.shows_approach(aircraft, step_s);
             }
         }
         let chosen = self.choose(&tick, step_s);
         self.followed = chosen.map(|chosen| self.aircraft[chosen].number);
-        let in_sight = self.aircraft.iter().map(|aircraft| InSight {
+        let in_sight = self.aircraft.iter().map(|aircraft| ObjectBoxes {
             number: aircraft.number,
             is_followed: Some(aircraft.number) == self.followed,
             boxes: if self.is_certain(aircraft, &tick, step_s) {
@@ -134,15 +116,14 @@ impl Follower {
         in_sight.collect()
     }
 
-    /// Drops objects that are out of sight.
     fn forget(&mut self, time_s: f64) {
         let followed = self.followed;
         self.aircraft.retain(|aircraft| {
-            let is_kept = aircraft.paired_s >= ESTABLISHED_S || Some(aircraft.number) == followed;
-            let most_s = if is_kept { GIVEN_UP_S } else { FORGOTTEN_S };
+            let is_kept = aircraft.paired_s >= RECENT_S || Some(aircraft.number) == followed;
+            let most_s = if is_kept { MEMORY_S } else { RECENT_S };
             time_s - aircraft.last_s <= most_s
         });
-        // The followed one first, then those that are best known, in the order of appearance among equals.
+        // The followed object first, then by evidence, and in order of appearance among equals.
         self.aircraft.sort_by(|a, b| {
             let key = |of: &Aircraft| (Some(of.number) == followed, of.paired_s, of.seen_s);
             let ((a_first, a_paired, a_seen), (b_first, b_paired, b_seen)) = (key(a), key(b));
@@ -157,7 +138,7 @@ impl Follower {
         }
     }
 
-    /// Gives each object the boxes that continue it, the best known object first: those of its tracks, then those that its motion leads to.
+    /// Assigns boxes to the objects that they continue, the best-known object first: by track, then by motion.
     fn continue_all(&mut self, tick: &Tick) {
         let mut taken: Vec<Vec<bool>> = tick.boxes.iter().map(|of| vec![false; of.len()]).collect();
         for of_tracks in [true, false] {
@@ -183,7 +164,7 @@ impl Follower {
         }
     }
 
-    /// Takes away boxes that contradict the other views of an object, and divides objects whose views contradict each other for long.
+    /// Removes boxes that contradict the other views, and divides objects after a long contradiction.
     fn settle_disputes(&mut self, tick: &Tick, step_s: f64) {
         let mut kept = Vec::with_capacity(self.aircraft.len());
         for mut aircraft in std::mem::take(&mut self.aircraft) {
@@ -208,7 +189,7 @@ impl Follower {
         self.aircraft = kept;
     }
 
-    /// Makes an object of every box that continues none.
+    /// Starts an object from every box that continues none.
     fn begin_new(&mut self, tick: &Tick) {
         for (view, boxes) in tick.boxes.iter().enumerate() {
             for index in 0..boxes.len() {
@@ -223,13 +204,13 @@ impl Follower {
         }
     }
 
-    /// Joins objects that different views see and agree on, those that fit best first.
+    /// Joins matching objects from different views, the best match first.
     fn join(&mut self, tick: &Tick) {
         loop {
             let mut best: Option<(f64, usize, usize)> = None;
             for (first, one) in self.aircraft.iter().enumerate() {
                 for (second, other) in self.aircraft.iter().enumerate() {
-                    // Of two that were paired, each has its own partner.
+                    // Two paired objects have different partners.
                     if first == second
                         || other.paired_s > 0.0
                         || (one.paired_s == 0.0 && second < first)
@@ -257,14 +238,14 @@ impl Follower {
     /// Index of the object to follow.
     fn choose(&self, tick: &Tick, step_s: f64) -> Option<usize> {
         let followed = |aircraft: &Aircraft| Some(aircraft.number) == self.followed;
-        let stays = |aircraft: &&Aircraft| followed(aircraft) && aircraft.paired_s >= ESTABLISHED_S;
+        let stays = |aircraft: &&Aircraft| followed(aircraft) && aircraft.paired_s >= RECENT_S;
         if let Some(stays) = self.aircraft.iter().position(|a| stays(&a)) {
             return Some(stays);
         }
         let key = |aircraft: &Aircraft| {
             let is_favoured = followed(aircraft) && aircraft.paired_s > 0.0;
-            let advantage_s = if is_favoured { ADVANTAGE_S } else { 0.0 };
-            // Of what one view alone has seen, an older object that is no arrival does not stand in the way of one that may be.
+            let advantage_s = if is_favoured { DISPUTE_S } else { 0.0 };
+            // Among objects in one view alone, an older one that does not arrive must not block one that may.
             let certain = f64::from(u8::from(self.is_certain(aircraft, tick, step_s)));
             let width_px = tick.width_px(aircraft);
             [
@@ -275,12 +256,12 @@ impl Follower {
             ]
         };
         let recent = self.aircraft.iter().enumerate();
-        let recent = recent.filter(|(_, a)| tick.time_s - a.last_s <= FORGOTTEN_S);
+        let recent = recent.filter(|(_, a)| tick.time_s - a.last_s <= RECENT_S);
         let keys: Vec<_> = recent
             .map(|(index, aircraft)| (index, key(aircraft)))
             .collect();
         keys.iter()
-            // The last one of equals wins, so the first in sight comes last.
+            // The last of equals wins, so the first in sight comes last.
             .rev()
             .max_by(|(_, a), (_, b)| {
                 let by = a.iter().zip(b).map(|(a, b)| a.total_cmp(b));
@@ -289,10 +270,10 @@ impl Follower {
             .map(|(index, _)| *index)
     }
 
-    /// False if its views contradict each other, or if it was never seen by two views and has not approached at a usual speed, stands
-    /// still, has another size than aircraft have there, is contradicted by what another view sees, or is not seen by one that looks there.
+    /// False if its views contradict each other, or if it was never paired and has not approached at a usual speed, stands still, has an
+    /// unusual size for its position, contradicts a second view, or is missing in a view that should see it.
     fn is_certain(&self, chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
-        let relations = tick.learned.relations;
+        let relations = &tick.learned.relations;
         if chosen.disputed_s > 0.0 && chosen.count() > 1 {
             return false;
         }
@@ -301,7 +282,7 @@ impl Follower {
             let apart_s = (chosen.last_s - other.last_s).abs();
             other.number != chosen.number
                 && other.paired_s == 0.0
-                && apart_s <= RIVAL_S
+                && apart_s <= DISPUTE_S
                 && boxes.any(|there| {
                     let mut here = chosen.last_boxes();
                     here.any(|here| {
@@ -311,7 +292,7 @@ impl Follower {
                 })
         };
         chosen.paired_s > 0.0
-            // Between ticks that are as far apart as this, waiting for another one would cost more than lamps do.
+            // With ticks this far apart, waiting for the next would cost more than lamps do.
             || ((chosen.has_approached || step_s >= MAX_STEP_S)
                 && tick.learned.is_on_path(chosen, step_s)
                 && !tick.is_missed(chosen)
@@ -319,12 +300,12 @@ impl Follower {
     }
 }
 
-impl Learned<'_> {
+impl PairedViews {
     fn path(&self, view: usize) -> Option<&Path> {
         self.paths.iter().find(|path| path.view == view)
     }
 
-    /// True if an object moves, and has the size and the growth of aircraft on the paths of the training.
+    /// True if an object moves, with the size and growth of aircraft on the training's paths.
     fn is_on_path(&self, of: &Aircraft, step_s: f64) -> bool {
         let holds =
             |(view, seen): (usize, &PixelBox)| self.path(view).is_none_or(|path| path.holds(seen));
@@ -337,7 +318,7 @@ impl Learned<'_> {
             && of.motions().all(leads)
     }
 
-    /// True if its motion is known as well, and is about as fast as the training's.
+    /// True if it also moves about as fast as the training's aircraft.
     fn shows_approach(&self, of: &Aircraft, step_s: f64) -> bool {
         let mut motions = of.motions().peekable();
         motions.peek().is_some()
@@ -346,7 +327,7 @@ impl Learned<'_> {
     }
 }
 
-/// The relation of two views, and their boxes in its order; `None` if there is none, or both are of one view.
+/// The relation between two views with the boxes in its order; `None` without a relation.
 fn related<'r, 'b>(
     relations: &'r [Relation],
     a: (usize, &'b PixelBox),
@@ -358,24 +339,23 @@ fn related<'r, 'b>(
     Some((relation, [first.1, second.1]))
 }
 
-/// True if the boxes of two views cannot be of one aircraft.
+/// True if two boxes cannot show the same aircraft.
 fn contradicts(relations: &[Relation], a: (usize, &PixelBox), b: (usize, &PixelBox)) -> bool {
     related(relations, a, b).is_some_and(|(relation, pair)| relation.contradicts(pair))
 }
 
-/// The boxes of a tick.
 struct Tick<'a> {
-    learned: Learned<'a>,
+    learned: &'a PairedViews,
     time_s: f64,
     boxes: &'a [Vec<Candidate>],
     /// Views that are not blind.
     looks: &'a [bool],
-    /// The edge of an image cuts off all that a view sees.
+    /// True if an image edge cuts off everything in a view.
     has_cut_off: bool,
 }
 
 impl Tick<'_> {
-    /// The boxes of an object at this tick, as view and index.
+    /// An object's boxes at this tick, as view and index.
     fn seen<'b>(
         &self,
         aircraft: &'b Aircraft,
@@ -388,7 +368,7 @@ impl Tick<'_> {
         (view, &self.boxes[view][index].pixel_box)
     }
 
-    /// Mean misfit of two objects as one; `None` if they cannot be one: a view sees both, or views contradict each other.
+    /// Mean misfit between two objects; `None` if they cannot be the same: a view sees both, or views contradict each other.
     fn misfit_of(&self, one: &Aircraft, other: &Aircraft) -> Option<f64> {
         let mut misfits = Vec::new();
         for b in self.seen(other) {
@@ -401,7 +381,7 @@ impl Tick<'_> {
                     return None;
                 }
                 let (a, b) = (self.pixel_box(a), self.pixel_box(b));
-                if let Some((relation, pair)) = related(self.learned.relations, a, b) {
+                if let Some((relation, pair)) = related(&self.learned.relations, a, b) {
                     misfits.push(relation.misfit(pair)?);
                 }
             }
@@ -410,12 +390,12 @@ impl Tick<'_> {
         (count > 0).then(|| misfits.iter().sum::<f64>() / count as f64)
     }
 
-    /// Number of other views that contradict a box of an object.
+    /// Number of other views that contradict a box.
     fn contradictions(&self, aircraft: &Aircraft, of: (usize, usize)) -> usize {
         let others = self.seen(aircraft).filter(|other| other.0 != of.0);
         let of = self.pixel_box(of);
         others
-            .filter(|&other| contradicts(self.learned.relations, of, self.pixel_box(other)))
+            .filter(|&other| contradicts(&self.learned.relations, of, self.pixel_box(other)))
             .count()
     }
 
@@ -424,7 +404,7 @@ impl Tick<'_> {
         seen.any(|of| self.contradictions(aircraft, of) > 0)
     }
 
-    /// True if a view looks where an aircraft of this place would be, and does not see it.
+    /// True if a view that should see the aircraft does not.
     fn is_missed(&self, aircraft: &Aircraft) -> bool {
         let is_missed_by = |other: usize| {
             self.looks[other] && !self.has_cut_off && aircraft.boxes[other].is_none()
@@ -436,7 +416,7 @@ impl Tick<'_> {
         })
     }
 
-    /// The view whose box is most likely of something else; `None` if no views contradict each other, or both sides are as likely.
+    /// The view with the most doubtful box; `None` without a contradiction, or if both sides are equally likely.
     fn intruder(&self, aircraft: &Aircraft) -> Option<usize> {
         let seen: Vec<(usize, usize)> = self.seen(aircraft).collect();
         let contradictions = |&of: &(usize, usize)| self.contradictions(aircraft, of);
@@ -461,7 +441,7 @@ impl Tick<'_> {
         is_clear.then_some(worst.1)
     }
 
-    /// Largest width of an object's boxes, pixels.
+    /// Maximum box width, pixels.
     fn width_px(&self, aircraft: &Aircraft) -> f64 {
         let widths = self.seen(aircraft);
         let widths = widths.map(|(view, index)| self.boxes[view][index].pixel_box.width_px);

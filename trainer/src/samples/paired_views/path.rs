@@ -1,70 +1,48 @@
-//! The paths of the training in one view: where in the image an aircraft is, and how large it is there.
+//! Training paths in one view: position and size of the aircraft in the image.
 //!
-//! Approaches to one runway look alike in a view. Place and size are nearly linear in the inverse of the distance, so row and width nearly
-//! follow from the column. This is no more than a hint, because flights beside the training's paths differ, and it counts for boxes that no
-//! other view supports.
+//! Approaches to one runway look alike in a view. Position and size are nearly linear in the inverse distance, so row and width nearly
+//! follow from the column. This is only a hint, because flights beside the training's paths differ; it applies to boxes without support
+//! from a second view.
 
 use dataset::numbers::spread::{Spread, deviation_from_zero};
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
-use super::robust_line::robust_line;
+use super::sighting::{MAX_DEVIATIONS, MAX_GAP_S, MIN_SIZE_SD, RECENT_S, STILL_GROWTH, Sighting};
+use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, robust_line};
 
-/// Boxes below which nothing is learned.
+/// Minimum number of boxes.
 const MIN_BOXES: usize = 30;
-/// Units of places and widths in the fit, pixels.
-const UNIT_PX: f64 = 1_000.0;
-const WIDTH_UNIT_PX: f64 = 100.0;
-/// Boxes that differ by more standard deviations are not on such a path. The smallest standard deviations are of the logarithm of the
-/// width, so that boxes of half and double the width are always on it, ...
-const MAX_DEVIATIONS: f64 = 6.0;
-const MIN_SD: f64 = 0.12;
-/// ... and of the row, pixels: flights at another height, or level before the glide path.
+/// Minimum standard deviation of the row, px: flights at a different height, or level before the glide path.
 const MIN_ROW_SD_PX: f64 = 25.0;
-/// Within seconds, the logarithm of the width that places say may shrink by this, for errors of the boxes, ...
-const MIN_APPROACH: f64 = 0.02;
-/// ... and the width itself may differ from it by this: boxes of far aircraft err by a pixel of twenty.
+/// Maximum difference between the logarithms of measured and expected growth: boxes of far aircraft err by one pixel in twenty.
 const MAX_OTHER_GROWTH: f64 = 0.2;
-/// Seconds over which the usual speed is read off places.
-const SPEED_S: f64 = 10.0;
-/// Ticks that are farther apart tell no usual speed, seconds.
-const MAX_S: f64 = 30.0;
-/// Slowest and fastest approach, in parts of the training's usual speed: wind, other types, paths beside the training's.
+/// Slowest and fastest approach relative to the training's usual speed: wind, other types, other paths.
 const SPEEDS: [f64; 2] = [0.6, 1.6];
-/// Places do not tell the speed if the training's own scatters by more than this part.
+/// Maximum scatter of training speeds for a usual speed, relative to it.
 const MAX_SPEED_SD: f64 = 0.25;
-/// Error of the distance between two places: six standard deviations of two boxes, pixels.
+/// Position error between two boxes, six standard deviations, pixels.
 const MOTION_ERROR_PX: f64 = 4.0;
 
-/// Rows and widths of boxes in one view.
+/// Rows, widths and speed in one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Path {
-    /// Index of the view.
     pub(super) view: usize,
-    /// Width, pixels: constant, and change per pixel of column and row.
+    /// Width, pixels: constant, and change per pixel in column and row.
     width: [f64; 3],
     /// Standard deviation of the logarithm of the width.
     width_sd: f64,
-    /// Row, pixels: constant, and change per pixel of column.
+    /// Row, pixels: constant, and change per pixel in column.
     row: [f64; 2],
-    /// Standard deviation of the row, pixels.
     row_sd_px: f64,
-    /// Usual speed: decrease of the inverse of the width that places say, which is proportional to the distance, per second. `None` if
-    /// places do not tell it, and in runs of earlier versions.
-    #[serde(default)]
+    /// Usual speed: decrease of the inverse expected width, which is proportional to the distance, per second. `None` if the training's
+    /// speeds scatter.
     inverse_width_per_s: Option<f64>,
 }
 
-/// A box at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sighting {
-    pub(super) time_s: f64,
-    pub(super) pixel_box: PixelBox,
-}
-
 impl Path {
-    /// Fits widths and the speed to boxes of aircraft, flight by flight in the order of time, robustly; `None` of too few.
+    /// Robust fit to boxes of aircraft, flight by flight in temporal order; `None` with too few.
     pub(super) fn fit(view: usize, flights: &[Vec<Sighting>]) -> Option<Self> {
         let boxes = || flights.iter().flatten().map(|seen| &seen.pixel_box);
         if boxes().count() < MIN_BOXES {
@@ -72,11 +50,11 @@ impl Path {
         }
         let points = boxes().map(|seen| {
             let terms = [1.0, seen.cx_px / UNIT_PX, seen.cy_px / UNIT_PX];
-            let width = seen.width_px / WIDTH_UNIT_PX;
+            let width = seen.width_px / FINE_UNIT_PX;
             (terms, width, width)
         });
         let ([constant, of_x, of_y], _) = robust_line(&points.collect::<Vec<_>>())?;
-        let per_px = WIDTH_UNIT_PX / UNIT_PX;
+        let per_px = FINE_UNIT_PX / UNIT_PX;
         let rows = boxes().map(|seen| {
             let terms = [1.0, seen.cx_px / UNIT_PX];
             (terms, seen.cy_px, 1.0)
@@ -84,7 +62,7 @@ impl Path {
         let ([row, row_of_x], row_sd_px) = robust_line(&rows.collect::<Vec<_>>())?;
         let mut path = Self {
             view,
-            width: [constant * WIDTH_UNIT_PX, of_x * per_px, of_y * per_px],
+            width: [constant * FINE_UNIT_PX, of_x * per_px, of_y * per_px],
             width_sd: 1.0,
             row: [row, row_of_x / UNIT_PX],
             row_sd_px: row_sd_px.max(MIN_ROW_SD_PX),
@@ -92,7 +70,7 @@ impl Path {
         };
         let residuals = boxes().map(|seen| path.residuals(seen)[0]);
         let width_sd = deviation_from_zero(residuals.filter(|residual| residual.is_finite()));
-        path.width_sd = width_sd.max(MIN_SD);
+        path.width_sd = width_sd.max(MIN_SIZE_SD);
         path.inverse_width_per_s = path.usual_speed(flights);
         Some(path)
     }
@@ -102,10 +80,10 @@ impl Path {
         let speeds = flights.iter().flat_map(|flight| {
             flight.iter().enumerate().filter_map(move |(index, from)| {
                 let mut later = flight[index..].iter();
-                let to = later.find(|to| to.time_s - from.time_s >= SPEED_S)?;
+                let to = later.find(|to| to.time_s - from.time_s >= RECENT_S)?;
                 let seconds = to.time_s - from.time_s;
                 let speed = (inverse(from) - inverse(to)) / seconds;
-                (seconds <= MAX_S && speed.is_finite()).then_some(speed)
+                (seconds <= MAX_GAP_S && speed.is_finite()).then_some(speed)
             })
         });
         let speeds: Vec<f64> = speeds.collect();
@@ -116,14 +94,13 @@ impl Path {
         (usual.deviation < MAX_SPEED_SD * usual.median).then_some(usual.median)
     }
 
-    /// Width that the place of a box says, pixels; 0 where no aircraft is.
+    /// Expected width at a box's position, pixels; 0 where no aircraft is.
     fn width_px(&self, seen: &PixelBox) -> f64 {
         let [constant, of_x, of_y] = self.width;
         (constant + of_x * seen.cx_px + of_y * seen.cy_px).max(0.0)
     }
 
-    /// Differences of the logarithm of the width, and of the row, from what the place says, in standard deviations; the first is not finite
-    /// where no aircraft is.
+    /// Residuals of the logarithm of the width and of the row, in standard deviations; the first is not finite where no aircraft is.
     fn residuals(&self, seen: &PixelBox) -> [f64; 2] {
         let width = (seen.width_px / self.width_px(seen)).ln() / self.width_sd;
         let [constant, of_x] = self.row;
@@ -131,23 +108,22 @@ impl Path {
         [width, row]
     }
 
-    /// True if an aircraft on such a path may have this box.
+    /// True if an aircraft on the paths may have this box.
     pub(super) fn holds(&self, seen: &PixelBox) -> bool {
-        // Not a number is not within.
+        // NaN fails this test.
         let is_within = |residual: f64| residual.abs() <= MAX_DEVIATIONS;
         self.residuals(seen).into_iter().all(is_within)
     }
 
-    /// True if an aircraft on such a path may have had the first of two boxes, and some seconds later the second: it approaches, and grows
-    /// as its place says.
+    /// True if an aircraft on the paths may have had these two boxes some seconds apart: it approaches, and grows as expected.
     pub(super) fn leads(&self, boxes: [&PixelBox; 2]) -> bool {
         let [from, to] = boxes.map(|seen| self.width_px(seen));
         let [first, second] = boxes.map(|seen| seen.width_px);
         let [expected, grown] = [to / from, second / first].map(f64::ln);
-        expected >= -MIN_APPROACH && (grown - expected).abs() <= MAX_OTHER_GROWTH
+        expected >= -STILL_GROWTH && (grown - expected).abs() <= MAX_OTHER_GROWTH
     }
 
-    /// True if an aircraft that approaches at about the speed of the training may have been seen like this, some seconds apart.
+    /// True if the motion between two sightings matches the usual speed.
     pub(super) fn is_as_fast(&self, [first, last]: [&Sighting; 2]) -> bool {
         let Some(usual) = self.inverse_width_per_s else {
             return true;
@@ -168,14 +144,7 @@ impl Path {
         (slowest_px - error_px..=fastest_px + error_px).contains(&to_px)
     }
 
-    /// All of its numbers.
-    pub(super) fn constants(&self) -> impl Iterator<Item = f64> {
-        let widths = self.width.into_iter().chain([self.width_sd]);
-        let rows = self.row.into_iter().chain([self.row_sd_px]);
-        widths.chain(rows).chain(self.inverse_width_per_s)
-    }
-
-    /// True if its standard deviations and its speed are positive.
+    /// True for positive standard deviations and speed.
     pub(super) fn is_possible(&self) -> bool {
         let is_approach = self.inverse_width_per_s.is_none_or(|speed| speed > 0.0);
         self.width_sd > 0.0 && self.row_sd_px > 0.0 && is_approach
@@ -186,7 +155,7 @@ impl Path {
 mod tests {
     use super::*;
 
-    /// A box on the path of the training, where an aircraft is this wide.
+    /// A box on the training's path with this width.
     fn on_path(width_px: f64) -> PixelBox {
         PixelBox {
             cx_px: 1_900.0 - 8.0 * width_px,
@@ -196,7 +165,7 @@ mod tests {
         }
     }
 
-    /// On the path, at a time after the aircraft was 20 pixels wide; the inverse of the width decreases by 1/5000 a second.
+    /// On the path, timed from a width of 20 pixels; the inverse width decreases by 1/5000 per second.
     fn at(time_s: f64) -> Sighting {
         let pixel_box = on_path((1.0 / 20.0 - time_s / 5_000.0).recip());
         Sighting { time_s, pixel_box }

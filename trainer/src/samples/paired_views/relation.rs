@@ -1,62 +1,49 @@
-//! What one aircraft looks like in two views: the relation between its boxes, learned from boxes that contain it.
+//! Aircraft appearance in two views: a relation between its boxes, learned from true boxes.
 //!
-//! Cameras beside one runway see a far aircraft in nearly the same row (the epipolar constraint, which is nearly linear for small fields of
-//! view), in nearly the same size, and by so many columns apart as it is near: the parallax is proportional to the size. Three residuals
-//! follow, each with a robust standard deviation. No calibration is used.
+//! Cameras beside one runway see a distant aircraft in nearly the same row (the epipolar constraint, nearly linear for small fields of
+//! view) and in nearly the same size, and the parallax between columns is proportional to the size. This gives three residuals, each with a
+//! robust standard deviation. No calibration is used.
 
 use dataset::numbers::spread::{deviation_from_zero, median};
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use super::aside::{Columns, Pair};
-use super::robust_line::{dot, robust_line};
+use super::sighting::{MAX_DEVIATIONS, MIN_SIZE_SD};
+use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
 
-/// Pairs of boxes below which nothing is learned.
+/// Minimum number of pairs.
 pub(super) const MIN_PAIRS: usize = 30;
-/// Units of the coordinates and of the widths in the fit, pixels.
-const UNIT_PX: f64 = 1_000.0;
-const WIDTH_UNIT_PX: f64 = 100.0;
-/// Residuals of more standard deviations are none of one aircraft that comes into sight ...
-const MAX_TO_BEGIN: f64 = 6.0;
-/// ... and of one that both views have been following: a cloud may hide parts of it.
-const MAX_TO_GO_ON: f64 = 9.0;
-/// Smallest standard deviations: flights beside the paths of the training and aircraft of another size differ by more than its boxes. Of
-/// rows, pixels ...
+/// Maximum residual for an aircraft that both views have been following, in standard deviations: a cloud may hide parts.
+const MAX_FOLLOWED_DEVIATIONS: f64 = 9.0;
+/// Minimum standard deviation of rows, px: flights beside the training's paths differ by more than its boxes.
 const MIN_ROW_SD_PX: f64 = 0.7;
-/// ... and of the logarithms of sizes: aircraft of half and double the training's size, or hidden in
-/// part by a cloud in both views, are within six of them ...
-const MIN_PARALLAX_SD: f64 = 0.12;
-/// ... and so are sizes in two views of which one is 1.8 of the other.
-const MIN_SIZE_SD: f64 = 0.1;
-/// Rows of large boxes are less certain: by this part of the height.
+/// Additional row uncertainty of large boxes, relative to the height.
 const ROW_PART_OF_HEIGHT: f64 = 0.05;
 
-/// The relation between two views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Relation {
-    /// Indices of the views, the smaller one first.
+    /// View indices, ascending.
     pub(super) views: [usize; 2],
-    /// Row in the second view minus row in the first, pixels: constant, and change per pixel of row and column in the first view and of
+    /// Row in the second view minus row in the first, pixels: constant, and change per pixel in row and column in the first view and in
     /// column in the second.
     row: [f64; 4],
     /// Standard deviation of that difference for small boxes, pixels.
     row_sd_px: f64,
-    /// Logarithm of the width in the second view over that in the first, and its standard deviation.
+    /// Logarithm of the width ratio (second to first), and its standard deviation.
     size: [f64; 2],
-    /// Column in the second view minus column in the first: constant, pixels, and change per pixel of width.
+    /// Column in the second view minus column in the first: constant, pixels, and change per pixel in width.
     parallax: [f64; 2],
-    /// Standard deviation of the logarithm of the width that follows from the columns; `None` if the columns do not depend on it.
+    /// Standard deviation of the logarithm of the width predicted from the columns; `None` if the columns are independent of the width.
     parallax_sd: Option<f64>,
-    /// Least and greatest column in each view at which the other one saw the aircraft as well, pixels. `None` in runs of earlier versions.
-    #[serde(default)]
-    pub(super) common_px: Option<[[f64; 2]; 2]>,
-    /// Columns on the paths of the training. `None` of few flights, and in runs of earlier versions.
-    #[serde(default)]
+    /// Minimum and maximum column in each view while both saw the aircraft, pixels.
+    pub(super) common_px: [[f64; 2]; 2],
+    /// Columns on the training's paths; `None` with few flights.
     pub(super) columns: Option<Columns>,
 }
 
-/// Mean of the widths in two views: the geometric one, as sizes are compared by their logarithms.
+/// Geometric mean of the widths.
 pub(super) fn width_px(pair: [&PixelBox; 2]) -> f64 {
     (pair[0].width_px * pair[1].width_px).sqrt()
 }
@@ -67,7 +54,7 @@ fn row_terms([first, second]: [&PixelBox; 2]) -> [f64; 4] {
 }
 
 impl Relation {
-    /// Fits the relation to pairs of boxes of one aircraft, flight by flight, robustly; `None` of too few.
+    /// Robust fit to pairs of boxes from one aircraft, flight by flight; `None` with too few.
     pub(super) fn fit(views: [usize; 2], flights: &[Vec<Pair>]) -> Option<Self> {
         let pairs: Vec<_> = flights.iter().flatten().map(|pair| pair.boxes).collect();
         if pairs.len() < MIN_PAIRS {
@@ -91,11 +78,11 @@ impl Relation {
             .map(|&pair| {
                 let width_px = width_px(pair);
                 let apart_px = pair[1].cx_px - pair[0].cx_px;
-                ([1.0, width_px / WIDTH_UNIT_PX], apart_px, width_px)
+                ([1.0, width_px / FINE_UNIT_PX], apart_px, width_px)
             })
             .collect();
         let ([apart_px, slope], sd) = robust_line(&columns)?;
-        let slope = slope / WIDTH_UNIT_PX;
+        let slope = slope / FINE_UNIT_PX;
         let ends = |view: usize| {
             let columns = pairs.iter().map(|pair| pair[view].cx_px);
             columns.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], x| {
@@ -108,15 +95,14 @@ impl Relation {
             row_sd_px: row_sd_px.max(MIN_ROW_SD_PX),
             size: [size, size_sd.max(MIN_SIZE_SD)],
             parallax: [apart_px, slope],
-            // A slope of one column per pixel of width comes from the shape of the aircraft, not from the distance of the cameras.
-            parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(MIN_PARALLAX_SD)),
-            common_px: Some([ends(0), ends(1)]),
+            // A slope with one column per pixel in width reflects the aircraft's shape, not a baseline between cameras.
+            parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(MIN_SIZE_SD)),
+            common_px: [ends(0), ends(1)],
             columns: Columns::fit(flights),
         })
     }
 
-    /// Residuals of row, size and parallax in standard deviations, of the boxes in both views. The last is not finite where the parallax is
-    /// of no distance.
+    /// Residuals of row, size and parallax in standard deviations. The last is not finite if the parallax has the wrong sign.
     pub(super) fn residuals(&self, pair: [&PixelBox; 2]) -> [f64; 3] {
         let [first, second] = pair;
         let [constant, of_y, of_x, of_other_x] = self.row;
@@ -133,49 +119,38 @@ impl Relation {
         [row, size, parallax.unwrap_or(0.0)]
     }
 
-    /// Half of the sum of the squared residuals, small for one aircraft; `None` if the boxes are not of one that comes into sight.
+    /// Negative log likelihood of the residuals, up to a constant; `None` if the boxes cannot show one new aircraft.
     pub(super) fn misfit(&self, pair: [&PixelBox; 2]) -> Option<f64> {
         let residuals = self.residuals(pair);
-        let is_one = residuals.iter().all(|r| r.abs() <= MAX_TO_BEGIN);
+        let is_one = residuals.iter().all(|r| r.abs() <= MAX_DEVIATIONS);
         is_one.then(|| residuals.iter().map(|r| r * r).sum::<f64>() / 2.0)
     }
 
-    /// True if two boxes cannot be of one aircraft that has been in sight.
+    /// True if two boxes cannot show one aircraft that has been in sight.
     pub(super) fn contradicts(&self, pair: [&PixelBox; 2]) -> bool {
-        // Not a number is not within.
-        let is_one = |residual: f64| residual.abs() <= MAX_TO_GO_ON;
+        // NaN fails this test.
+        let is_one = |residual: f64| residual.abs() <= MAX_FOLLOWED_DEVIATIONS;
         !self.residuals(pair).into_iter().all(is_one)
     }
 
-    /// True if each box is where the training's were while the other view saw the aircraft as well.
+    /// True if both boxes are in the region that both views shared in training.
     pub(super) fn was_common(&self, pair: [&PixelBox; 2]) -> bool {
-        let common_px = self.common_px.iter().flatten();
+        let common_px = self.common_px.iter().zip(pair);
         common_px
-            .zip(pair)
+            .clone()
             .all(|([least, most], seen)| (*least..=*most).contains(&seen.cx_px))
     }
 
-    /// The view that should see an aircraft as well which another view sees here.
+    /// The view that should see the same aircraft.
     pub(super) fn also_sees(&self, view: usize, seen: &PixelBox) -> Option<usize> {
         let at = self.views.iter().position(|of| *of == view)?;
-        let [least, most] = self.common_px?[at];
+        let [least, most] = self.common_px[at];
         (least..=most)
             .contains(&seen.cx_px)
             .then(|| self.views[1 - at])
     }
 
-    /// All of its numbers.
-    pub(super) fn constants(&self) -> impl Iterator<Item = f64> {
-        let numbers = [self.row_sd_px].into_iter().chain(self.parallax_sd);
-        numbers
-            .chain(self.row)
-            .chain(self.size)
-            .chain(self.parallax)
-            .chain(self.common_px.into_iter().flatten().flatten())
-            .chain(self.columns.iter().flat_map(Columns::constants))
-    }
-
-    /// True if all standard deviations are positive.
+    /// True for positive standard deviations.
     pub(super) fn is_possible(&self) -> bool {
         let deviations = [self.row_sd_px, self.size[1]].into_iter();
         deviations.chain(self.parallax_sd).all(|sd| sd > 0.0)
@@ -183,7 +158,7 @@ impl Relation {
     }
 }
 
-/// Uncertainty of the rows of two boxes, relative to small ones.
+/// Row uncertainty relative to small boxes.
 fn row_scale(pair: [&PixelBox; 2]) -> f64 {
     1.0 + ROW_PART_OF_HEIGHT * pair[0].height_px.max(pair[1].height_px)
 }

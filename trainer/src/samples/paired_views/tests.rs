@@ -1,4 +1,4 @@
-//! Boxes of one aircraft, among others.
+//! Association of boxes among lamps and other aircraft.
 
 use dataset::corpus::splits::Side;
 use dataset::numbers::frame_rate::FrameRate;
@@ -8,22 +8,15 @@ use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
-use crate::samples::camera_health::look::Look;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes};
-use crate::samples::{DistanceRange, Samples};
+use crate::samples::{Look, Samples};
 
-/// The first view alone has an image.
+/// The second view has no image.
 const ONE_LOOKS: [Look; 2] = [Look::Placed, Look::Blind];
 
-/// Relations of the training side, and the flights of the test side beyond 1 NM.
+/// Relations from the training side, and test flights beyond 1 NM.
 fn learned(corpus: &SyntheticCorpus) -> (PairedViews, Vec<Vec<Observation>>) {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = corpus.write(folder.path()).unwrap();
-    let range = DistanceRange {
-        min_nm: 1.0,
-        max_nm: None,
-    };
-    let samples = Samples::read(&corpus, None, range).unwrap();
+    let samples = Samples::synthetic(corpus, 1.0);
     let true_boxes = samples.with_true_boxes();
     let paired = PairedViews::fit(samples.views.len(), &true_boxes.iter().collect::<Vec<_>>());
     let flights = samples.flights_of_side(Side::Test);
@@ -45,7 +38,7 @@ fn each_second() -> (PairedViews, Vec<Vec<Observation>>) {
     learned(&every(1))
 }
 
-/// The aircraft's boxes belong to one track per view, as a detector's do.
+/// Gives the aircraft's boxes one track per view, as a detector does.
 fn tracked(flight: &[Observation]) -> Vec<Observation> {
     let mut flight = flight.to_vec();
     for observed in &mut flight {
@@ -55,7 +48,7 @@ fn tracked(flight: &[Observation]) -> Vec<Observation> {
     flight
 }
 
-/// Puts a box above those that a view has.
+/// Adds a box with the highest score in a view.
 fn add(observed: &mut Observation, view: usize, pixel_box: PixelBox, track: Option<u32>) {
     let below: Vec<Vec<Candidate>> = (0..observed.boxes.len())
         .map(|of| {
@@ -81,7 +74,7 @@ fn still(cx_px: f64, cy_px: f64) -> PixelBox {
     }
 }
 
-/// Ticks at which a flight has a box, and ticks at which it has a box that is not the aircraft's.
+/// Ticks with a box, and ticks with a false one.
 fn answered_and_false(chosen: &[Observation], truth: &[Observation]) -> (usize, usize) {
     let ticks = || chosen.iter().zip(truth);
     let is_false = |(chosen, truth): &(&Observation, &Observation)| {
@@ -96,7 +89,6 @@ fn answered_and_false(chosen: &[Observation], truth: &[Observation]) -> (usize, 
     (answered, ticks().filter(is_false).count())
 }
 
-/// Number of ticks with a box.
 fn seen(flight: &[Observation]) -> usize {
     flight
         .iter()
@@ -179,7 +171,7 @@ fn of_two_arrivals_one_is_followed_to_the_end_also_where_one_view_loses_it() {
     for apart in [45, 90] {
         let flight = tracked(&flights[0]);
         let ahead = tracked(&flights[1]);
-        // The other one is farther along, so nearer and higher in score.
+        // The other aircraft is farther along, so nearer and higher in score.
         let mut both = flight.clone();
         for (tick, observed) in both.iter_mut().enumerate() {
             let Some(other) = ahead.get(tick + apart) else {
@@ -192,7 +184,7 @@ fn of_two_arrivals_one_is_followed_to_the_end_also_where_one_view_loses_it() {
             }
         }
         for observed in &mut both[20..30] {
-            // The one that is followed is lost in one view, where the other one stays.
+            // The followed aircraft is lost in one view, where the other remains.
             let kept: Vec<usize> = observed
                 .candidates(1)
                 .enumerate()
@@ -218,7 +210,7 @@ fn of_two_arrivals_one_is_followed_to_the_end_also_where_one_view_loses_it() {
             "{}",
             seen(first)
         );
-        // The one behind it takes over after a minute without the first.
+        // The aircraft behind takes over after a minute without the first.
         let (_, wrong) = answered_and_false(&chosen[in_sight..], &flight[in_sight..]);
         assert_eq!(wrong, 0);
         if apart > 60 {
@@ -286,11 +278,11 @@ fn what_one_view_sees_and_another_one_that_looks_there_does_not_gives_no_answer(
     let one_sees = |observed: &Observation| observed.with_boxes(vec![observed.boxes[0], None]);
     let unseen: Vec<Observation> = flight.iter().map(one_sees).collect();
     assert_eq!(seen(&paired.of_one_aircraft(&unseen)), 0);
-    // Where the other one never saw an aircraft, it need not see this one.
+    // Where the second view never saw an aircraft, it need not see this one.
     let mut narrow = paired.clone();
-    narrow.relations[0].common_px = Some([[5_000.0, 6_000.0]; 2]);
+    narrow.relations[0].common_px = [[5_000.0, 6_000.0]; 2];
     assert!(seen(&narrow.of_one_aircraft(&unseen)) > seen(&unseen) / 2);
-    // An image that is missing now and then makes no view blind; a failure does.
+    // Occasional missing images do not make a view blind; a long outage does.
     let mut failing = unseen.clone();
     failing
         .iter_mut()
@@ -305,7 +297,7 @@ fn what_one_view_sees_and_another_one_that_looks_there_does_not_gives_no_answer(
     assert!(seen(&chosen[72..]) as f64 > 0.9 * seen(&unseen[72..]) as f64);
 }
 
-/// What six flights teach that are a pixel or two beside each other, and one of them. Several views: all but the first see the same.
+/// Relations from six flights one or two pixels apart, and a seventh flight.
 fn on_one_path(views: usize) -> (PairedViews, Vec<Observation>) {
     let (_, flights) = each_second();
     let flight: Vec<Observation> = (flights[0].iter())
@@ -334,7 +326,7 @@ fn on_one_path(views: usize) -> (PairedViews, Vec<Observation>) {
     (paired, flight)
 }
 
-/// A flight of which a view sees the aircraft farther right.
+/// A flight with the aircraft farther right in one view.
 fn turned(flight: &[Observation], view: usize, off_px: f64) -> Vec<Observation> {
     let mut flight = flight.to_vec();
     for observed in &mut flight {
@@ -367,7 +359,7 @@ fn a_camera_that_was_turned_sideways_in_fog_gives_no_answers_and_a_line_says_so(
             line.contains("in views left and right; too little background"),
             "{line}"
         );
-        // A background that is visible shows turns, so that this is another path.
+        // A visible background reveals turns, so this offset is a different path.
         let mut placed = hidden.clone();
         (placed.iter_mut()).for_each(|observed| observed.looks.fill(Look::Placed));
         assert_eq!(paired.of_one_aircraft(&placed), placed);
@@ -397,7 +389,7 @@ fn live_views_stay_unused_while_one_of_them_sees_nothing_and_until_a_minute_on_t
     let (paired, flight) = on_one_path(2);
     let mut watch = AsideWatch::default();
     let mut is_unused = |observed: &Observation| {
-        let aside = paired.aside_at(&mut watch, observed);
+        let aside = watch.next(&paired.relations, observed);
         aside.is_some_and(|aside| aside.is_hidden)
     };
     let both = flight.iter().position(|of| of.detections() == 2).unwrap();
@@ -448,7 +440,7 @@ fn too_few_training_flights_show_no_paths_and_a_line_says_so() {
     );
 }
 
-/// A box as a detector sees it: with errors that are nearly normal.
+/// A box with nearly normal detection errors.
 fn erring(exact: PixelBox, random: &mut ChaCha12Rng) -> PixelBox {
     let mut error = |sd: f64| sd * ((0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0);
     PixelBox {
@@ -459,7 +451,7 @@ fn erring(exact: PixelBox, random: &mut ChaCha12Rng) -> PixelBox {
     }
 }
 
-/// Images of which the first view alone sees something.
+/// Ticks with objects in the first view only.
 fn alone(
     like: &Observation,
     step_ns: i64,
@@ -498,7 +490,7 @@ fn a_far_arrival_that_comes_straight_at_the_only_camera_that_sees_it_counts_with
     let (mut paired, flights) = each_second();
     let seen_first = flights[0].iter().find(|of| of.boxes[0].is_some()).unwrap();
     let usual = seen_first.boxes[0].unwrap();
-    // 20 pixels wide at 10 NM, 70 m/s; it never moves in the image.
+    // 20 pixels wide at 10 NM, 70 m/s, always at the same position.
     let straight = |distance_m: f64| PixelBox {
         width_px: 20.0 * 18_520.0 / distance_m,
         ..usual
@@ -581,19 +573,12 @@ fn relations_of_a_view_are_learned_again_without_touching_the_others() {
     assert!(paired.is_of(2) && !paired.is_of(1));
     assert!(paired.without(1).relations.is_empty());
     assert_eq!(paired.without(1).paths, paired.paths[..1]);
-    assert!(paired.constants().all(f64::is_finite));
     assert_eq!(paired.with_view_refitted(1, 2, &[]), paired.without(1));
 }
 
 #[test]
 fn views_that_see_the_aircraft_together_too_seldom_are_named_with_what_follows() {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = every(1).write(folder.path()).unwrap();
-    let range = DistanceRange {
-        min_nm: 1.0,
-        max_nm: None,
-    };
-    let samples = Samples::read(&corpus, None, range).unwrap();
+    let samples = Samples::synthetic(&every(1), 1.0);
     let true_boxes = samples.with_true_boxes();
     let sees_both = |sample: &&Sample| sample.boxes.iter().all(Option::is_some);
     let common: Vec<&Sample> = true_boxes.iter().filter(sees_both).collect();

@@ -1,4 +1,4 @@
-//! A rig that is moved with its runway to another one, and cameras compared relative to runways.
+//! Moving a rig with its runway to a different airport, and comparing cameras relative to runways.
 
 use dataset::corpus::calibration::{CameraEntry, RigidTransform};
 use dataset::geometry::camera::Camera;
@@ -7,19 +7,19 @@ use glam::{DMat3, DVec3};
 
 use crate::samples::rig::{Cameras, differences, form};
 
-/// Cameras of two runways are the same within this distance, metres, and this angle, degrees: a `heading_true_deg` at a mast and at the
-/// touchdown target differs by up to 0.04 degrees, depending on the latitude.
+/// Maximum difference between cameras that count as the same, in metres and degrees: a `heading_true_deg` at a mast and at the touchdown
+/// target differs by up to 0.04 degrees, depending on the latitude.
 const SAME_PLACE_M: f64 = 0.5;
 const SAME_DIRECTION_DEG: f64 = 0.1;
 
-/// A motion of the earth that takes one runway to another.
+/// Rigid motion that maps one runway to a second one.
 pub(crate) struct Move {
     rotation: DMat3,
     from_m: DVec3,
     to_m: DVec3,
 }
 
-/// The axes of a runway in ECEF (along the course, right, down), and its touchdown target.
+/// Runway axes in ECEF (along the course, right, down) and touchdown target.
 fn frame(runway: &Runway) -> (DMat3, DVec3) {
     let target = runway.touchdown_target();
     let ned_from_runway = DMat3::from_rotation_z(runway.course_true_deg.to_radians());
@@ -27,7 +27,7 @@ fn frame(runway: &Runway) -> (DMat3, DVec3) {
 }
 
 impl Move {
-    /// The motion; `None` if both are one runway.
+    /// The motion; `None` if the runways are identical.
     pub(crate) fn between(from: &Runway, to: &Runway) -> Option<Self> {
         let ((from_axes, from_m), (to_axes, to_m)) = (frame(from), frame(to));
         let is_same = from_m == to_m && from_axes == to_axes;
@@ -38,7 +38,6 @@ impl Move {
         })
     }
 
-    /// A camera, moved.
     pub(crate) fn camera(&self, camera: &Camera) -> Camera {
         Camera {
             ecef_from_camera: self.rotation * camera.ecef_from_camera,
@@ -47,7 +46,7 @@ impl Move {
         }
     }
 
-    /// Only its matrix and its place, not the pose that was requested from the simulator.
+    /// The entry with a moved matrix and position; the pose requested from the simulator stays.
     pub(crate) fn entry(&self, entry: &CameraEntry) -> CameraEntry {
         let moved = self.camera(&entry.camera());
         CameraEntry {
@@ -59,7 +58,6 @@ impl Move {
         }
     }
 
-    /// All cameras of a rig.
     pub(crate) fn entries(&self, cameras: &Cameras) -> Cameras {
         let cameras = cameras.iter();
         cameras
@@ -68,7 +66,7 @@ impl Move {
     }
 }
 
-/// Differences of the cameras here from those of a rig that was moved here; none if they are the same relative to the runway.
+/// Differences between the cameras here and a rig moved here; empty if they agree relative to the runway.
 pub(crate) fn differences_elsewhere(
     here: (&str, &Cameras),
     moved: (&str, &Cameras),

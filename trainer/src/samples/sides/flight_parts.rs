@@ -1,23 +1,21 @@
-//! Flights divided into parts, so that each can be judged by what was learned from the others.
+//! Cross-validation parts: each part of the flights is evaluated with fits to the others.
 
 use std::collections::BTreeSet;
 
 use crate::samples::{Sample, Samples};
 
-/// Parts at most.
 pub(crate) const MAX_PARTS: usize = 10;
 
-/// The flights of some ticks, identified by content: a copy of a flight is in the same part.
+/// Flights identified by content: copies share a part.
 #[derive(Debug, Clone)]
 pub(crate) struct FlightParts {
-    /// By scenario, the number of what is flown; `None` of a scenario without such ticks.
+    /// Flight number per scenario; `None` without such ticks.
     flown: Vec<Option<usize>>,
-    /// Number of parts; none of a single flight.
+    /// Number of parts; 0 for a single flight.
     count: usize,
 }
 
 impl FlightParts {
-    /// The flights of these ticks.
     pub(crate) fn of<'t>(samples: &Samples, ticks: impl Iterator<Item = &'t Sample>) -> Self {
         let flight = |scenario: usize| &samples.scenarios[scenario].flight;
         let flights: BTreeSet<&String> = ticks.map(|tick| flight(tick.scenario)).collect();
@@ -35,7 +33,6 @@ impl FlightParts {
         }
     }
 
-    /// Number of different flights.
     pub(crate) fn flights(&self) -> usize {
         self.flown
             .iter()
@@ -44,18 +41,17 @@ impl FlightParts {
             .map_or(0, |&last| last + 1)
     }
 
-    /// Number of what is flown at a tick; `None` of a flight that is not among these.
+    /// Flight number; `None` for other flights.
     pub(crate) fn flown(&self, tick: &Sample) -> Option<usize> {
         self.flown[tick.scenario]
     }
 
-    /// True if a tick belongs to a flight of this part.
     pub(crate) fn contains(&self, part: usize, tick: &Sample) -> bool {
         let flown = self.flown(tick);
         self.count > 0 && flown.is_some_and(|flown| flown % self.count == part)
     }
 
-    /// For each part in turn, the ticks that belong to other flights.
+    /// For each part, the ticks in all other parts.
     pub(crate) fn others<'s>(&self, ticks: &[&'s Sample]) -> impl Iterator<Item = Vec<&'s Sample>> {
         let outside = move |part| {
             let ticks = ticks.iter().copied();
@@ -72,16 +68,15 @@ mod tests {
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;
-    use crate::samples::DistanceRange;
 
     fn samples(train: usize) -> Samples {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            train,
-            ..SyntheticCorpus::tiny()
-        };
-        let corpus = corpus.write(folder.path()).unwrap();
-        Samples::read(&corpus, None, DistanceRange::ALL).unwrap()
+        Samples::synthetic(
+            &SyntheticCorpus {
+                train,
+                ..SyntheticCorpus::tiny()
+            },
+            0.0,
+        )
     }
 
     #[test]

@@ -1,20 +1,18 @@
-//! Leaving a condition out of a training: how well do its estimators do in a weather, or at a time of day, that they never saw?
+//! Leaving a condition out of training: performance in weather, or at a time of day, that was never seen.
 
 use dataset::corpus::splits::Side;
 
 use crate::samples::{Samples, ScenarioSummary};
 
-/// The condition whose scenarios are the test side.
+/// The condition for the test side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LeftOut<'a> {
-    /// Name of a weather.
     Weather(&'a str),
-    /// A time of day as the sweep names it.
+    /// Time of day as named in the sweep.
     Time(&'a str),
 }
 
 impl<'a> LeftOut<'a> {
-    /// Allowed values of the setting.
     pub(crate) const EXPECTED: &'static str = "weather=NAME or time=HH:MM, as in scenario.json";
 
     /// Reads `weather=stormy` or `time=18:00`.
@@ -34,8 +32,8 @@ impl<'a> LeftOut<'a> {
         }
     }
 
-    /// Splits again: the scenarios of this condition become the test side, and scenarios that fly the same flights in other conditions are
-    /// unused. The rest of the test side validates. Returns whether there is such a scenario.
+    /// Repeats the split: scenarios with this condition become the test side, scenarios with the same flights in other conditions are
+    /// dropped, and the rest of the test side becomes validation. Returns whether the condition occurs.
     pub(crate) fn split(self, samples: &mut Samples) -> bool {
         let tested: Vec<String> = (samples.scenarios.iter())
             .filter(|scenario| self.has(scenario))
@@ -57,7 +55,6 @@ impl<'a> LeftOut<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::DistanceRange;
     use testkit::synthetic::SyntheticCorpus;
 
     #[test]
@@ -74,9 +71,7 @@ mod tests {
 
     #[test]
     fn the_left_out_weather_is_the_test_side_and_its_flights_are_nowhere_else() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        let mut samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
         for scenario in &mut samples.scenarios {
             scenario.weather = "clear".into();
         }

@@ -1,7 +1,7 @@
-//! Scenarios that were drawn under another weather than planned, and what a training and an evaluation do with them.
+//! Scenarios recorded in weather that differs from the plan.
 //!
-//! A training would take their images for images of the planned weather, so it leaves them out unless the settings accept them. An
-//! evaluation counts them and names them: leaving them out would change what was asked for.
+//! Training would take their images for the planned weather, so it leaves them out unless the settings accept them. Evaluation counts and
+//! names them: leaving them out would change the request.
 
 use std::collections::BTreeMap;
 
@@ -10,20 +10,17 @@ use dataset::corpus::splits::Side;
 
 use crate::samples::Samples;
 
-/// Leaves marked scenarios out; returns their identifiers.
+/// Drops marked scenarios; returns their identifiers.
 pub(crate) fn leave_out(samples: &mut Samples) -> Vec<String> {
     let marked = samples
         .scenarios
         .iter()
         .filter(|scenario| scenario.is_marked());
     let ids: Vec<String> = marked.map(|scenario| scenario.id.clone()).collect();
-    if !ids.is_empty() {
-        samples.retain_scenarios(|scenario| !scenario.is_marked());
-    }
+    samples.retain_scenarios(|scenario| !scenario.is_marked());
     ids
 }
 
-/// Message of a training about the scenarios that it leaves out.
 pub(crate) fn left_out_line(ids: &[String]) -> String {
     const NAMED: usize = 5;
     let named = ids.iter().take(NAMED).map(String::as_str);
@@ -38,14 +35,10 @@ pub(crate) fn left_out_line(ids: &[String]) -> String {
     )
 }
 
-/// The weather at the aircraft in the scenarios of the test side, by name of the planned weather; empty if no simulator reported any.
+/// Reported weather on the test side by planned weather; empty without reports.
 pub(crate) fn reported_on_test_side(samples: &Samples) -> BTreeMap<String, ReportedWeather> {
     let mut by_name: BTreeMap<String, ReportedWeather> = BTreeMap::new();
-    let tested = samples
-        .scenarios
-        .iter()
-        .filter(|scenario| scenario.side == Side::Test);
-    for scenario in tested {
+    for scenario in samples.scenarios_of(Side::Test) {
         let effective = scenario.effective_weather.as_ref();
         let of_name = by_name.entry(scenario.weather.clone()).or_default();
         of_name.add(&scenario.id, effective, &scenario.planned_weather);
@@ -60,13 +53,10 @@ mod tests {
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;
-    use crate::samples::DistanceRange;
 
-    /// Samples of seven scenarios; the last two of the training side, and the last of all, are marked.
+    /// Seven scenarios; the last two on the training side, and the very last, are marked.
     fn samples() -> (Samples, Vec<String>) {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        let mut samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
         let last = samples.scenarios.len() - 1;
         samples.scenarios[last].side = Side::Test;
         let mut ids = Vec::new();

@@ -1,7 +1,7 @@
-//! The paper's split: scenarios are drawn for the sides, whatever flights they share.
+//! The paper's split: scenarios are assigned at random, even if they share flights.
 //!
-//! Scenarios of one flight in other light then stand on both sides, so it is no test with unseen flights. A training with such a
-//! split records what it drew, and the evaluation judges these scenarios.
+//! The same flight in different light can then be on both sides, so this does not test unseen flights. Training records the assignment, and
+//! the evaluation uses it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -36,23 +36,22 @@ impl Default for ScenarioSplitConfig {
     }
 }
 
-/// The split that a training drew (`run.json`).
+/// Recorded assignment (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ScenarioSplit {
-    /// Share of the scenarios on the test side.
+    /// Test share.
     pub test_share: f64,
-    /// Share of the scenarios on the validation side.
+    /// Validation share.
     pub validation_share: f64,
-    /// Seed of the draw.
     pub seed: u64,
-    /// Identifiers of the scenarios of the test side, each with its flight.
+    /// Test scenarios with their flights.
     pub test: BTreeMap<String, String>,
-    /// The test scenarios whose flight another scenario flies on the training or validation side.
+    /// Test scenarios with a flight that is also on the training or validation side.
     pub sharing_flights: BTreeSet<String>,
 }
 
 impl ScenarioSplit {
-    /// Draws the sides. At least one scenario is drawn for each of test and validation.
+    /// Assigns the sides, with at least one scenario each for test and validation.
     pub(crate) fn draw(samples: &mut Samples, config: &ScenarioSplitConfig) -> Self {
         let mut order: Vec<usize> = (0..samples.scenarios.len()).collect();
         order.shuffle(&mut ChaCha12Rng::seed_from_u64(config.seed));
@@ -84,8 +83,7 @@ impl ScenarioSplit {
         }
     }
 
-    /// Puts the scenarios that the training drew for the test on that side, and all others on the training side. Returns whether there is
-    /// such a scenario.
+    /// Restores the test side, and puts all other scenarios on the training side. Returns whether there is a test scenario.
     pub(crate) fn restore(&self, samples: &mut Samples) -> bool {
         for scenario in &mut samples.scenarios {
             scenario.side = if self.tests(scenario) {
@@ -97,7 +95,6 @@ impl ScenarioSplit {
         samples.scenario_count(Side::Test) > 0
     }
 
-    /// True if a scenario is one that the training drew for the test.
     pub(crate) fn tests(&self, scenario: &ScenarioSummary) -> bool {
         self.test.get(&scenario.id) == Some(&scenario.flight)
     }
@@ -108,14 +105,11 @@ mod tests {
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;
-    use crate::samples::DistanceRange;
 
     #[test]
     fn shares_are_drawn_by_the_seed_and_shared_flights_are_named() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
-        // Seven scenarios; all but the last two fly the same flight.
+        let mut samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
+        // Seven scenarios; all but the last two share a flight.
         for scenario in &mut samples.scenarios[..5] {
             scenario.flight = "one".into();
         }
@@ -136,7 +130,7 @@ mod tests {
                 assert_eq!(scenario.side == Side::Test, *side == Side::Test);
             }
             let tested = samples.scenarios.iter().filter(|s| s.side == Side::Test);
-            // Five scenarios fly the shared flight, and two are tested: another one is always learned from.
+            // Five scenarios share the flight, and two are tested: a third is always on the training side.
             let sharing = tested.filter(|s| s.flight == "one");
             let sharing: BTreeSet<String> = sharing.map(|s| s.id.clone()).collect();
             assert_eq!(split.sharing_flights, sharing);

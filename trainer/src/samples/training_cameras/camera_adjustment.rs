@@ -1,34 +1,33 @@
-//! The difference of a camera from a given one: turned, zoomed and moved.
+//! Rotation, zoom and displacement relative to a given camera.
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::geodesy::Geodetic;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Number of unknowns of a camera.
 pub(crate) const UNKNOWNS: usize = 7;
 
-/// Differences of a camera from a given one, or their standard deviations.
+/// Difference from a given camera, or its standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Adjustment {
-    /// Turn of the optical axis to the right, degrees.
+    /// Pan of the optical axis to the right, degrees.
     pub pan_deg: f64,
-    /// Turn of the optical axis upwards, degrees.
+    /// Upward tilt of the optical axis, degrees.
     pub tilt_deg: f64,
-    /// Turn about the optical axis, right side down, degrees.
+    /// Roll about the optical axis, right side down, degrees.
     pub roll_deg: f64,
     /// Increase of the focal length, percent.
     pub focal_pct: f64,
-    /// Move to the north, metres.
+    /// Displacement to the north, metres.
     pub north_m: f64,
-    /// Move to the east, metres.
+    /// Displacement to the east, metres.
     pub east_m: f64,
-    /// Move upwards, metres.
+    /// Upward displacement, metres.
     pub up_m: f64,
 }
 
 impl Adjustment {
-    /// Its numbers in the order of the fields.
+    /// The numbers in the order of the fields.
     pub(crate) fn to_array(self) -> [f64; UNKNOWNS] {
         [
             self.pan_deg,
@@ -41,7 +40,6 @@ impl Adjustment {
         ]
     }
 
-    /// The inverse of [`Self::to_array`].
     pub(crate) fn from_array(numbers: [f64; UNKNOWNS]) -> Self {
         let [
             pan_deg,
@@ -63,7 +61,7 @@ impl Adjustment {
         }
     }
 
-    /// The camera that differs from `given` by this.
+    /// Applies the difference to a camera.
     pub(crate) fn applied_to(&self, given: &Camera) -> Camera {
         // Camera axes: x right, y down, z forward.
         let turned = DMat3::from_rotation_y(self.pan_deg.to_radians())

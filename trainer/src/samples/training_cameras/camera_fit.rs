@@ -1,9 +1,9 @@
-//! The camera that most boxes of a view agree on: robust Gauss-Newton with a loss that stops counting outliers, and whose scale shrinks
-//! from step to step (graduated non-convexity; Blake and Zisserman, *Visual Reconstruction*, 1987).
+//! Camera fit to most boxes in a view: robust Gauss-Newton with a redescending loss whose scale shrinks from step to step (graduated
+//! non-convexity; Blake and Zisserman, *Visual Reconstruction*, 1987).
 //!
-//! The fit starts from the stated camera of each scenario and from the same camera turned by the median offset of the boxes; the better of
-//! the two counts. One difference from the stated cameras is fitted to all scenarios, and then an offset in the image for each of them: a
-//! camera may look elsewhere in each scenario although its calibration does not say so.
+//! Two starting points compete: each scenario's stated camera, and the same camera turned by the median offset of the boxes. One difference
+//! from the stated cameras is fitted to all scenarios, and then an image offset for each: a camera may point elsewhere in a scenario
+//! although its calibration does not say so.
 
 use std::collections::BTreeMap;
 
@@ -14,40 +14,37 @@ use glam::{DVec2, DVec3};
 
 use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
 
-/// Prior standard deviations of the difference from the stated camera, after the turn by the median offset: a mast surveyed by hand, a
-/// lens by its label. In the order of [`Adjustment::to_array`].
+/// Prior standard deviations of the difference from the stated camera, after the turn by the median offset: a mast surveyed by hand, a lens
+/// by its label. In the order of [`Adjustment::to_array`].
 const PRIOR_SD: [f64; UNKNOWNS] = [2.0, 2.0, 2.0, 5.0, 20.0, 20.0, 20.0];
-/// Steps of numerical derivatives, in the same order.
+/// Steps for numerical derivatives, in the same order.
 const STEPS: [f64; UNKNOWNS] = [1e-4, 1e-4, 1e-4, 1e-3, 1e-2, 1e-2, 1e-2];
-/// Error of the centre of a box, pixels, and its distance from the labelled point of the aircraft, metres: a gear, half a fin.
+/// Box centre error, pixels, and its distance from the labelled point, metres: a gear, half a fin.
 const BOX_SD_PX: f64 = 1.0;
 const POINT_SD_M: f64 = 3.0;
-/// Range below which a box is as uncertain as at this range, metres.
-const NEAREST_M: f64 = 100.0;
-/// Residuals beyond this many deviations hardly count.
+/// Standard deviations beyond which residuals hardly count.
 const GATE: f64 = 3.0;
-/// The gate shrinks by this factor per step: faster, it would close before the few near boxes have turned the camera their way.
+/// Factor of the gate per step: if it shrank faster, it would close before the few near boxes have turned the camera.
 const SHRINKS_BY: f64 = 0.85;
 const MAX_STEPS: usize = 60;
-/// A step is the last one if it is shorter than this part of the prior standard deviation.
+/// Length of the last step, relative to the prior standard deviation.
 const SETTLED: f64 = 1e-4;
-/// Rounds of turning the camera by the median offset, and of fitting offsets of scenarios.
+/// Rounds of median turns, and of scenario offsets.
 const TURNS: usize = 3;
 const ROUNDS: usize = 2;
-/// A scenario with fewer boxes has no offset of its own.
+/// Minimum number of boxes for a scenario's offset.
 const MIN_BOXES: usize = 8;
-/// Offsets that are tried per scenario.
+/// Candidate offsets per scenario.
 const TRIED: usize = 40;
-/// Lower limit of the spread of offsets over scenarios, pixels.
+/// Minimum spread of offsets over scenarios, pixels.
 const MIN_SPREAD_PX: f64 = 0.5;
-/// The errors of neighbouring ticks are alike: a flight counts as this many boxes.
+/// Effective number of boxes per flight: errors at neighbouring ticks are similar.
 const BOXES_OF_A_FLIGHT: f64 = 10.0;
 
-/// A box of a view at a tick whose truth is known.
+/// A box with the true position of the aircraft.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen {
+pub(super) struct LabelledBox {
     pub(super) scenario: usize,
-    /// The stated camera.
     camera: Camera,
     /// Labelled position of the aircraft in ECEF, metres.
     at_m: DVec3,
@@ -55,9 +52,9 @@ pub(super) struct Seen {
     sd_px: f64,
 }
 
-impl Seen {
+impl LabelledBox {
     pub(super) fn new(scenario: usize, camera: Camera, at_m: DVec3, centre_px: DVec2) -> Self {
-        let range_m = camera.center_ecef_m.distance(at_m).max(NEAREST_M);
+        let range_m = camera.center_ecef_m.distance(at_m);
         Self {
             scenario,
             camera,
@@ -67,27 +64,26 @@ impl Seen {
         }
     }
 
-    /// Found minus expected place, pixels; `None` if the aircraft would be behind the camera.
+    /// Measured minus expected position, pixels; `None` if the aircraft would be behind the camera.
     fn off_px(&self, adjustment: &Adjustment) -> Option<DVec2> {
         let expected = adjustment.applied_to(&self.camera).project(self.at_m)?;
         Some(self.centre_px - expected)
     }
 }
 
-/// The camera of a view that most of its boxes agree on.
+/// The camera that agrees with most boxes in a view.
 #[derive(Debug, Clone, Default)]
 pub(super) struct CameraFit {
     /// Difference from the stated cameras, common to all scenarios.
     pub(super) adjustment: Adjustment,
-    /// Its standard deviations.
     pub(super) sd: Adjustment,
-    /// By scenario, further offset of the aircraft in the image, pixels.
+    /// Additional image offset per scenario, pixels.
     offsets_px: BTreeMap<usize, DVec2>,
 }
 
 impl CameraFit {
-    /// Fits the boxes of a view; no difference without any.
-    pub(super) fn of(seen: &[Seen]) -> Self {
+    /// Fits the boxes in a view; the default without any.
+    pub(super) fn of(seen: &[LabelledBox]) -> Self {
         let starts = [Adjustment::default(), turned_by_median(seen)];
         let fits = starts.map(|start| {
             let mut fit = Self {
@@ -107,7 +103,7 @@ impl CameraFit {
         best
     }
 
-    /// Expected place of the aircraft in the image of a scenario's stated camera, pixels.
+    /// Expected image position of the aircraft with a scenario's stated camera, pixels.
     pub(super) fn place_px(&self, scenario: usize, camera: &Camera, at_m: DVec3) -> Option<DVec2> {
         let expected = self.adjustment.applied_to(camera).project(at_m)?;
         Some(expected + self.offset_px(scenario))
@@ -118,27 +114,27 @@ impl CameraFit {
         offset.copied().unwrap_or_default()
     }
 
-    fn residual(&self, seen: &Seen, adjustment: &Adjustment) -> Option<DVec2> {
+    fn residual(&self, seen: &LabelledBox, adjustment: &Adjustment) -> Option<DVec2> {
         let off_px = seen.off_px(adjustment)? - self.offset_px(seen.scenario);
         Some(off_px / seen.sd_px)
     }
 
-    /// Robust standard deviation of the residuals of a camera, in units of what is expected.
-    fn spread(&self, seen: &[Seen], adjustment: &Adjustment) -> f64 {
+    /// Robust standard deviation of the residuals, relative to the expected one.
+    fn spread(&self, seen: &[LabelledBox], adjustment: &Adjustment) -> f64 {
         let residuals = seen.iter().filter_map(|s| self.residual(s, adjustment));
         deviation_from_zero(residuals.flat_map(|residual| residual.to_array()))
     }
 
-    /// Grows with the logarithm of residuals, so that a few large ones do not decide.
-    fn cost(&self, seen: &[Seen]) -> f64 {
-        let of_box = |s: &Seen| match self.residual(s, &self.adjustment) {
+    /// Logarithmic cost, so that a few large residuals have little weight.
+    fn cost(&self, seen: &[LabelledBox]) -> f64 {
+        let of_box = |s: &LabelledBox| match self.residual(s, &self.adjustment) {
             Some(residual) => residual.length_squared().ln_1p(),
             None => f64::MAX.ln(),
         };
         seen.iter().map(of_box).sum()
     }
 
-    fn solve(&self, seen: &[Seen], start: Adjustment) -> Adjustment {
+    fn solve(&self, seen: &[LabelledBox], start: Adjustment) -> Adjustment {
         let mut x = self.adjustment;
         let mut gate = f64::INFINITY;
         for _ in 0..MAX_STEPS {
@@ -164,10 +160,11 @@ impl CameraFit {
         x
     }
 
-    /// Normal equations of a step from `x`, with weights that vanish beyond the gate (Geman and McClure); `variance` is of residuals.
+    /// Normal equations for a step from `x`, with weights that vanish beyond the gate (Geman and McClure); `variance` is the residual
+    /// variance.
     fn normal(
         &self,
-        seen: &[Seen],
+        seen: &[LabelledBox],
         x: &Adjustment,
         gate: f64,
         variance: f64,
@@ -205,8 +202,7 @@ impl CameraFit {
         normal
     }
 
-    /// Standard deviations of the difference.
-    fn deviations(&self, seen: &[Seen]) -> Option<Adjustment> {
+    fn deviations(&self, seen: &[LabelledBox]) -> Option<Adjustment> {
         let spread = self.spread(seen, &self.adjustment);
         let scenarios = seen.chunk_by(|a, b| a.scenario == b.scenario).count();
         let alike = seen.len() as f64 / (BOXES_OF_A_FLIGHT * scenarios as f64);
@@ -216,7 +212,7 @@ impl CameraFit {
             .normal(seen, &self.adjustment, gate, variance, None)
             .inverse()?;
         let mut sd: [f64; UNKNOWNS] = std::array::from_fn(|i| covariance[i][i].sqrt());
-        // The mean of cameras that differ is less certain.
+        // The mean is less certain if cameras differ.
         let offsets = || self.offsets_px.values();
         let focal_px = seen.first()?.camera.focal_px;
         for (axis, sd) in sd.iter_mut().take(2).enumerate() {
@@ -227,10 +223,10 @@ impl CameraFit {
         Some(Adjustment::from_array(sd))
     }
 
-    /// Offset of each scenario: where most of its boxes agree, weighed against the spread of the offsets over all scenarios. A lamp that
-    /// outnumbers the aircraft in one scenario does not move a camera that stands still in all others.
-    fn offsets(&self, seen: &[Seen]) -> BTreeMap<usize, DVec2> {
-        let of_scenario = |of_scenario: &[Seen]| {
+    /// Offset per scenario: where most boxes agree, weighed against the spread over all scenarios. A lamp that outnumbers the aircraft in
+    /// one scenario does not move a camera that stands still in all others.
+    fn offsets(&self, seen: &[LabelledBox]) -> BTreeMap<usize, DVec2> {
+        let of_scenario = |of_scenario: &[LabelledBox]| {
             let off = of_scenario.iter().filter_map(|s| {
                 let off_px = s.off_px(&self.adjustment)?;
                 Some((off_px, s.sd_px))
@@ -257,7 +253,7 @@ impl CameraFit {
     }
 }
 
-/// The offset that most boxes of a scenario agree on, pixels.
+/// Offset that most boxes in a scenario agree on, pixels.
 fn agreed_px(off: &[(DVec2, f64)], spread_px: DVec2) -> DVec2 {
     let cost = |tried_px: &DVec2| {
         let of_box = |(off_px, sd_px): &(DVec2, f64)| {
@@ -281,8 +277,8 @@ fn agreed_px(off: &[(DVec2, f64)], spread_px: DVec2) -> DVec2 {
     sum / weights
 }
 
-/// The turn of the camera that brings the median offset of the boxes to zero.
-fn turned_by_median(seen: &[Seen]) -> Adjustment {
+/// Turn that removes the median offset of the boxes.
+fn turned_by_median(seen: &[LabelledBox]) -> Adjustment {
     let mut turned = Adjustment::default();
     for _ in 0..TURNS {
         let off = seen.iter().filter_map(|s| {
@@ -300,7 +296,6 @@ fn turned_by_median(seen: &[Seen]) -> Adjustment {
     turned
 }
 
-/// The median of each axis.
 fn median_px(off: impl Iterator<Item = DVec2>) -> DVec2 {
     let (mut x, mut y): (Vec<f64>, Vec<f64>) = off.map(|off| (off.x, off.y)).unzip();
     DVec2::new(median(&mut x), median(&mut y))

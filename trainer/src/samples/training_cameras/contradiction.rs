@@ -1,23 +1,23 @@
-//! Stated cameras that the boxes contradict.
+//! Stated cameras that contradict the boxes.
 
 use std::fmt;
 
 use super::TrainingCameras;
 use super::camera_fit::CameraFit;
 
-/// Differences up to these are not worth a word: degrees, percent and metres. An aircraft's box has its centre some metres off: in the
-/// corpus of `dtd paper --frame-rate 2`, whose cameras are true, a fitted one stands 10 m off along the approach.
+/// Minimum reported differences: degrees, percent and metres. Box centres are some metres away from the labelled point: in the
+/// corpus of `dtd paper --frame-rate 2`, whose cameras are true, a fitted camera is 10 m off along the approach.
 const MIN_TURN_DEG: f64 = 0.05;
 const MIN_FOCAL_PCT: f64 = 1.0;
 const MIN_MOVE_M: f64 = 15.0;
-/// A difference of fewer standard deviations may be chance.
+/// Minimum significance for differences.
 const MIN_DEVIATIONS: f64 = 5.0;
 
 /// A view whose fitted camera differs from the stated one.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Contradiction {
     view: String,
-    /// What differs, each with its standard deviation.
+    /// Differences with their standard deviations.
     differences: Vec<String>,
 }
 
@@ -27,7 +27,7 @@ impl fmt::Display for Contradiction {
     }
 }
 
-/// Message of a training about these views. `registered_again`: with cameras that a run has fitted.
+/// Training message about these views. `registered_again`: the views are registered with fitted cameras.
 pub(super) fn contradictions_line(found: &[Contradiction], registered_again: bool) -> String {
     let found: Vec<String> = found.iter().map(Contradiction::to_string).collect();
     let effect = if registered_again {
@@ -43,7 +43,7 @@ pub(super) fn contradictions_line(found: &[Contradiction], registered_again: boo
 }
 
 impl TrainingCameras {
-    /// The views, in this order, whose stated cameras the boxes contradict.
+    /// Views with stated cameras that contradict the boxes.
     pub(super) fn contradictions(&self, views: &[String]) -> Vec<Contradiction> {
         let found = views
             .iter()
@@ -60,46 +60,32 @@ impl TrainingCameras {
 
 fn differences(fit: &CameraFit) -> Vec<String> {
     let CameraFit { adjustment, sd, .. } = fit;
-    let is_sure =
-        |value: f64, sd: f64, least: f64| value.abs() > least && value.abs() > MIN_DEVIATIONS * sd;
-    let mut found = Vec::new();
-    for (value, sd, [more, less]) in [
-        (adjustment.pan_deg, sd.pan_deg, ["right", "left"]),
-        (adjustment.tilt_deg, sd.tilt_deg, ["up", "down"]),
-        (
-            adjustment.roll_deg,
-            sd.roll_deg,
-            ["clockwise", "anticlockwise"],
-        ),
-    ] {
-        if is_sure(value, sd, MIN_TURN_DEG) {
-            let way = if value > 0.0 { more } else { less };
-            found.push(format!(
-                "is turned {:.2} degrees {way} (+- {sd:.2})",
-                value.abs()
-            ));
-        }
-    }
-    if is_sure(adjustment.focal_pct, sd.focal_pct, MIN_FOCAL_PCT) {
-        let more = if adjustment.focal_pct > 0.0 {
-            "longer"
-        } else {
-            "shorter"
-        };
-        let (value, sd) = (adjustment.focal_pct.abs(), sd.focal_pct);
-        found.push(format!(
-            "has a focal length {value:.1} % {more} (+- {sd:.1})"
-        ));
-    }
-    for (value, sd, [more, less]) in [
-        (adjustment.north_m, sd.north_m, ["north", "south"]),
-        (adjustment.east_m, sd.east_m, ["east", "west"]),
-        (adjustment.up_m, sd.up_m, ["higher", "lower"]),
-    ] {
-        if is_sure(value, sd, MIN_MOVE_M) {
-            let way = if value > 0.0 { more } else { less };
-            found.push(format!("stands {:.0} m {way} (+- {sd:.0})", value.abs()));
-        }
-    }
-    found
+    let ways = [
+        ["right", "left"],
+        ["up", "down"],
+        ["clockwise", "anticlockwise"],
+        ["longer", "shorter"],
+        ["north", "south"],
+        ["east", "west"],
+        ["higher", "lower"],
+    ];
+    let numbers = adjustment.to_array().into_iter().zip(sd.to_array());
+    let differences = numbers.zip(ways).enumerate();
+    differences
+        .filter_map(|(number, ((value, sd), [more, less]))| {
+            let (by, way) = (value.abs(), if value > 0.0 { more } else { less });
+            let (least, words) = match number {
+                0..3 => (
+                    MIN_TURN_DEG,
+                    format!("is turned {by:.2} degrees {way} (+- {sd:.2})"),
+                ),
+                3 => (
+                    MIN_FOCAL_PCT,
+                    format!("has a focal length {by:.1} % {way} (+- {sd:.1})"),
+                ),
+                _ => (MIN_MOVE_M, format!("stands {by:.0} m {way} (+- {sd:.0})")),
+            };
+            (by > least && by > MIN_DEVIATIONS * sd).then_some(words)
+        })
+        .collect()
 }

@@ -1,4 +1,4 @@
-//! Boxes of the training side that do not contain the aircraft: how many, where, and the likely cause.
+//! Training boxes that do not contain the aircraft: number, location and likely cause.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,49 +12,45 @@ use super::TrainingCameras;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{Sample, Samples};
 
-/// Share of a view's boxes up to which false boxes are usual.
+/// Usual share of false boxes in a view.
 const USUAL_SHARE: f64 = 0.02;
-/// Scenarios that a message names.
 const NAMED: usize = 3;
-/// A camera looked elsewhere in a scenario if at least this share of its boxes is dropped, and this share of them is off alike.
-const MOVED_SHARE: f64 = 0.3;
-const ALIKE_SHARE: f64 = 0.7;
+/// Share of a scenario's boxes with the same offset that indicates a moved camera.
+const MOVED_SHARE: f64 = 0.25;
 
-/// Dropped boxes of a view.
+/// Dropped boxes in a view.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DroppedBoxes {
     /// Boxes that do not contain the aircraft.
     pub dropped: usize,
     /// All boxes of the training side.
     pub of: usize,
-    /// The first divided by the second; `None` for a view without boxes.
+    /// Ratio of the two; `None` for a view without boxes.
     pub share: Option<f64>,
 }
 
-/// By view.
 pub(crate) type DroppedByView = BTreeMap<String, DroppedBoxes>;
 
-/// Dropped boxes of one scenario in one view.
+/// Dropped boxes in one scenario and view.
 #[derive(Debug, Clone, PartialEq)]
-struct OfScenario {
+struct ScenarioDrops {
     scenario: String,
     view: String,
     dropped: usize,
     of: usize,
-    /// Offset that most of the dropped boxes share, pixels.
+    /// Offset shared by most dropped boxes, pixels.
     alike_px: Option<DVec2>,
 }
 
-/// All dropped boxes of a training.
 #[derive(Debug, Clone)]
-pub(super) struct Droppings {
+pub(super) struct TrainingDrops {
     pub(super) by_view: DroppedByView,
-    /// Those with dropped boxes, most first.
-    scenarios: Vec<OfScenario>,
+    /// Scenarios with dropped boxes, in descending order.
+    scenarios: Vec<ScenarioDrops>,
 }
 
-impl Droppings {
-    /// Compares the training side as recorded with its ground-truth boxes.
+impl TrainingDrops {
+    /// Counts the boxes of the training side that do not contain the aircraft.
     pub(super) fn of(cameras: &TrainingCameras, samples: &Samples, training: &[&Sample]) -> Self {
         let mut by_view = DroppedByView::new();
         let mut scenarios = Vec::new();
@@ -74,7 +70,7 @@ impl Droppings {
                 }
                 of_view = [of_view[0] + off.len(), of_view[1] + of];
                 if !off.is_empty() {
-                    scenarios.push(OfScenario {
+                    scenarios.push(ScenarioDrops {
                         scenario: samples.scenarios[flight[0].scenario].id.clone(),
                         view: name.clone(),
                         dropped: off.len(),
@@ -91,18 +87,15 @@ impl Droppings {
         Self { by_view, scenarios }
     }
 
-    /// True if a view has more false boxes than usual.
+    /// True if a view has an unusual share of false boxes.
     pub(super) fn are_unusual(&self) -> bool {
         let mut shares = self.by_view.values().filter_map(|view| view.share);
         shares.any(|share| share > USUAL_SHARE)
     }
 }
 
-/// The offset from the aircraft that most of the dropped boxes share, if they are many.
+/// Offset from the aircraft that most dropped boxes share, if they are many.
 fn alike_px(dropped: &[(Option<DVec2>, PixelBox)], of: usize) -> Option<DVec2> {
-    if (dropped.len() as f64) < MOVED_SHARE * of as f64 {
-        return None;
-    }
     let off = dropped.iter().filter_map(|(place_px, seen)| {
         let (centre, size) = centre_and_size(seen);
         Some((centre - (*place_px)?, size))
@@ -116,10 +109,10 @@ fn alike_px(dropped: &[(Option<DVec2>, PixelBox)], of: usize) -> Option<DVec2> {
     let middle = DVec2::new(middle(0), middle(1));
     let is_alike = |(off, size): &&(DVec2, DVec2)| (*off - middle).abs().cmple(*size).all();
     let alike = off.iter().filter(is_alike).count();
-    (alike as f64 >= ALIKE_SHARE * dropped.len() as f64).then_some(middle)
+    (alike as f64 >= MOVED_SHARE * of as f64).then_some(middle)
 }
 
-impl fmt::Display for Droppings {
+impl fmt::Display for TrainingDrops {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let views = self.by_view.values();
         let [dropped, of] = views.fold([0, 0], |[dropped, of], view| {

@@ -1,23 +1,16 @@
-//! Cameras that the boxes of training flights agree on, started from calibrations that are wrong.
+//! Camera fits that start from wrong calibrations.
 
 use dataset::corpus::splits::Side;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
-use crate::samples::DistanceRange;
 use crate::samples::training_cameras::camera_adjustment::Adjustment;
 
-fn read(corpus: &SyntheticCorpus) -> Samples {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = corpus.write(folder.path()).unwrap();
-    Samples::read(&corpus, None, DistanceRange::ALL).unwrap()
-}
-
 fn tiny() -> Samples {
-    read(&SyntheticCorpus::tiny())
+    Samples::synthetic(&SyntheticCorpus::tiny(), 0.0)
 }
 
-/// The stated camera of every scenario is wrong by this in both views, with the opposite sign in the second.
+/// Falsifies the stated cameras of every scenario, in opposite directions for the two views.
 fn state_wrongly(samples: &mut Samples, error: Adjustment) {
     let opposite = Adjustment::from_array(error.to_array().map(|number| -number));
     for scenario in &mut samples.scenarios {
@@ -27,7 +20,7 @@ fn state_wrongly(samples: &mut Samples, error: Adjustment) {
     }
 }
 
-/// Boxes in which the detector took a lamp for the aircraft: every third of a view.
+/// Replaces every third box in a view by a lamp.
 fn add_lamps(samples: &mut Samples) -> usize {
     let mut replaced = 0;
     for (at, sample) in samples.samples.iter_mut().enumerate() {
@@ -46,7 +39,6 @@ fn add_lamps(samples: &mut Samples) -> usize {
     replaced
 }
 
-/// The training side with its ground-truth boxes.
 fn kept(samples: &Samples) -> Vec<Sample> {
     samples.with_true_boxes()
 }
@@ -55,7 +47,7 @@ fn boxes(samples: &[Sample]) -> usize {
     samples.iter().map(|sample| sample.detections()).sum()
 }
 
-/// Yaw, pitch, roll, focal length and place at once, and each far off.
+/// Yaw, pitch, roll, focal length and position together, and each separately.
 fn errors() -> [Adjustment; 5] {
     let none = Adjustment::default();
     [
@@ -118,11 +110,14 @@ fn the_same_boxes_contain_the_aircraft_whatever_the_calibration_says() {
 
 #[test]
 fn cameras_that_look_elsewhere_in_each_scenario_need_no_calibration_that_says_so() {
-    let mut samples = read(&SyntheticCorpus {
-        train: 6,
-        turned_deg: 0.3,
-        ..SyntheticCorpus::tiny()
-    });
+    let mut samples = Samples::synthetic(
+        &SyntheticCorpus {
+            train: 6,
+            turned_deg: 0.3,
+            ..SyntheticCorpus::tiny()
+        },
+        0.0,
+    );
     let truly = kept(&samples);
     assert_eq!(boxes(&truly), {
         let recorded = samples.of_side(Side::Train);
@@ -135,10 +130,10 @@ fn cameras_that_look_elsewhere_in_each_scenario_need_no_calibration_that_says_so
     assert_eq!(kept(&samples), truly);
 }
 
-fn droppings(samples: &Samples) -> (TrainingCameras, Droppings) {
+fn droppings(samples: &Samples) -> (TrainingCameras, TrainingDrops) {
     let training = samples.of_side(Side::Train);
     let cameras = TrainingCameras::of(samples, &training);
-    let droppings = Droppings::of(&cameras, samples, &training);
+    let droppings = TrainingDrops::of(&cameras, samples, &training);
     (cameras, droppings)
 }
 

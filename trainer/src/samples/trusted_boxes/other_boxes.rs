@@ -1,7 +1,7 @@
-//! Several boxes in one image: the one with the highest score is not always the aircraft.
+//! Further boxes in an image: the one with the highest score is not always the aircraft.
 //!
-//! An observation has the box with the highest score of each view, and beside it the others of the same images, with what the detector
-//! registered, so that a later choice ([`crate::samples::paired_views`]) loses nothing. Most ticks have no others.
+//! An observation has the best box of each view, and here the remaining boxes with the registered shifts, so that
+//! [`crate::samples::paired_views`] can choose later. Most ticks have no further boxes.
 
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
@@ -11,29 +11,27 @@ use crate::samples::Observation;
 use crate::samples::sample::moved_box;
 use crate::samples::view_shift::ViewShift;
 
-/// A shift as the detector registered it, with the index of its reference view.
+/// A registered shift with the index of its reference view.
 pub(crate) type Registered = (usize, Shift);
 
-/// A whole box in the image of a view.
+/// A whole box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
-    /// The box.
     pub pixel_box: PixelBox,
-    /// Number of its track in that view.
     pub track: Option<u32>,
 }
 
-/// What the images of a tick have besides the boxes with the highest scores.
+/// Boxes with lower scores at a tick.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct OtherBoxes {
-    /// By view, the highest score first.
+    /// Per view, sorted by score.
     pub boxes: Vec<Vec<Candidate>>,
-    /// By view, whichever boxes they belong to.
+    /// Registered shifts per view, for any box.
     pub registered: Vec<Option<Registered>>,
 }
 
 impl OtherBoxes {
-    /// All but the first box of each view; `None` if no view has more than one.
+    /// All but the first box per view; `None` if no view has a second box.
     pub(crate) fn of(
         found: &[Option<Vec<Candidate>>],
         registered: &[Option<Registered>],
@@ -48,7 +46,7 @@ impl OtherBoxes {
         .unless_empty()
     }
 
-    /// Those of the views that still have a box.
+    /// Boxes in views that still have a best box.
     pub(crate) fn of_views(others: Option<&Self>, boxes: &[Option<PixelBox>]) -> Option<Box<Self>> {
         let mut left = others?.clone();
         for (others, seen) in left.boxes.iter_mut().zip(boxes) {
@@ -59,7 +57,7 @@ impl OtherBoxes {
         left.unless_empty()
     }
 
-    /// The same as other cameras would have seen it ([`Observation::moved`]).
+    /// Boxes and shifts as seen by other cameras ([`Observation::moved`]).
     pub(crate) fn moved(&self, place: impl Fn(usize, DVec2) -> Option<DVec2>) -> Self {
         let boxes = self.boxes.iter().enumerate().map(|(view, others)| {
             let others = others.iter().filter_map(|other| {
@@ -102,7 +100,7 @@ impl OtherBoxes {
 }
 
 impl Observation {
-    /// All boxes of a view, the highest score first.
+    /// All boxes in a view, sorted by score.
     pub(crate) fn candidates(&self, view: usize) -> impl Iterator<Item = Candidate> {
         let best = self.boxes[view].map(|pixel_box| Candidate {
             pixel_box,
@@ -113,7 +111,7 @@ impl Observation {
             .chain(others.into_iter().flatten().copied())
     }
 
-    /// The same tick with those boxes alone that fulfil a condition. Where the best one of a view does not, the next takes its place.
+    /// The tick with only the boxes that fulfil a condition. The next box replaces a rejected best one.
     pub(crate) fn with_boxes_that(&self, is_kept: impl Fn(usize, &PixelBox) -> bool) -> Self {
         let kept = |view: usize| {
             let candidates = self.candidates(view).enumerate();
@@ -124,7 +122,7 @@ impl Observation {
         self.with_candidates(&kept)
     }
 
-    /// The same tick with these of each view's [`Self::candidates`], in this order.
+    /// The tick with these candidates per view ([`Self::candidates`]), in this order.
     pub(crate) fn with_candidates(&self, kept: &[Vec<usize>]) -> Self {
         let candidates = |view: usize| -> Vec<Candidate> {
             let all: Vec<Candidate> = self.candidates(view).collect();
@@ -162,10 +160,8 @@ impl Observation {
                 .map(|of_view| of_view.first()?.track)
                 .collect(),
             others: others.and_then(OtherBoxes::unless_empty),
-            looks: self.looks.clone(),
-            common_errors: self.common_errors.clone(),
             boxes,
-            ..*self
+            ..self.clone()
         }
     }
 }
@@ -173,17 +169,11 @@ impl Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::samples::camera_health::look::Look;
+    use crate::samples::tests::fixtures::{box_at, shift_of};
 
     fn candidate(cx_px: f64) -> Candidate {
-        let pixel_box = PixelBox {
-            cx_px,
-            cy_px: 600.0,
-            width_px: 40.0,
-            height_px: 14.0,
-        };
         Candidate {
-            pixel_box,
+            pixel_box: box_at(cx_px, 600.0),
             track: None,
         }
     }
@@ -194,29 +184,12 @@ mod tests {
             Some(vec![candidate(500.0)]),
             Some(vec![candidate(900.0), candidate(401.0)]),
         ];
-        let shift = Shift {
-            x_px: 500.0,
-            y_px: 600.0,
-            dx_px: -100.0,
-            dy_px: 0.0,
-            sd_x_px: 0.03,
-            sd_y_px: 0.03,
-            scale: 1.0,
-            gain: 1.0,
-            correlation: 0.9,
-        };
+        let shift = shift_of([500.0, 600.0], [-100.0, 0.0]);
         let best = found.iter().flatten().map(|found| Some(found[0].pixel_box));
         Observation {
-            scenario: 0,
-            tick: 4,
-            time_ns: 0,
             boxes: best.collect(),
-            tracks: vec![None; 2],
-            shifts: vec![None; 2],
-            cut_off: 0,
-            looks: vec![Look::Placed; 2],
-            common_errors: Vec::new(),
             others: OtherBoxes::of(&found, &[None, Some((0, shift))]),
+            ..Observation::unseen((0, 4, 0), 2)
         }
     }
 

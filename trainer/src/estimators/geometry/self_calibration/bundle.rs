@@ -1,9 +1,8 @@
-//! Cameras fitted to labelled flights: damped, robust Gauss-Newton over all their measurements at once, as in a bundle adjustment whose
-//! points are known (Triggs et al., "Bundle Adjustment - A Modern Synthesis", 2000).
+//! Camera fit to labelled flights: damped, robust Gauss-Newton over all measurements, as in a bundle adjustment with known points (Triggs
+//! et al., "Bundle Adjustment - A Modern Synthesis", 2000).
 //!
-//! Unknowns are in units of their prior standard deviation, so that the prior is a ridge of 1. Residuals count by Huber's loss, in
-//! deviations that are estimated again before each step. A loss that ignored outliers would ignore whole scenarios where cameras differ
-//! between them.
+//! Unknowns are scaled by their prior standard deviation, so that the prior is a ridge of 1. Residuals have Huber's loss, in deviations
+//! that are estimated again before each step. A loss that ignored outliers would ignore whole scenarios where cameras differ between them.
 
 use std::ops::Range;
 
@@ -12,58 +11,56 @@ use dataset::numbers::least_squares::NormalEquations;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::measured::{Deviations, Measured};
+use crate::estimators::HUBER;
 use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
 
-/// Unknowns of the aircraft: where the measured point is, ahead, right and up of the labelled position.
+/// Unknowns of the aircraft: the measured point ahead, right and up of the labelled position.
 pub(super) const AIRCRAFT_UNKNOWNS: usize = 3;
-/// Residuals beyond this many deviations count linearly: Huber's choice, which costs 5 % of the precision if there is no outlier.
-const HUBER: f64 = 1.345;
-/// Step of a numerical derivative, in prior standard deviations.
+/// Step for numerical derivatives, in prior standard deviations.
 const STEP: f64 = 1e-4;
 const MAX_STEPS: usize = 60;
 const MAX_HALVINGS: u32 = 10;
-/// A step that moves every unknown by less than this part of its standard deviation is the last one.
+/// Maximum move in the last step, in standard deviations.
 const SETTLED: f64 = 1e-2;
-/// Residual of what a camera would have behind it, in pixels.
+/// Residual for a point behind the camera, pixels.
 const BEHIND_PX: f64 = 1e5;
 
-/// A labelled tick.
 pub(super) struct Tick {
     /// Labelled position of the aircraft in ECEF, metres.
     pub(super) at_m: DVec3,
-    /// From ahead, right and up of the landing course.
+    /// Rotation from ahead, right and up along the landing course.
     pub(super) ecef_from_course: DMat3,
     pub(super) measured: Vec<Measured>,
 }
 
-/// A fit to make.
+/// Fit input.
 pub(super) struct Bundle {
-    /// Cameras of the rig, by view.
+    /// Rig cameras per view.
     pub(super) rig: Vec<Camera>,
-    /// Prior standard deviations of the unknowns: camera by camera, then the aircraft.
+    /// Prior standard deviations: camera by camera, then the aircraft.
     pub(super) prior_sd: Vec<f64>,
-    /// Unknowns that are fitted; others stay.
+    /// Fitted unknowns; the others stay.
     pub(super) free: Range<usize>,
     pub(super) ticks: Vec<Tick>,
 }
 
-/// The unknowns and how well they are known.
+/// Fitted unknowns with their uncertainty.
 #[derive(Debug)]
 pub(super) struct Solution {
     pub(super) unknowns: Vec<f64>,
-    /// Standard deviations; 0 for those that were not fitted.
+    /// Standard deviations; 0 for unknowns that were not fitted.
     pub(super) sd: Vec<f64>,
     pub(super) deviations: Deviations,
 }
 
-/// The cameras and the measured point for some unknowns.
+/// Cameras and measured point for given unknowns.
 struct Scene {
     cameras: Vec<Camera>,
     aircraft_m: DVec3,
 }
 
 impl Bundle {
-    /// Fits the free unknowns, starting from `start`; `None` if no step reduces the error and none is needed.
+    /// Fits the free unknowns from `start`; `None` if the equations are singular.
     pub(super) fn solve(&self, start: &[f64]) -> Option<Solution> {
         let mut x: Vec<f64> = start
             .iter()
@@ -105,7 +102,7 @@ impl Bundle {
         })
     }
 
-    /// The unknowns after as much of a step as reduces the error; `None` if none of it does.
+    /// The longest halved step that reduces the cost; `None` without any.
     fn damped(&self, x: &[f64], step: &[f64], deviations: &Deviations) -> Option<Vec<f64>> {
         let before = self.cost(x, deviations);
         (0..MAX_HALVINGS).find_map(|halvings| {
@@ -161,7 +158,7 @@ impl Bundle {
         prior + residuals.iter().map(of_residual).sum::<f64>()
     }
 
-    /// The normal equations of a step of the free unknowns.
+    /// Normal equations for a step of the free unknowns.
     fn normal(&self, x: &[f64], deviations: &Deviations) -> NormalEquations {
         let scene = self.scene(x);
         let moved: Vec<Scene> = self
@@ -216,7 +213,7 @@ impl Scene {
     }
 }
 
-/// Derivatives of the places, by view; 0 where there is none.
+/// Derivatives of the positions per view; 0 where there is none.
 fn slopes(places_px: &[Option<DVec2>], moved_px: &[Option<DVec2>]) -> Vec<DVec2> {
     let slope = |(place, moved): (&Option<DVec2>, &Option<DVec2>)| match (place, moved) {
         (Some(place), Some(moved)) => (*moved - *place) / STEP,
@@ -225,7 +222,7 @@ fn slopes(places_px: &[Option<DVec2>], moved_px: &[Option<DVec2>]) -> Vec<DVec2>
     places_px.iter().zip(moved_px).map(slope).collect()
 }
 
-/// Standard deviations of the unknowns of normal equations whose values have a variance of 1.
+/// Standard deviations for values with a variance of 1.
 fn deviations_of(normal: &NormalEquations) -> Option<Vec<f64>> {
     let covariance = normal.inverse()?;
     Some(

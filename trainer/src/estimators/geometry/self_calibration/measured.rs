@@ -1,4 +1,4 @@
-//! Measurements of the aircraft's position at a tick: the centres of its boxes, and the registered shifts between them.
+//! Measured image positions: box centres, and registered shifts between them.
 //!
 //! A shift is several times more precise than two boxes, and its error is independent of theirs, so both count, weighted by their standard
 //! deviations.
@@ -9,36 +9,34 @@ use serde::{Deserialize, Serialize};
 
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::view_shift::MIN_SD_PX;
 
-/// Error of shifts that their stated standard deviation leaves out, pixels: perspective, and lights seen from two sides.
-const FLOOR_SD_PX: f64 = 0.05;
-/// Lower limit of standard deviations, which keeps the weights of exact measurements finite. Pixels, and a ratio.
+/// Minimum standard deviation, pixels or a ratio, which keeps the weights of exact measurements finite.
 const MIN_DEVIATION: f64 = 1e-3;
 
-/// A place in a view, or a difference between two views, pixels.
+/// A position in a view, or a difference between two views, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measured {
-    /// The view.
     pub(super) view: usize,
-    /// The view whose place is subtracted.
+    /// View whose position is subtracted.
     pub(super) reference: Option<usize>,
     /// Right and down, pixels.
     px: DVec2,
-    /// Standard deviations relative to other measurements of the kind.
+    /// Standard deviations relative to other measurements of this kind.
     spread: DVec2,
 }
 
-/// Standard deviations of the two kinds of measurements.
+/// Standard deviations of both kinds of measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Deviations {
-    /// Of the centre of a box, right and down, pixels.
+    /// Box centre, right and down, pixels.
     pub box_px: [f64; 2],
-    /// Of a shift, right and down, in parts of what its table states.
+    /// Shift, right and down, relative to its stated standard deviation.
     pub shift_ratio: [f64; 2],
 }
 
 impl Measured {
-    /// Measurements of a tick, in views that are used.
+    /// Measurements at a tick in the used views.
     pub(super) fn in_tick(observed: &Observation, is_used: impl Fn(usize) -> bool) -> Vec<Self> {
         let used = || (0..observed.boxes.len()).filter(|&view| is_used(view));
         let centres = used().filter_map(|view| {
@@ -52,7 +50,7 @@ impl Measured {
         });
         let shifts = used().filter_map(|view| {
             let shift = observed.shifts[view].filter(|shift| is_used(shift.reference))?;
-            let variance = shift.sd_px * shift.sd_px + DVec2::splat(FLOOR_SD_PX.powi(2));
+            let variance = shift.sd_px * shift.sd_px + DVec2::splat(MIN_SD_PX.powi(2));
             Some(Self {
                 view,
                 reference: Some(shift.reference),
@@ -63,7 +61,7 @@ impl Measured {
         centres.chain(shifts).collect()
     }
 
-    /// Predicted minus measured position, in units of `spread`; `None` if one of the views could not see the aircraft there.
+    /// Predicted minus measured position, in units of `spread`; `None` if a camera cannot see the point.
     pub(super) fn residual(&self, places_px: &[Option<DVec2>]) -> Option<DVec2> {
         let place = places_px[self.view]?;
         let from = match self.reference {
@@ -73,7 +71,7 @@ impl Measured {
         Some((place - from - self.px) / self.spread)
     }
 
-    /// Derivative of the residual, given the derivatives of the positions in the views.
+    /// Derivative of the residual from the derivatives of the positions.
     pub(super) fn slope(&self, in_view: impl Fn(usize) -> DVec2) -> DVec2 {
         let from = self.reference.map_or(DVec2::ZERO, &in_view);
         (in_view(self.view) - from) / self.spread
@@ -89,7 +87,7 @@ impl Measured {
 }
 
 impl Deviations {
-    /// The robust deviations of residuals, each with its measurement.
+    /// Robust deviations of residuals.
     pub(super) fn of(residuals: &[(Measured, DVec2)]) -> Self {
         let of_kind = |is_shift: bool| {
             [0, 1].map(|axis| {

@@ -1,4 +1,4 @@
-//! Cameras fitted to boxes and shifts from geometry.
+//! Cameras fitted to synthetic boxes and shifts.
 
 use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::splits::Side;
@@ -7,31 +7,15 @@ use dataset::geometry::imaging::Imaging;
 use testkit::synthetic::{Changed, SyntheticCorpus};
 
 use super::*;
-use crate::samples::{DistanceRange, Samples};
-
-fn read(corpus: &SyntheticCorpus) -> Samples {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = corpus.write(folder.path()).unwrap();
-    let range = DistanceRange {
-        min_nm: 0.5,
-        max_nm: None,
-    };
-    Samples::read(&corpus, None, range).unwrap()
-}
-
-fn registered() -> SyntheticCorpus {
-    SyntheticCorpus {
-        shift_noise_px: Some(0.05),
-        ..SyntheticCorpus::tiny()
-    }
-}
+use crate::samples::Samples;
+use crate::samples::tests::fixtures::registered_corpus;
 
 fn fit(rig: &Cameras, samples: &Samples, training: &[&Sample]) -> Option<SelfCalibrated> {
     let config = SelfCalibrationConfig::default();
     SelfCalibrated::fit(rig, &samples.scenarios, training, &config)
 }
 
-/// The rig as a plan might have it: turned, zoomed and moved from where the cameras are.
+/// A planned rig that is turned, zoomed and moved relative to the true one.
 fn planned(true_rig: &Cameras, turned_deg: f64, focal_ratio: f64) -> Cameras {
     let off = |(index, (view, entry)): (usize, (&String, &CameraEntry))| {
         let sign = if index == 0 { 1.0 } else { -1.0 };
@@ -47,7 +31,7 @@ fn planned(true_rig: &Cameras, turned_deg: f64, focal_ratio: f64) -> Cameras {
     true_rig.iter().enumerate().map(off).collect()
 }
 
-/// Mean and largest error on test samples that two views saw, percent.
+/// Mean and maximum error on test samples seen by two views, percent.
 fn errors_pct(fitted: &SelfCalibrated, samples: &Samples) -> (f64, f64) {
     let locator = fitted.locator();
     let test = samples.of_side(Side::Test).into_iter();
@@ -63,7 +47,7 @@ fn errors_pct(fitted: &SelfCalibrated, samples: &Samples) -> (f64, f64) {
     (mean, errors.iter().copied().fold(0.0, f64::max))
 }
 
-/// By how many of its standard deviations each number of a fitted camera differs from the true camera.
+/// Normalised error of each camera number.
 fn deviations_off(fitted: &FittedCamera, truth: &Camera) -> [f64; UNKNOWNS] {
     let found = fitted.camera();
     let seen = found.ecef_from_camera.transpose() * truth.ecef_from_camera;
@@ -87,7 +71,7 @@ fn deviations_off(fitted: &FittedCamera, truth: &Camera) -> [f64; UNKNOWNS] {
 
 #[test]
 fn cameras_that_are_not_where_the_plan_has_them_are_found_within_their_stated_deviations() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.5);
     let rig = planned(&samples.rig.cameras, 0.7, 0.97);
     let fitted = fit(&rig, &samples, &samples.of_side(Side::Train)).unwrap();
     for (camera, truth) in fitted.cameras.iter().zip(&samples.scenarios[0].cameras) {
@@ -100,7 +84,7 @@ fn cameras_that_are_not_where_the_plan_has_them_are_found_within_their_stated_de
             "{:?}",
             camera.sd
         );
-        // Half of the 1.5 m error of both heights is absorbed by the height of the aircraft's point.
+        // Half of the common 1.5 m error in height is absorbed by the height of the point.
         assert!(
             camera.sd.up_m < 2.0 && camera.ticks > 100,
             "{:?}",
@@ -119,7 +103,7 @@ fn cameras_that_are_not_where_the_plan_has_them_are_found_within_their_stated_de
 
 #[test]
 fn two_degrees_and_ten_percent_of_zoom_are_within_reach_of_the_fit() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.5);
     let rig = planned(&samples.rig.cameras, 2.0, 1.1);
     let fitted = fit(&rig, &samples, &samples.of_side(Side::Train)).unwrap();
     let (mean, _) = errors_pct(&fitted, &samples);
@@ -128,7 +112,7 @@ fn two_degrees_and_ten_percent_of_zoom_are_within_reach_of_the_fit() {
 
 #[test]
 fn one_flight_is_enough_and_states_that_it_knows_less() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.5);
     let training = samples.of_side(Side::Train);
     let rig = planned(&samples.rig.cameras, 0.3, 1.02);
     let all = fit(&rig, &samples, &training).unwrap();
@@ -145,7 +129,7 @@ fn one_flight_is_enough_and_states_that_it_knows_less() {
 
 #[test]
 fn boxes_of_other_things_hardly_move_it() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.5);
     let mut training: Vec<Sample> = samples.of_side(Side::Train).into_iter().cloned().collect();
     for seen in training
         .iter_mut()
@@ -164,7 +148,7 @@ fn boxes_of_other_things_hardly_move_it() {
 
 #[test]
 fn a_view_that_saw_nothing_is_not_fitted_and_two_views_are_needed_to_fit_and_to_answer() {
-    let samples = read(&registered());
+    let samples = Samples::synthetic(&registered_corpus(0.05), 0.5);
     let one_eyed: Vec<Sample> = samples
         .of_side(Side::Train)
         .into_iter()
@@ -194,7 +178,7 @@ fn a_view_that_saw_nothing_is_not_fitted_and_two_views_are_needed_to_fit_and_to_
 
 #[test]
 fn a_third_view_without_boxes_leaves_the_other_two_as_they_are() {
-    let mut samples = read(&registered());
+    let mut samples = Samples::synthetic(&registered_corpus(0.05), 0.5);
     let mut rig = samples.rig.cameras.clone();
     let third = rig["right"].clone();
     rig.insert("third".into(), third);
@@ -219,10 +203,13 @@ fn lenses_of_the_rig_count_and_bent_light_goes_into_tilt_and_height() {
         refraction_coefficient,
         degradation: None,
     };
-    let samples = read(&SyntheticCorpus {
-        imaging: imaging(0.13),
-        ..registered()
-    });
+    let samples = Samples::synthetic(
+        &SyntheticCorpus {
+            imaging: imaging(0.13),
+            ..registered_corpus(0.05)
+        },
+        0.5,
+    );
     let mut rig = samples.rig.cameras.clone();
     for entry in rig.values_mut() {
         *entry = entry.clone().with_imaging(&imaging(0.0));
@@ -234,10 +221,13 @@ fn lenses_of_the_rig_count_and_bent_light_goes_into_tilt_and_height() {
 
 #[test]
 fn cameras_that_differ_between_scenarios_give_their_mean_and_a_large_deviation() {
-    let samples = read(&SyntheticCorpus {
-        turned_deg: 0.1,
-        ..registered()
-    });
+    let samples = Samples::synthetic(
+        &SyntheticCorpus {
+            turned_deg: 0.1,
+            ..registered_corpus(0.05)
+        },
+        0.5,
+    );
     let fitted = fit(
         &samples.rig.nominal,
         &samples,
@@ -264,17 +254,20 @@ fn cameras_that_differ_between_scenarios_give_their_mean_and_a_large_deviation()
 
 #[test]
 fn a_turned_and_zoomed_camera_is_fitted_again_and_the_other_one_is_not_touched() {
-    let before = read(&registered());
+    let before = Samples::synthetic(&registered_corpus(0.05), 0.5);
     let training = before.of_side(Side::Train);
     let fitted = fit(&before.rig.cameras, &before, &training).unwrap();
-    let after = read(&SyntheticCorpus {
-        changed: Some(Changed {
-            view: "left",
-            turned_deg: 2.0,
-            zoom: 1.1,
-        }),
-        ..registered()
-    });
+    let after = Samples::synthetic(
+        &SyntheticCorpus {
+            changed: Some(Changed {
+                view: "left",
+                turned_deg: 2.0,
+                zoom: 1.1,
+            }),
+            ..registered_corpus(0.05)
+        },
+        0.5,
+    );
     let config = SelfCalibrationConfig::default();
     let flights = after.of_side(Side::Train);
     let refitted = fitted
@@ -287,7 +280,7 @@ fn a_turned_and_zoomed_camera_is_fitted_again_and_the_other_one_is_not_touched()
     assert!(new < 1.3 * old, "{new} {old}");
     let camera = refitted.cameras[0].as_ref().unwrap();
     let truth = &after.scenarios[0].cameras[0];
-    // The other camera and the point on the aircraft are taken for exact.
+    // The second camera and the point on the aircraft are taken as exact.
     let off = deviations_off(camera, truth);
     assert!(
         (camera.adjustment.pan_deg - 2.0).abs() < 0.01 && off[3].abs() < 10.0,

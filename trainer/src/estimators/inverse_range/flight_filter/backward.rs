@@ -1,26 +1,29 @@
-//! Smoother of a flight: what is known at each tick from all ticks, along the decisions of the likeliest hypothesis at the end.
+//! Smoother: states from all ticks, along the decisions of the most likely final hypothesis.
 
 use super::forward::{Tick, fits_of};
 use super::gaussian::{Gaussian, Step};
-use super::hypothesis::{Decision, Hypothesis, Known, Model, step};
+use super::hypothesis::{Decision, Hypothesis, Model, MotionState, step};
 use super::motion::Motion;
 
-/// State after a tick.
 #[derive(Debug, Clone)]
-struct Moment {
-    /// Transition since the previous tick; `None` where the filter began.
+struct TickState {
+    /// Transition since the previous tick; `None` where the filter starts.
     step: Option<Step>,
-    /// State predicted from the previous ticks.
+    /// Prediction from the previous ticks.
     expected: Gaussian,
-    /// What is known with this tick: motion first, then the smooth errors of the fits.
+    /// State including this tick: motion first, then the fits' smooth errors.
     known: Gaussian,
-    /// Factor of all variances.
+    /// Factor for all variances.
     inflation: f64,
     level: f64,
 }
 
-/// What is known of the motion at each tick; `None` before the first measurement.
-pub(super) fn smooth(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<Known>> {
+/// Motion at each tick; `None` before the first measurement.
+pub(super) fn smooth(
+    model: Model,
+    ticks: &[Tick],
+    decisions: &[Decision],
+) -> Vec<Option<MotionState>> {
     let mut moments = along(model, ticks, decisions);
     for next in (1..moments.len()).rev() {
         let (before, after) = moments.split_at_mut(next);
@@ -31,7 +34,7 @@ pub(super) fn smooth(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Ve
             before.known = known;
         }
     }
-    let motion = |moment: Moment| Known {
+    let motion = |moment: TickState| MotionState {
         motion: moment.known.first(Motion::UNKNOWNS, moment.inflation),
         level: moment.level,
     };
@@ -41,12 +44,12 @@ pub(super) fn smooth(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Ve
         .collect()
 }
 
-/// The filter's states along these decisions, with the factors of variances from all ticks.
-fn along(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<Moment>> {
+/// The filter's states along these decisions, with variance factors from all ticks.
+fn along(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<TickState>> {
     let fits = fits_of(ticks);
     let mut last: Option<(f64, Hypothesis)> = None;
     let mut counts = Vec::with_capacity(ticks.len());
-    let mut moments: Vec<Option<Moment>> = Vec::with_capacity(ticks.len());
+    let mut moments: Vec<Option<TickState>> = Vec::with_capacity(ticks.len());
     for (tick, &decision) in ticks.iter().zip(decisions) {
         let mut count = 1.0;
         let mut advanced = None;
@@ -86,7 +89,7 @@ fn along(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<Mom
                 next.learn(model, &fits, measurement, count);
             }
             last = Some((tick.time_s, next.clone()));
-            Moment {
+            TickState {
                 step,
                 expected,
                 known: next.known,

@@ -1,46 +1,41 @@
-//! The error of one fit of `inverse_range`: how large it is at a distance, and for how long it stays.
+//! Error model for one fit of `inverse_range`: size by distance, and correlation in time.
 //!
-//! A filter that takes errors for independent becomes surer with each tick than it may. A part of the error is new at every tick; the
-//! rest is a smooth process (Matérn's with 3/2, a second-order Gauss-Markov process), because it comes from flying beside or above the
-//! usual path, or from the side from which the aircraft is seen.
+//! A filter that assumes independent errors becomes overconfident with each tick. A part of the error is new at every tick; the rest is a
+//! smooth process (Matérn's with 3/2, a second-order Gauss-Markov process), because it comes from flying beside or above the usual path, or
+//! from the aspect angle.
 
 use dataset::numbers::spread::deviation_from_zero;
 use serde::{Deserialize, Serialize};
 
-use super::gaussian::{Block, Gaussian, Step, log_likelihood};
-use crate::estimators::inverse_range::{Measurement, scale_m};
+use super::gaussian::{Block, Gaussian, OUTLIER_DEVIATIONS, Step, log_likelihood};
+use crate::estimators::inverse_range::{MIN_DEVIATION, Measurement, scale_m};
 
-/// Ticks by which a deviation is measured, and most distances at which one is.
+/// Ticks per measured deviation, and maximum number of distances.
 const TICKS_PER_DISTANCE: usize = 40;
 const MAX_DISTANCES: usize = 10;
-/// Errors beyond this many robust deviations count as this many.
-const MAX_ERROR: f64 = 5.0;
-/// Lower limit of deviations, for exact positions.
-const MIN_DEVIATION: f64 = 1e-6;
-/// Ticks at most by which correlation is fitted; more do not change it.
+/// Maximum number of ticks for fitting the correlation; more do not change it.
 const MAX_TICKS: usize = 50_000;
-/// Candidates of a fit.
+/// Candidates.
 const NEW_SHARES: [f64; 9] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 0.5, 0.7, 0.9];
 const HALF_TIMES_S: [f64; 10] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
 /// Argument at which Matérn's correlation `(1 + x) exp(-x)` is a half.
 const HALF: f64 = 1.678_346_990_016_661;
 
-/// Relative errors of the distance, for places of the best precision.
+/// Relative errors of the distance, normalised to the best precision.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CorrelatedError {
     /// Distances, ascending, metres.
     pub(super) distances_m: Vec<f64>,
-    /// Standard deviations at them.
+    /// Standard deviations at these distances.
     pub(super) deviations: Vec<f64>,
-    /// Share of the variance that is new at each tick.
+    /// New share of the variance per tick.
     pub(super) new_share: f64,
-    /// Time after which the rest has a correlation of a half, seconds.
+    /// Correlation half-life for the rest, seconds.
     pub(super) half_time_s: f64,
 }
 
-/// An error that was observed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Observed {
+pub(super) struct ErrorSample {
     pub(super) time_s: f64,
     pub(super) distance_m: f64,
     pub(super) error: f64,
@@ -50,7 +45,7 @@ impl CorrelatedError {
     /// Number of unknowns: the smooth part in its standard deviations, and its rate.
     pub(super) const UNKNOWNS: usize = 2;
 
-    /// Of a fit that is only known by the deviation on the training side.
+    /// Default model for a fit with only its deviation in training.
     pub(super) fn of_deviation(deviation: f64) -> Self {
         Self {
             distances_m: vec![1.0],
@@ -60,8 +55,8 @@ impl CorrelatedError {
         }
     }
 
-    /// Fits the errors of some flights, by their likelihood; `None` without any.
-    pub(super) fn fit(flights: &[Vec<Observed>]) -> Option<Self> {
+    /// Maximum-likelihood fit to errors; `None` without any.
+    pub(super) fn fit(flights: &[Vec<ErrorSample>]) -> Option<Self> {
         let (distances_m, deviations) = deviations_by_distance(flights)?;
         let mut best = Self {
             distances_m,
@@ -94,8 +89,8 @@ impl CorrelatedError {
         Some(best)
     }
 
-    /// The same process in the size that other flights have.
-    pub(super) fn with_deviations_of(&self, flights: &[Vec<Observed>]) -> Self {
+    /// Copy with error sizes from other flights.
+    pub(super) fn with_deviations_of(&self, flights: &[Vec<ErrorSample>]) -> Self {
         match deviations_by_distance(flights) {
             None => self.clone(),
             Some((distances_m, deviations)) => Self {
@@ -107,10 +102,13 @@ impl CorrelatedError {
     }
 
     /// Errors in standard deviations.
-    fn scaled(&self, flight: &[Observed]) -> Vec<(f64, f64)> {
-        let scaled = |observed: &Observed| {
+    fn scaled(&self, flight: &[ErrorSample]) -> Vec<(f64, f64)> {
+        let scaled = |observed: &ErrorSample| {
             let error = observed.error / self.deviation_at(observed.distance_m);
-            (observed.time_s, error.clamp(-MAX_ERROR, MAX_ERROR))
+            (
+                observed.time_s,
+                error.clamp(-OUTLIER_DEVIATIONS, OUTLIER_DEVIATIONS),
+            )
         };
         flight.iter().map(scaled).collect()
     }
@@ -125,7 +123,7 @@ impl CorrelatedError {
         })
     }
 
-    /// Standard deviation of the relative error at a distance, interpolated in its logarithm.
+    /// Standard deviation of the relative error, interpolated in its logarithm.
     pub(super) fn deviation_at(&self, distance_m: f64) -> f64 {
         let after = self.distances_m.partition_point(|&d| d < distance_m);
         let at = |index: usize| self.deviations.get(index).copied();
@@ -140,11 +138,11 @@ impl CorrelatedError {
         }
     }
 
-    /// Standard deviations of the error of a measurement at a distance, metres: of its smooth part, and of what is new at each tick.
+    /// Measurement error as standard deviations, metres: smooth part, and new part per tick.
     pub(super) fn parts_m(&self, measurement: &Measurement, distance_m: f64) -> [f64; 2] {
         let least_m = self.deviation_at(distance_m) * scale_m(distance_m);
         let whole_m = least_m / measurement.precision;
-        // Where shifts are less certain, errors are new at each tick. A formula of one view that is far from its training stays wrong.
+        // Less certain shifts add new errors. The formula for one view far from its training stays wrong.
         let with_smooth_m = if measurement.of_one_view {
             whole_m
         } else {
@@ -157,7 +155,6 @@ impl CorrelatedError {
         ]
     }
 
-    /// Initial variances of the smooth part and its rate.
     pub(super) fn variances(&self) -> [f64; Self::UNKNOWNS] {
         [1.0, self.rate_per_s().powi(2)]
     }
@@ -190,9 +187,9 @@ impl CorrelatedError {
     }
 }
 
-/// Some distances, ascending, and the standard deviations at them; `None` without any error.
-fn deviations_by_distance(flights: &[Vec<Observed>]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let mut all: Vec<Observed> = flights.concat();
+/// Distances, ascending, with standard deviations; `None` without any error.
+fn deviations_by_distance(flights: &[Vec<ErrorSample>]) -> Option<(Vec<f64>, Vec<f64>)> {
+    let mut all: Vec<ErrorSample> = flights.concat();
     all.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
     let parts = (all.len() / TICKS_PER_DISTANCE).clamp(1, MAX_DISTANCES);
     let parts = all.chunks(all.len().div_ceil(parts).max(1)).map(|part| {
@@ -203,10 +200,9 @@ fn deviations_by_distance(flights: &[Vec<Observed>]) -> Option<(Vec<f64>, Vec<f6
     (!all.is_empty()).then_some((distances_m, deviations))
 }
 
-/// Root mean square without outliers.
-fn deviation(part: &[Observed]) -> f64 {
+fn deviation(part: &[ErrorSample]) -> f64 {
     let errors = || part.iter().map(|observed| observed.error);
-    let largest = (MAX_ERROR * deviation_from_zero(errors())).max(MIN_DEVIATION);
+    let largest = (OUTLIER_DEVIATIONS * deviation_from_zero(errors())).max(MIN_DEVIATION);
     let squares = errors().map(|error| error.clamp(-largest, largest).powi(2));
     (squares.sum::<f64>() / part.len().max(1) as f64)
         .sqrt()

@@ -1,4 +1,4 @@
-//! Answers of a filter: numbers with their standard deviations and intervals.
+//! Filter output: numbers with standard deviations and intervals.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,31 +6,26 @@ use super::gaussian::{Gaussian, Step};
 use super::motion::Motion;
 use crate::estimators::inverse_range::scale_m;
 
-/// A relative standard deviation of the distance above which there is no answer.
+/// Maximum relative standard deviation of the distance in an answer.
 const MAX_DEVIATION: f64 = 0.2;
-/// Slower is not an approach, m/s.
+/// Minimum approach speed, m/s.
 const MIN_SPEED_MPS: f64 = 5.0;
-/// Longer is not an approach, seconds.
-const MAX_S: f64 = 4_000.0;
-/// Steps in which the time to touchdown is looked ahead, seconds.
+/// Maximum prediction step towards touchdown, seconds.
 const LOOK_AHEAD_S: f64 = 10.0;
-/// Iterations for the time to touchdown.
 const ITERATIONS: usize = 10;
-/// Half the width of the interval that 90 % of a normal distribution lie in, in standard deviations.
+/// Normal quantile for a central 90 % interval.
 const NORMAL_90: f64 = 1.644_853_626_951_472_7;
 
-/// A number, how sure it is, and where it is with a chance of 90 %.
+/// A number with standard deviation and 90 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Estimated {
-    /// The most likely one.
+    /// Most likely value.
     pub value: f64,
-    /// Standard deviation.
     pub sd: f64,
-    /// Ends of the 90 % interval.
     pub interval: [f64; 2],
 }
 
-/// An answer to a tick.
+/// Estimate at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Estimate {
     /// Distance to touchdown, metres.
@@ -42,23 +37,22 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// The distances alone.
     pub(crate) fn distances_m(estimates: &[Option<Self>]) -> Vec<Option<f64>> {
         let distance_m = |estimate: &Option<Self>| Some(estimate.as_ref()?.distance_m.value);
         estimates.iter().map(distance_m).collect()
     }
 }
 
-/// Uncertainty of an answer beyond the filter's covariance.
+/// Uncertainty beyond the filter's covariance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Widening {
-    /// Factor of the standard deviation of the distance.
+    /// Factor for the standard deviation of the distance.
     pub(super) scale: f64,
-    /// Standard deviation of the inverse range by an error that all ticks share, which the filter cannot reduce, 1/m.
+    /// Standard deviation of the inverse range due to common errors, which the filter cannot reduce, 1/m.
     pub(super) common_sd_per_m: f64,
 }
 
-/// Half widths of the 90 % intervals, in standard deviations.
+/// 90 % interval half widths, in standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HalfWidths {
     pub(super) distance: f64,
@@ -67,7 +61,7 @@ pub(crate) struct HalfWidths {
 }
 
 impl HalfWidths {
-    /// Half widths for normal distributions.
+    /// Widths for normal distributions.
     pub(super) const NORMAL: Self = Self {
         distance: NORMAL_90,
         ground_speed: NORMAL_90,
@@ -78,7 +72,7 @@ impl HalfWidths {
         [self.distance, self.ground_speed, self.time_to_touchdown]
     }
 
-    /// The answer that follows from what is known of the motion. `None` if it is too vague, or no distance.
+    /// Estimate from the motion; `None` if it is too uncertain or has no distance.
     pub(super) fn estimate(
         &self,
         motion: &Motion,
@@ -89,7 +83,7 @@ impl HalfWidths {
         let distance_m = known.mean[0];
         let speed_mps = motion.mean_speed_mps + known.mean[1];
         let common_sd_m = widening.common_sd_per_m * scale_m(distance_m).powi(2);
-        // A common error grows with the square of the distance; the speed's is its rate of change.
+        // A common error grows with the square of the distance; the speed's error is its rate of change.
         let common_sd_mps = 2.0 * common_sd_m / scale_m(distance_m) * speed_mps;
         let estimate = Estimate {
             distance_m: estimated(
@@ -101,7 +95,7 @@ impl HalfWidths {
             time_to_touchdown_s: time_to_touchdown_s(motion, known, common_sd_m)
                 .map(|(time_s, sds_s)| estimated(time_s, sds_s, self.time_to_touchdown)),
         };
-        // NaN is not below.
+        // NaN fails this test.
         let is_answer = distance_m > 0.0
             && sd(0).hypot(common_sd_m) <= MAX_DEVIATION * distance_m
             && sd(1).is_finite()
@@ -110,8 +104,7 @@ impl HalfWidths {
     }
 }
 
-/// `sds`: standard deviations of the filter's error and of the common error. `half_width` was fitted to the filter's errors; common errors
-/// are taken for normal.
+/// `sds`: standard deviations of filter error and common error. `half_width` was fitted to filter errors; common errors are assumed normal.
 fn estimated(value: f64, sds: [f64; 2], half_width: f64) -> Estimated {
     let [own, common] = sds;
     let half = (half_width * own).hypot(NORMAL_90 * common);
@@ -122,8 +115,8 @@ fn estimated(value: f64, sds: [f64; 2], half_width: f64) -> Estimated {
     }
 }
 
-/// Expected time until the distance is 0, with the standard deviations of its two errors (the filter's and the common one): each is the
-/// deviation of the position at that time, divided by the speed.
+/// Expected time until the distance is 0, with two standard deviations (filter error, common error): the deviation of the position at that
+/// time, divided by the speed.
 fn time_to_touchdown_s(
     motion: &Motion,
     known: &Gaussian,
@@ -140,7 +133,7 @@ fn time_to_touchdown_s(
     for _ in 0..ITERATIONS {
         let (distance_m, speed_mps) = after(time_s);
         let next_s: f64 = time_s + distance_m / speed_mps;
-        if !(speed_mps >= MIN_SPEED_MPS && (0.0..=MAX_S).contains(&next_s)) {
+        if !(speed_mps >= MIN_SPEED_MPS && (0.0..f64::INFINITY).contains(&next_s)) {
             return None;
         }
         time_s = next_s;

@@ -1,73 +1,69 @@
-//! Forward filter of a flight: what is known after each tick, given the ticks so far.
+//! Forward filter: the state after each tick, from past ticks.
 //!
-//! The most precise measurement of a tick corrects the aircraft's motion. Single views, which are far less precise, only learn their own
-//! errors from it, so that they are of use when the others are missing.
+//! The most precise measurement at a tick corrects the aircraft's motion. Single views, which are far less precise, only learn their own
+//! errors from it, so that they are useful when the others are missing.
 //!
-//! Which measurements are outliers, and how large the other errors of this flight are, is not known: the answer is of the likeliest of some
-//! hypotheses (a Gaussian sum: Alspach and Sorenson 1972). At each tick every hypothesis continues in several ways, weighed by
-//! likelihood: the measurement is taken, with new errors as large as before or half or twice as large; it is an outlier; or it is a
-//! beginning, what was known being of something else. Outliers come in groups. Hypotheses that have become alike are one again, and of the
-//! rest the heaviest stay.
+//! Which measurements are outliers, and how large this flight's other errors are, is unknown: several hypotheses compete (a Gaussian sum:
+//! Alspach and Sorenson 1972), and the most likely one answers. At each tick every hypothesis branches, weighed by likelihood: the
+//! measurement is accepted, with new errors at the same size or half or twice as large; it is an outlier; or it starts a new track, and the
+//! old state belongs to a different object. Outliers come in groups. Similar hypotheses are merged, and of the rest the heaviest stay.
 //!
-//! The part of an error that is new at each tick of the training is not new thirty times per second: video compression, pixel phase and the
-//! air change more slowly. So if ticks follow each other faster, each counts for proportionally less.
+//! Errors that are new at each tick in training are not new thirty times per second: video compression, pixel phase and the air change more
+//! slowly. So if ticks follow each other faster, each has proportionally less weight.
 
 use crate::estimators::inverse_range::Measurement;
 
 use super::gaussian::Step;
-use super::hypothesis::mixture::{State, mixed};
-use super::hypothesis::{Decision, Hypothesis, Known, Levelled, Model, step};
+use super::hypothesis::{Decision, Hypothesis, Model, MotionState, ScaledReading, step};
+use super::mixture::{Component, mixed};
 
-/// Chances at a usual tick: that an outlier follows a good measurement, that it follows an outlier (groups have three on average), and that
-/// what was known is of something else. No flight was measured for these and what follows; tests/disturbed.rs has the simulated flights
-/// that they were tried on.
+/// Time constant of misfits, of common errors, and of former answers, s.
+pub(super) const MEMORY_S: f64 = 20.0;
+/// Probabilities per usual tick: an outlier after a good measurement, an outlier after an outlier (groups have three on average), and a new
+/// track. Neither these nor the following constants were measured on flights; disturbed_tests.rs has the simulated flights that they were
+/// tuned on.
 const OUTLIER: f64 = 0.01;
 const NEXT_OUTLIER: f64 = 0.7;
 const BEGINNING: f64 = 1e-4;
-/// Chance that errors are half as large from now on, or twice.
+/// Probability that errors halve or double.
 const LEVEL_CHANGE: f64 = 0.003;
-/// New errors up to this many times the usual deviation: a camera that shakes by two pixels makes them 65 times as large.
+/// Maximum factor of new errors: a camera that shakes by two pixels makes them 65 times as large.
 const MAX_ERROR: f64 = 100.0;
-/// Hypotheses at most, and the weight beside the heaviest, at a usual tick, below which one ends.
 const MAX_HYPOTHESES: usize = 10;
+/// Minimum tick weight, and minimum hypothesis weight relative to the heaviest at a usual tick. A former answer that a new track displaced
+/// keeps this weight ...
 const MIN_WEIGHT: f64 = 1e-3;
-/// A former answer that a beginning displaced has at least this weight ...
-const DISPLACED: f64 = 1e-3;
-/// ... until it was without a measurement for so long, seconds or usual ticks: false boxes rarely last longer.
-const DISPLACED_S: f64 = 20.0;
+/// ... until it had no measurement for [`MEMORY_S`] or this many usual ticks: false boxes rarely last longer.
 const DISPLACED_TICKS: f64 = 8.0;
-/// Smallest weight of a tick.
-const MIN_COUNT: f64 = 1e-3;
 
-/// Measurements of a tick, the most precise first.
+/// Measurements at a tick, the most precise first.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
     pub(super) time_s: f64,
     pub(super) measurements: Vec<Measurement>,
-    /// How far the rows of the views are from where they should be, pixels; `None` if no views are registered.
+    /// Row misfit, pixels; `None` without registered views.
     pub(super) row_misfit_px: Option<f64>,
 }
 
 impl Tick {
-    /// The most precise measurement.
     pub(super) fn best(&self) -> Option<&Measurement> {
         let best = self.measurements.first()?;
         best.distance_m.is_finite().then_some(best)
     }
 
-    /// The other measurements of single views.
+    /// Further measurements from single views.
     pub(super) fn others(&self) -> impl Iterator<Item = &Measurement> {
         let others = self.measurements.iter().skip(1);
         others.filter(|measurement| measurement.of_one_view)
     }
 
-    /// How much of a usual tick one is that follows after some seconds.
+    /// Weight relative to a usual tick, by the time since the last tick.
     pub(super) fn count(model: Model, seconds: f64) -> f64 {
-        (seconds / model.tick_s).clamp(MIN_COUNT, 1.0)
+        (seconds / model.tick_s).clamp(MIN_WEIGHT, 1.0)
     }
 }
 
-/// The fits whose errors are unknowns of a flight, ascending.
+/// Fits with unknown errors in a flight, ascending.
 pub(super) fn fits_of(ticks: &[Tick]) -> Vec<usize> {
     let used = |tick: &Tick| -> Vec<usize> {
         let used = tick.best().into_iter().chain(tick.others());
@@ -79,15 +75,14 @@ pub(super) fn fits_of(ticks: &[Tick]) -> Vec<usize> {
     fits
 }
 
-/// A flight by its ticks so far and by all of them.
+/// A filtered flight.
 pub(super) struct Filtered {
-    /// What is known of the motion after each tick; `None` before the first measurement.
-    pub(super) known: Vec<Option<Known>>,
-    /// Decision at each tick of the hypothesis that is the likeliest by all ticks.
+    /// Motion after each tick; `None` before the first measurement.
+    pub(super) known: Vec<Option<MotionState>>,
+    /// Decisions of the hypothesis that is most likely after all ticks.
     pub(super) decisions: Vec<Decision>,
 }
 
-/// Filters a flight.
 pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
     let mut filter = Filter::new(model, fits_of(ticks));
     filter.decided = Some(Vec::new());
@@ -97,7 +92,7 @@ pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
     }
 }
 
-/// Levels of new errors, up to the largest ones of the most precise fit.
+/// Number of error levels, up to the maximum error of the most precise fit.
 fn levels(model: Model) -> u8 {
     let new_share = model.errors.first().map_or(1.0, |error| error.new_share);
     (MAX_ERROR / new_share.sqrt())
@@ -106,64 +101,61 @@ fn levels(model: Model) -> u8 {
         .clamp(0.0, 10.0) as u8
 }
 
-/// A hypothesis among others.
 #[derive(Clone)]
-struct Weighed {
+struct WeightedHypothesis {
     hypothesis: Hypothesis,
-    /// Logarithm of the weight beside the heaviest.
+    /// Logarithm of the weight relative to the heaviest.
     log_weight: f64,
-    /// Logarithm of the weight by all ticks, also of a former answer whose weight was raised.
+    /// Logarithm of the weight from all ticks, without the minimum for a former answer.
     log_whole: f64,
-    /// Number of the tick at which it began.
+    /// Tick number at the start.
     began: usize,
-    /// True if the heaviest hypothesis once began there.
+    /// True if the heaviest hypothesis once started there.
     was_answer: bool,
-    /// Time of the last measurement that was taken, seconds.
+    /// Time of the last accepted measurement, seconds.
     taken_s: f64,
-    /// Its last entry in [`Filter::decided`].
+    /// Last entry in [`Filter::decided`].
     decided: usize,
 }
 
-/// A decision of a hypothesis, and the entry before it.
+/// A decision with the index of the previous one.
 #[derive(Clone)]
-struct Decided {
+struct DecisionEntry {
     decision: Decision,
     tick: usize,
     before: Option<usize>,
 }
 
-/// One way in which a hypothesis continues.
-struct Way {
-    /// Number of the hypothesis.
+/// Possible continuation.
+struct Branch {
+    /// Index of the hypothesis.
     of: usize,
     decision: Decision,
     log_weight: f64,
-    /// What this tick adds to it.
+    /// Change in log weight at this tick.
     log_change: f64,
     is_displaced: bool,
 }
 
-/// The filter after some ticks. Unless decisions are kept, its memory does not grow with their number.
+/// Filter state. Unless decisions are kept, its memory is bounded.
 #[derive(Clone)]
 pub(super) struct Filter {
-    /// The fits whose errors are unknowns, ascending.
+    /// Fits with unknown errors, ascending.
     fits: Vec<usize>,
-    /// Highest level of new errors.
+    /// Maximum error level.
     levels: u8,
     /// Time of the last tick, seconds.
     time_s: f64,
-    /// The last step, and its seconds: ticks are equally far apart, but for rounding.
+    /// Last step with its duration: ticks are equally far apart, except for rounding.
     step: Option<(f64, Step)>,
     /// The heaviest first.
-    hypotheses: Vec<Weighed>,
-    /// Number of ticks so far.
+    hypotheses: Vec<WeightedHypothesis>,
     ticks: usize,
-    /// All decisions, if a smoother needs them.
-    decided: Option<Vec<Decided>>,
+    /// All decisions, for a smoother.
+    decided: Option<Vec<DecisionEntry>>,
 }
 
 impl Filter {
-    /// Before the first tick.
     pub(super) fn new(model: Model, fits: Vec<usize>) -> Self {
         Self {
             levels: levels(model),
@@ -176,8 +168,8 @@ impl Filter {
         }
     }
 
-    /// State of the motion after the next tick; `None` before the first measurement.
-    pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<Known> {
+    /// Motion after the next tick; `None` before the first measurement.
+    pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<MotionState> {
         let number = self.ticks;
         self.ticks += 1;
         let seconds = (tick.time_s - self.time_s).max(0.0);
@@ -209,7 +201,7 @@ impl Filter {
         let states = self.hypotheses.iter().map(|of| {
             let is_outlier = of.hypothesis.is_outlier;
             let is_taken = is_measured && !is_outlier;
-            State {
+            Component {
                 weight: of.log_weight.exp(),
                 known: &of.hypothesis.known,
                 inflation: of.hypothesis.inflation(is_taken, count),
@@ -221,14 +213,14 @@ impl Filter {
         let levels = self.hypotheses.iter().zip(weights());
         let levels = levels.map(|(of, weight)| weight * f64::from(of.hypothesis.level));
         let level = levels.sum::<f64>() / weights().sum::<f64>();
-        Some(Known { motion, level })
+        Some(MotionState { motion, level })
     }
 
     fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {
         let Some(decided) = &mut self.decided else {
             return 0;
         };
-        decided.push(Decided {
+        decided.push(DecisionEntry {
             decision,
             tick,
             before,
@@ -247,11 +239,11 @@ impl Filter {
         }
     }
 
-    /// The first measurement, with new errors of any size.
+    /// Starts with the first measurement, at every error level.
     fn begin(&mut self, model: Model, number: usize, best: &Measurement) {
         for level in 0..=self.levels {
             let decided = self.decide(Decision::Begun { level }, number, None);
-            self.hypotheses.push(Weighed {
+            self.hypotheses.push(WeightedHypothesis {
                 hypothesis: Hypothesis::begun(model, &self.fits, best, level),
                 // Each level is half as likely as the one below.
                 log_weight: -f64::from(level) * std::f64::consts::LN_2,
@@ -298,9 +290,16 @@ impl Filter {
         }
     }
 
-    /// The ways in which a hypothesis continues.
-    fn ways(&self, model: Model, of: usize, reading: &Levelled, count: f64, ways: &mut Vec<Way>) {
-        let Weighed {
+    /// All continuations for a hypothesis.
+    fn ways(
+        &self,
+        model: Model,
+        of: usize,
+        reading: &ScaledReading,
+        count: f64,
+        ways: &mut Vec<Branch>,
+    ) {
+        let WeightedHypothesis {
             hypothesis,
             log_weight,
             was_answer,
@@ -308,11 +307,11 @@ impl Filter {
             taken_s,
             ..
         } = &self.hypotheses[of];
-        let longest_s = DISPLACED_S.max(DISPLACED_TICKS * model.tick_s);
+        let longest_s = MEMORY_S.max(DISPLACED_TICKS * model.tick_s);
         let heaviest = &self.hypotheses[0];
         let is_displaced =
             *was_answer && *began != heaviest.began && self.time_s - taken_s <= longest_s;
-        // Chances are per usual tick.
+        // Probabilities are per usual tick.
         let outlier = if hypothesis.is_outlier {
             1.0 - (1.0 - NEXT_OUTLIER) * count
         } else {
@@ -320,7 +319,7 @@ impl Filter {
         };
         let mut way = |decision, chance: f64, log_likelihood: f64| {
             let log_change = count * log_likelihood + chance.ln();
-            ways.push(Way {
+            ways.push(Branch {
                 of,
                 decision,
                 log_weight: log_weight + log_change,
@@ -351,8 +350,8 @@ impl Filter {
         }
     }
 
-    /// The heaviest ways, and the heaviest one of a former answer; weights are beside the heaviest.
-    fn heaviest(mut ways: Vec<Way>, count: f64) -> Vec<Way> {
+    /// The heaviest branches, and a former answer's heaviest branch, with weights relative to the heaviest.
+    fn heaviest(mut ways: Vec<Branch>, count: f64) -> Vec<Branch> {
         ways.retain(|way| !way.log_weight.is_nan());
         ways.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
         let Some(highest) = ways.first().map(|way| way.log_weight) else {
@@ -370,14 +369,14 @@ impl Filter {
             way.log_weight -= highest;
         }
         if let Some(displaced) = ways.iter_mut().find(|way| way.is_displaced) {
-            displaced.log_weight = displaced.log_weight.max(DISPLACED.ln());
+            displaced.log_weight = displaced.log_weight.max(MIN_WEIGHT.ln());
         }
         ways
     }
 
-    /// Makes hypotheses that have become alike one, and sorts them.
+    /// Merges similar hypotheses, and sorts them.
     fn merge(&mut self) {
-        let mut merged: Vec<Weighed> = Vec::with_capacity(self.hypotheses.len());
+        let mut merged: Vec<WeightedHypothesis> = Vec::with_capacity(self.hypotheses.len());
         self.hypotheses
             .sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
         for of in self.hypotheses.drain(..) {
@@ -396,7 +395,7 @@ impl Filter {
             }
         }
         merged.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
-        if let Some(Weighed {
+        if let Some(WeightedHypothesis {
             log_weight, began, ..
         }) = merged.first()
         {
@@ -409,14 +408,15 @@ impl Filter {
         self.hypotheses = merged;
     }
 
-    /// The decisions of the hypothesis that is the likeliest by all ticks.
+    /// Decisions of the hypothesis that is most likely after all ticks.
     fn decisions(&self, ticks: usize) -> Vec<Decision> {
         let mut decisions = vec![Decision::Unmeasured; ticks];
         let decided = self.decided.as_deref().unwrap_or_default();
-        let by_all_ticks = |a: &&Weighed, b: &&Weighed| a.log_whole.total_cmp(&b.log_whole);
+        let by_all_ticks =
+            |a: &&WeightedHypothesis, b: &&WeightedHypothesis| a.log_whole.total_cmp(&b.log_whole);
         let likeliest = self.hypotheses.iter().max_by(by_all_ticks);
         let mut next = likeliest.map(|of| of.decided);
-        while let Some(Decided {
+        while let Some(DecisionEntry {
             decision,
             tick,
             before,
@@ -429,7 +429,7 @@ impl Filter {
     }
 }
 
-/// Logarithm of the sum of two numbers, by their logarithms.
+/// Log-sum-exp for two numbers.
 fn log_sum(a: f64, b: f64) -> f64 {
     a.max(b) + (-(a - b).abs()).exp().ln_1p()
 }

@@ -1,29 +1,30 @@
-//! Normal distribution of a few unknowns, advanced in time, corrected by one number at a time (Kalman 1960), and smoothed backwards (Rauch,
-//! Tung and Striebel 1965).
+//! Normal distribution with a few unknowns: prediction and scalar updates (Kalman 1960), and backward smoothing (Rauch, Tung and Striebel
+//! 1965).
 
-mod matrix;
+use std::ops::{Index, IndexMut};
 
 use dataset::numbers::least_squares::CholeskyFactor;
 
-use matrix::{Matrix, dot};
+use crate::samples::robust_line::dot;
 
-/// Squared deviations beyond this count as this much in a likelihood, so that one slip does not decide a fit.
-const MAX_SURPRISE: f64 = 25.0;
+/// Standard deviations beyond which an error is an outlier, ...
+pub(super) const OUTLIER_DEVIATIONS: f64 = 5.0;
+/// ... and up to which it agrees.
+pub(super) const NEAR_DEVIATIONS: f64 = 3.0;
 
-/// A normal distribution.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Gaussian {
     pub(super) mean: Vec<f64>,
     pub(super) covariance: Matrix,
 }
 
-/// Transition of the unknowns over a time step: blocks on the diagonal.
+/// Transition over a time step, in diagonal blocks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
     transition: Matrix,
-    /// Covariance that is added.
+    /// Added covariance.
     noise: Matrix,
-    /// First unknown of each block, and the one after its last.
+    /// Start and end of each block.
     blocks: Vec<(usize, usize)>,
 }
 
@@ -34,7 +35,7 @@ impl Step {
         step
     }
 
-    /// For unknowns whose blocks are set one by one.
+    /// A step without blocks.
     pub(super) fn zero(size: usize) -> Self {
         Self {
             transition: Matrix::zero(size),
@@ -49,12 +50,12 @@ impl Step {
         self.blocks.push((at, at + N));
     }
 
-    /// The unknowns after the step, without noise.
+    /// Mean after the step.
     pub(super) fn moved(&self, unknowns: &[f64]) -> Vec<f64> {
         self.transition.times_vector(unknowns)
     }
 
-    /// Transition times a covariance. Only the blocks count: most elements of a transition are 0.
+    /// Transition times covariance, block by block: most transition elements are 0.
     fn times(&self, covariance: &Matrix) -> Matrix {
         let size = covariance.size;
         let mut product = Matrix::zero(size);
@@ -73,7 +74,7 @@ impl Step {
         product
     }
 
-    /// Transition times a covariance times the transposed transition, plus the noise.
+    /// Transition times covariance times transposed transition, plus noise.
     fn advanced(&self, covariance: &Matrix) -> Matrix {
         let moved = self.times(covariance);
         let mut advanced = self.noise.clone();
@@ -90,22 +91,21 @@ impl Step {
     }
 }
 
-/// Transition and noise of unknowns that time does not mix with others.
+/// Transition and noise for a block.
 pub(super) type Block<const N: usize> = ([[f64; N]; N], [[f64; N]; N]);
 
-/// A number that is a linear function of two unknowns, with an error.
+/// A linear function of two unknowns with an error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Reading {
-    /// The unknowns and their contributions to it.
+    /// Unknowns with their factors.
     pub(super) parts: [(usize, f64); 2],
-    /// The number minus its expectation.
+    /// Measured minus expected number.
     pub(super) misfit: f64,
-    /// Variance of its error.
+    /// Error variance.
     pub(super) variance: f64,
 }
 
 impl Gaussian {
-    /// Uncorrelated unknowns.
     pub(super) fn independent(mean: Vec<f64>, variances: &[f64]) -> Self {
         let mut covariance = Matrix::zero(mean.len());
         for (i, &variance) in variances.iter().enumerate() {
@@ -114,7 +114,7 @@ impl Gaussian {
         Self { mean, covariance }
     }
 
-    /// Of the first unknowns alone, their covariance multiplied by a factor.
+    /// Marginal distribution of the first unknowns, with a variance factor.
     pub(super) fn first(&self, unknowns: usize, factor: f64) -> Self {
         let mut first = Self::independent(self.mean[..unknowns].to_vec(), &[]);
         for i in 0..unknowns {
@@ -125,7 +125,6 @@ impl Gaussian {
         first
     }
 
-    /// After a step.
     pub(super) fn advanced(&self, step: &Step) -> Self {
         Self {
             mean: step.moved(&self.mean),
@@ -133,7 +132,7 @@ impl Gaussian {
         }
     }
 
-    /// Variance of the misfit of a reading.
+    /// Misfit variance for a reading.
     pub(super) fn variance_of(&self, reading: &Reading) -> f64 {
         let [(a, from_a), (b, from_b)] = reading.parts;
         let of = |i, j| self.covariance[(i, j)];
@@ -141,8 +140,8 @@ impl Gaussian {
         from_a * from_a * of(a, a) + shared + from_b * from_b * of(b, b) + reading.variance
     }
 
-    /// Takes a reading that only moves some of the unknowns (Schmidt 1966): the others are considered, with their errors, and stay.
-    /// The covariance is Joseph's form, which is true for any gain.
+    /// Update of some unknowns only (Schmidt 1966): the others are considered, with their errors, and stay. The covariance has Joseph's
+    /// form, which is valid for any gain.
     pub(super) fn correct(&mut self, reading: &Reading, moves: impl Fn(usize) -> bool) {
         let size = self.mean.len();
         let total = self.variance_of(reading);
@@ -167,12 +166,12 @@ impl Gaussian {
         }
     }
 
-    /// Smoothed state of this moment from all ticks: `self` is its state from the ticks so far, `predicted` the prediction of the next
-    /// moment from these, and `next` the smoothed next moment. `None` if the prediction leaves no freedom.
+    /// Smoothed state: `self` is the filtered state, `predicted` the prediction for the next tick, and `next` the smoothed state at the
+    /// next tick. `None` if the prediction is singular.
     pub(super) fn smoothed(&self, step: &Step, predicted: &Self, next: &Self) -> Option<Self> {
         let size = self.mean.len();
         let factor = CholeskyFactor::of(predicted.covariance.values.clone(), size)?;
-        // Row by row: the gain P F^T A^-1 is the transpose of the solution of A X = F P.
+        // Row by row: the gain P F^T A^-1 is the transposed solution of A X = F P.
         let cross = step.times(&self.covariance).transposed();
         let mut gain = Matrix::zero(size);
         for (row, values) in cross.rows().zip(gain.values.chunks_exact_mut(size)) {
@@ -191,8 +190,7 @@ impl Gaussian {
     }
 }
 
-/// Logarithm of the likelihood of a sequence of times and numbers, each the first unknown with an error of this variance; without
-/// constants.
+/// Log likelihood for a sequence with times and numbers, each the first unknown with this error variance; without constants.
 pub(super) fn log_likelihood(
     start: &Gaussian,
     sequence: &[(f64, f64)],
@@ -215,9 +213,90 @@ pub(super) fn log_likelihood(
             variance,
         };
         let total = known.variance_of(&reading);
-        let surprise = (reading.misfit.powi(2) / total).min(MAX_SURPRISE);
+        // One outlier must not decide a fit.
+        let surprise = (reading.misfit.powi(2) / total).min(OUTLIER_DEVIATIONS.powi(2));
         sum -= 0.5 * (total.ln() + surprise);
         known.correct(&reading, |_| true);
     }
     sum
+}
+
+/// Row-major square matrix.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Matrix {
+    pub(super) size: usize,
+    pub(super) values: Vec<f64>,
+}
+
+impl Matrix {
+    pub(super) fn zero(size: usize) -> Self {
+        Self {
+            size,
+            values: vec![0.0; size * size],
+        }
+    }
+
+    /// Sets a diagonal block that starts at `(at, at)`.
+    pub(super) fn set_block<const N: usize>(&mut self, at: usize, block: &[[f64; N]; N]) {
+        for (i, row) in block.iter().enumerate() {
+            let start = (at + i) * self.size + at;
+            self.values[start..start + N].copy_from_slice(row);
+        }
+    }
+
+    pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks_exact(self.size)
+    }
+
+    pub(super) fn row(&self, number: usize) -> &[f64] {
+        &self.values[number * self.size..(number + 1) * self.size]
+    }
+
+    pub(super) fn times_vector(&self, vector: &[f64]) -> Vec<f64> {
+        self.rows().map(|row| dot(row, vector)).collect()
+    }
+
+    pub(super) fn times(&self, other: &Self) -> Self {
+        let mut product = Self::zero(self.size);
+        for (row, sums) in self.rows().zip(product.values.chunks_exact_mut(other.size)) {
+            for (&factor, other_row) in row.iter().zip(other.rows()) {
+                for (sum, value) in sums.iter_mut().zip(other_row) {
+                    *sum += factor * value;
+                }
+            }
+        }
+        product
+    }
+
+    pub(super) fn transposed(&self) -> Self {
+        let mut transposed = Self::zero(self.size);
+        for i in 0..self.size {
+            for j in 0..self.size {
+                transposed[(j, i)] = self[(i, j)];
+            }
+        }
+        transposed
+    }
+
+    /// `self + sign * other`.
+    pub(super) fn plus(mut self, sign: f64, other: &Self) -> Self {
+        for (value, other) in self.values.iter_mut().zip(&other.values) {
+            *value += sign * other;
+        }
+        self
+    }
+}
+
+impl Index<(usize, usize)> for Matrix {
+    type Output = f64;
+
+    fn index(&self, (row, column): (usize, usize)) -> &f64 {
+        &self.values[row * self.size + column]
+    }
+}
+
+impl IndexMut<(usize, usize)> for Matrix {
+    fn index_mut(&mut self, (row, column): (usize, usize)) -> &mut f64 {
+        &mut self.values[row * self.size + column]
+    }
 }

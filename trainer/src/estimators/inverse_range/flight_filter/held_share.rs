@@ -1,30 +1,28 @@
-//! Width of intervals that contain a given share of the errors on new flights.
+//! Interval widths that hold a given share of the errors on new flights.
 //!
-//! Errors of one flight are alike, so flights are exchangeable and ticks are not. Errors of all flights are pooled, each flight with the
-//! same weight (Dunn, Wasserman and Ramdas, "Distribution-free prediction sets for two-layer hierarchical models", 2022), and a quantile of
-//! them is the width. The quantile at the share itself covers less of a flight that is not in the pool, the more so the fewer flights there
-//! are and the more alike the errors of a flight: of nine flights with one error each, the largest covers 90 % of others. The coverage of
-//! other flights is measured by leaving each flight out in turn, and the level is the lowest one that reaches the share (Beran,
-//! "Calibrating prediction regions", 1990).
+//! Errors within a flight are alike, so flights are exchangeable and ticks are not. Errors from all flights are pooled, each flight with
+//! the same weight (Dunn, Wasserman and Ramdas, "Distribution-free prediction sets for two-layer hierarchical models", 2022), and the width
+//! is a quantile of the pool. The quantile at the share itself covers less on a flight outside the pool, especially with few flights and
+//! similar errors within a flight: with nine flights and one error each, the largest covers 90 % of others. Leaving each flight out in turn
+//! measures the coverage, and the level is the lowest one that reaches the share (Beran, "Calibrating prediction regions", 1990).
 
-/// Errors of a flight at most; more quantiles of them do not change the width.
+/// Maximum number of errors per flight; more quantiles do not change the width.
 const MAX_ERRORS: usize = 400;
-/// Halvings of the interval in which the level is.
 const HALVINGS: usize = 12;
-/// 95 % quantiles of Student's t with 1, 2, ... degrees of freedom, divided by the quantile of the normal distribution.
+/// 95 % quantiles of Student's t with 1, 2, ... degrees of freedom, relative to the normal distribution.
 const STUDENT_OVER_NORMAL: [f64; 10] = [
     3.838, 1.775, 1.431, 1.296, 1.225, 1.181, 1.152, 1.131, 1.114, 1.102,
 ];
-/// Shares are sums of reciprocals.
+/// Rounding error in sums of reciprocals.
 const ROUNDING: f64 = 1e-9;
 
-/// The width that holds this share of the errors of a flight like these, on average. `flights`: absolute errors, in standard deviations.
-/// `None` without any.
+/// Width that holds this share of the errors on a new flight, on average. `flights`: absolute errors, in standard deviations. `None`
+/// without any.
 pub(super) fn width_that_holds(share: f64, flights: Vec<Vec<f64>>) -> Option<f64> {
     let pool = Pool::of(flights)?;
     let flights = pool.flights.len();
     if pool.held_of_others(1.0) < share {
-        // Even the largest error of all is too small, with so few flights. If flights differ by normal deviations, it is by about this.
+        // With so few flights, even the largest error is too small. If flights differ by normal deviations, this is the missing factor.
         let [.., last] = STUDENT_OVER_NORMAL;
         let wider = STUDENT_OVER_NORMAL.get(flights - 1).unwrap_or(&last);
         return Some(wider * pool.quantile(1.0, None));
@@ -41,11 +39,10 @@ pub(super) fn width_that_holds(share: f64, flights: Vec<Vec<f64>>) -> Option<f64
     Some(pool.quantile(high, None))
 }
 
-/// Errors of some flights.
 struct Pool {
-    /// By flight, ascending.
+    /// Per flight, ascending.
     flights: Vec<Vec<f64>>,
-    /// All of them, ascending, with their flights.
+    /// All errors with their flights, ascending.
     errors: Vec<(f64, usize)>,
 }
 
@@ -64,7 +61,7 @@ impl Pool {
         (!flights.is_empty()).then_some(Self { flights, errors })
     }
 
-    /// The smallest width that holds a share of the errors, of all flights but one; 0 if there is no other.
+    /// Smallest width that holds a share of the errors in all flights but one; 0 if there is no other.
     fn quantile(&self, share: f64, without: Option<usize>) -> f64 {
         let flights = self.flights.len() - usize::from(without.is_some());
         let enough = share * flights as f64 - ROUNDING;
@@ -83,7 +80,7 @@ impl Pool {
         largest
     }
 
-    /// Coverage of a left-out flight by the quantile at a level, mean over flights.
+    /// Mean coverage on a left-out flight by the quantile at this level.
     fn held_of_others(&self, level: f64) -> f64 {
         let held = self.flights.iter().enumerate().map(|(number, errors)| {
             let width = self.quantile(level, Some(number));
@@ -111,14 +108,14 @@ mod tests {
 
     const SHARE: f64 = 0.9;
 
-    /// Errors of a flight: how alike they are, and how much flights differ.
+    /// Kind of errors within a flight, and variation between flights.
     #[derive(Clone, Copy)]
     struct Kind {
-        /// Correlation of an error with the one before.
+        /// Correlation between successive errors.
         correlation: f64,
-        /// Share of the variance that is the same throughout a flight.
+        /// Share of the variance that is constant during a flight.
         constant_share: f64,
-        /// Standard deviation of the logarithm of a flight's size of errors.
+        /// Standard deviation of the logarithm of error sizes between flights.
         size_spread: f64,
     }
 

@@ -1,72 +1,63 @@
-//! One account of a flight so far: the measurements that are outliers, the size of the other errors, and the state that follows.
+//! A hypothesis about a flight: outliers, the size of other errors, and the resulting state.
 //!
-//! With this decided, a Kalman filter is exact. All variances have a common factor that the flight itself determines: its misfits in their
-//! variances, together with some usual ones. So the likelihood of a misfit is Student's t.
-
-pub(crate) mod mixture;
+//! Given these decisions, a Kalman filter is exact. All variances share a factor that the flight itself determines: the squared normalised
+//! misfits, with some usual ones as prior. So misfits have Student's t as likelihood.
 
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
 use super::correlated_error::CorrelatedError;
-use super::gaussian::{Gaussian, Reading, Step};
+use super::gaussian::{Gaussian, NEAR_DEVIATIONS, OUTLIER_DEVIATIONS, Reading, Step};
 use super::motion::Motion;
 
 /// Relative standard deviation of the distance before the first measurement.
 const FIRST_DEVIATION: f64 = 0.3;
-/// A measurement of a single view beside a better one is left out if it is off by more standard deviations, and the misfit of a better one
-/// counts as this much in the size of errors.
-const MAX_MISFIT: f64 = 5.0;
-/// Outliers are as likely to be off by one factor as by another, from this many standard deviations ...
-const MIN_OUTLIER: f64 = 3.0;
-/// ... to this part of the distance.
+/// Maximum outlier relative to the distance. Outliers are log-uniform in size, from [`NEAR_DEVIATIONS`] on.
 const MAX_OUTLIER: f64 = 0.5;
-/// Weight, in ticks, of the usual size of errors when the size of a flight's errors is estimated.
+/// Prior weight of the usual error size, in ticks.
 const USUAL_TICKS: f64 = 10.0;
-/// Weight below which ticks are faster than usual.
+/// Weight below which ticks count as faster than usual.
 const FASTER_COUNT: f64 = 0.75;
-/// Distance, in standard deviations, and relative difference of variances, within which states are the same.
-const SAME_MEAN: f64 = 0.1;
-const SAME_VARIANCE: f64 = 0.1;
+/// Maximum difference between equal states: means in standard deviations, and variances in relative terms.
+const SAME_STATE: f64 = 0.1;
 
-/// The usual motion and the usual errors.
+/// Usual motion and errors.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Model<'a> {
     pub(super) motion: &'a Motion,
-    /// By number of the fit.
+    /// Per fit.
     pub(super) errors: &'a [CorrelatedError],
-    /// Time between ticks whose errors are as new as `errors` has them, seconds.
+    /// Usual time between ticks, seconds.
     pub(super) tick_s: f64,
 }
 
-/// The meaning of the best measurement of a tick.
+/// Interpretation of the best measurement at a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Decision {
-    /// There is none.
+    /// No measurement.
     Unmeasured,
-    /// It is of the aircraft, and errors that are new at each tick are `2^level` times as large as usual.
+    /// Accepted, with new errors `2^level` times as large as usual.
     Taken { level: u8 },
-    /// It is of something else.
+    /// A different object.
     Outlier,
-    /// It is of the aircraft, and what was known is of something else.
+    /// A new track: the previous state belongs to a different object.
     Begun { level: u8 },
 }
 
-/// State after a tick.
 #[derive(Debug, Clone)]
 pub(super) struct Hypothesis {
-    /// Motion first, then the smooth errors of the fits.
+    /// Motion first, then the fits' smooth errors.
     pub(super) known: Gaussian,
-    /// Errors that are new at each tick are `2^level` times as large as usual.
+    /// New errors are `2^level` times as large as usual.
     pub(super) level: u8,
     /// True if the last best measurement was an outlier.
     pub(super) is_outlier: bool,
-    /// Squared misfits in their variances, and the number of usual ticks that they are from.
+    /// Sum of squared normalised misfits, and its number of usual ticks.
     squares: f64,
     ticks: f64,
 }
 
 impl Hypothesis {
-    /// A beginning at a measurement, with all errors unknown. `fits`: the fits whose errors are unknowns, ascending.
+    /// Starts at a measurement, with all errors unknown. `fits`: fits with unknown errors, ascending.
     pub(super) fn begun(
         model: Model,
         fits: &[usize],
@@ -98,13 +89,13 @@ impl Hypothesis {
         self.known.mean[0] -= model.motion.mean_speed_mps * seconds;
     }
 
-    /// What a measurement is to the state; `None` without the fit's error among the unknowns.
+    /// A measurement relative to the state; `None` if the fit's error is not among the unknowns.
     pub(super) fn reading(
         &self,
         model: Model,
         fits: &[usize],
         measurement: &Measurement,
-    ) -> Option<Levelled> {
+    ) -> Option<ScaledReading> {
         let number = fits.binary_search(&measurement.fit).ok()?;
         let error = &model.errors[measurement.fit];
         let place = place(number);
@@ -115,7 +106,7 @@ impl Hypothesis {
             misfit: measurement.distance_m - distance_m - of_smooth_m * self.known.mean[place],
             variance: 0.0,
         };
-        Some(Levelled {
+        Some(ScaledReading {
             of_state: self.known.variance_of(&reading),
             usual: new_m.powi(2),
             reading,
@@ -123,34 +114,34 @@ impl Hypothesis {
         })
     }
 
-    /// Logarithm of the likelihood of the best measurement if it is taken, errors being as large as at this level.
-    pub(super) fn log_taken(&self, read: &Levelled, level: u8) -> f64 {
+    /// Log likelihood of the best measurement if it is accepted at this error level.
+    pub(super) fn log_taken(&self, read: &ScaledReading, level: u8) -> f64 {
         let variance = self.factor() * read.variance(level);
         let square = read.reading.misfit.powi(2) / variance;
-        // The constant of Student's t is the one of the normal distribution up to this.
+        // Student's t has this normalisation in addition to the normal distribution's.
         let constant = (std::f64::consts::TAU * variance).ln() + 0.5 / self.ticks;
         -0.5 * (constant + (self.ticks + 1.0) * (square / self.ticks).ln_1p())
     }
 
-    /// The same if it is an outlier.
-    pub(super) fn log_outlier(&self, read: &Levelled) -> f64 {
-        let least_m = MIN_OUTLIER * (self.factor() * read.variance(self.level)).sqrt();
+    /// Log likelihood of the best measurement if it is an outlier.
+    pub(super) fn log_outlier(&self, read: &ScaledReading) -> f64 {
+        let least_m = NEAR_DEVIATIONS * (self.factor() * read.variance(self.level)).sqrt();
         let largest_m = (MAX_OUTLIER * read.distance_m).max(least_m);
         let sizes = 1.0 + (largest_m / least_m).ln();
         -(2.0 * sizes * read.reading.misfit.abs().max(least_m)).ln()
     }
 
-    /// Takes the best measurement. `count`: how much of a usual tick this one is.
-    pub(super) fn take(&mut self, read: &Levelled, level: u8, count: f64) {
+    /// Accepts the best measurement. `count`: its weight relative to a usual tick.
+    pub(super) fn take(&mut self, read: &ScaledReading, level: u8, count: f64) {
         let square = read.reading.misfit.powi(2) / read.variance(level);
-        self.squares += count * square.min(MAX_MISFIT.powi(2) * self.factor());
+        self.squares += count * square.min(OUTLIER_DEVIATIONS.powi(2) * self.factor());
         self.ticks += count;
         self.known.correct(&read.at(level, count), |_| true);
         self.level = level;
         self.is_outlier = false;
     }
 
-    /// Learns the error of a single view beside a better measurement: the motion stays.
+    /// Learns a single view's error next to a better measurement, without affecting the motion.
     pub(super) fn learn(
         &mut self,
         model: Model,
@@ -162,8 +153,8 @@ impl Hypothesis {
             return;
         };
         let square = read.reading.misfit.powi(2) / (self.factor() * read.variance(self.level));
-        // NaN is not below.
-        if square <= MAX_MISFIT.powi(2) {
+        // NaN fails this test.
+        if square <= OUTLIER_DEVIATIONS.powi(2) {
             let [_, (place, _)] = read.reading.parts;
             let own = place..place + CorrelatedError::UNKNOWNS;
             let reading = read.at(self.level, count);
@@ -176,10 +167,10 @@ impl Hypothesis {
         self.squares / self.ticks
     }
 
-    /// Factor of all variances. `is_measured`: this tick has a best measurement, which was taken.
+    /// Factor for all variances. `is_measured`: the best measurement at this tick was accepted.
     pub(super) fn inflation(&self, is_measured: bool, count: f64) -> f64 {
-        // Motion that no measurement corrects is not smaller because errors are. The misfits of ticks that share their errors are smaller
-        // than these errors.
+        // Motion without a measurement does not become more certain with small errors. Ticks with common errors have smaller misfits than
+        // these errors.
         if is_measured && count >= FASTER_COUNT {
             self.factor()
         } else {
@@ -187,38 +178,37 @@ impl Hypothesis {
         }
     }
 
-    /// True if the future of both is the same, but for rounding.
+    /// True if both hypotheses have the same future, except for rounding.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let alike = |unknown: usize| {
             let [a, b] = [self, other].map(|h| h.known.covariance[(unknown, unknown)]);
             let apart = self.known.mean[unknown] - other.known.mean[unknown];
-            apart.powi(2) <= SAME_MEAN.powi(2) * a.min(b)
-                && (a - b).abs() <= SAME_VARIANCE * a.min(b)
+            apart.powi(2) <= SAME_STATE.powi(2) * a.min(b) && (a - b).abs() <= SAME_STATE * a.min(b)
         };
         self.level == other.level && self.is_outlier == other.is_outlier && alike(0) && alike(1)
     }
 }
 
-/// Mean and covariance of the motion after a tick.
-pub(super) struct Known {
+/// Motion after a tick.
+pub(super) struct MotionState {
     pub(super) motion: Gaussian,
-    /// Errors that are new at each tick are `2^level` times as large as usual, on average over hypotheses.
+    /// Mean error level over the hypotheses.
     pub(super) level: f64,
 }
 
-/// A measurement beside a state.
+/// A measurement relative to a state.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Levelled {
-    /// Without variance.
+pub(super) struct ScaledReading {
+    /// Reading without variance.
     reading: Reading,
-    /// Variances of the misfit: of the state and the smooth error, and of errors that are new, of the usual size.
+    /// Variance of the misfit due to state and smooth error, and variance of new errors at the usual size.
     of_state: f64,
     usual: f64,
-    /// Measured, the reference of relative errors, metres.
+    /// Measured reference for relative errors, metres.
     distance_m: f64,
 }
 
-impl Levelled {
+impl ScaledReading {
     fn new_variance(&self, level: u8) -> f64 {
         self.usual * 4.0_f64.powi(i32::from(level))
     }
@@ -235,7 +225,6 @@ impl Levelled {
     }
 }
 
-/// Transition of all unknowns over `seconds`.
 pub(super) fn step(model: Model, fits: &[usize], seconds: f64) -> Step {
     let mut step = Step::zero(place(fits.len()));
     step.set_block(0, &model.motion.step(seconds));
@@ -245,7 +234,7 @@ pub(super) fn step(model: Model, fits: &[usize], seconds: f64) -> Step {
     step
 }
 
-/// Index of a fit's error among the unknowns.
+/// Index for a fit's error among the unknowns.
 fn place(number: usize) -> usize {
     Motion::UNKNOWNS + CorrelatedError::UNKNOWNS * number
 }

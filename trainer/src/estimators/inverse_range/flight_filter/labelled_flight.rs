@@ -1,38 +1,36 @@
-//! Flights of the training and validation side, as an evaluation sees them, measured by fits that never saw them: what the filter's noise
-//! and its intervals are fitted to.
+//! Training and validation flights, measured by fits that never saw them: the data for the filter's noise and intervals.
 
 use std::collections::BTreeMap;
 
 use dataset::corpus::splits::Side;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::estimators::inverse_range::{CrossFitted, InverseRange, scale_m};
 use crate::samples::{Observation, Sample, Samples};
 
-use super::correlated_error::Observed;
+use super::correlated_error::ErrorSample;
 use super::estimate::{Estimate, HalfWidths};
 use super::forward::Tick;
 use super::held_share::width_that_holds;
 use super::motion::Labels;
 
-/// Ticks nearer than this do not count for the intervals, 1 NM: there, relative errors have other causes.
-const NEAREST_M: f64 = 1_852.0;
-/// Labels farther apart give no speed, seconds.
+/// Maximum gap between labels for a speed, seconds.
 const MAX_GAP_S: f64 = 10.0;
-/// Share of the truth that intervals hold.
+/// Share of the truth within intervals.
 const HELD: f64 = 0.9;
 
-/// Measurements with their truth.
+/// Measurements with ground truth.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LabelledFlight {
-    /// Identity of the flight, independent of its name: flights with the same number are the same.
+    /// Flight number: copies share it, whatever their names.
     pub(super) flown: usize,
     pub(super) ticks: Vec<Tick>,
     pub(super) distances_m: Vec<f64>,
 }
 
 impl LabelledFlight {
-    /// The flights of the training side, each measured by fits to the others if there are some, and the flights of the validation side.
-    /// Boxes are filtered as in an evaluation, without knowledge of which of them contain the aircraft.
+    /// Training flights, each measured by fits to the others if there are any, and validation flights. Boxes are filtered as in an
+    /// evaluation, without ground truth.
     pub(super) fn held_out(
         fits: &CrossFitted,
         samples: &Samples,
@@ -52,7 +50,7 @@ impl LabelledFlight {
         flights
     }
 
-    /// The flights of these ticks, each part measured by what was fitted to the others, if there was enough of them.
+    /// The flights, each part measured by fits to the others, if these exist.
     pub(super) fn left_out(
         fits: &CrossFitted,
         ticks: &[&Sample],
@@ -94,13 +92,12 @@ impl LabelledFlight {
             .collect()
     }
 
-    /// The errors of one fit.
-    pub(super) fn errors_of(&self, fit: usize) -> Vec<Observed> {
+    pub(super) fn errors_of(&self, fit: usize) -> Vec<ErrorSample> {
         let ticks = self.ticks.iter().zip(&self.distances_m);
         ticks
             .filter_map(|(tick, &distance_m)| {
                 let measurement = tick.measurements.iter().find(|m| m.fit == fit)?;
-                Some(Observed {
+                Some(ErrorSample {
                     time_s: tick.time_s,
                     distance_m,
                     error: measurement.error_at(distance_m),
@@ -109,10 +106,11 @@ impl LabelledFlight {
             .collect()
     }
 
-    /// Errors of estimates in standard deviations: of distance, ground speed and time to touchdown.
+    /// Normalised errors of distance, ground speed and time to touchdown.
     fn errors(&self, estimates: &[Option<Estimate>]) -> [Vec<f64>; 3] {
         let mut errors = [const { Vec::new() }; 3];
-        let is_far = |&distance_m: &f64| distance_m >= NEAREST_M;
+        // Nearer than 1 NM, relative errors have other causes.
+        let is_far = |&distance_m: &f64| distance_m >= METERS_PER_NAUTICAL_MILE;
         let any_is_far = self.distances_m.iter().any(is_far);
         for (tick, estimate) in estimates.iter().enumerate() {
             let Some(estimate) = estimate else { continue };
@@ -133,7 +131,7 @@ impl LabelledFlight {
         errors
     }
 
-    /// Speed by the labels before and after a tick.
+    /// Speed from the neighbouring labels.
     fn speed_mps(&self, tick: usize) -> Option<f64> {
         let (before, after) = (tick.checked_sub(1)?, tick + 1);
         let seconds = self.ticks.get(after)?.time_s - self.ticks[before].time_s;
@@ -141,7 +139,7 @@ impl LabelledFlight {
             .then(|| (self.distances_m[before] - self.distances_m[after]) / seconds)
     }
 
-    /// Time until the last label, and from there on with its speed.
+    /// Time until the last label, extrapolated with its speed.
     fn time_to_touchdown_s(&self, tick: usize) -> Option<f64> {
         let last = self.ticks.len() - 1;
         let speed_mps = self.speed_mps(last.checked_sub(1)?)?;
@@ -152,8 +150,7 @@ impl LabelledFlight {
 }
 
 impl HalfWidths {
-    /// Widths whose intervals hold 90 % of the truth of flights like these, all flights counting the same. `estimate` is asked for the
-    /// estimates of a flight.
+    /// Widths for 90 % coverage, with equal weight for each flight. `estimate` computes a flight's estimates.
     pub(super) fn fit(
         flights: &[LabelledFlight],
         estimate: impl Fn(&LabelledFlight) -> Vec<Option<Estimate>>,
@@ -185,18 +182,17 @@ mod tests {
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;
-    use crate::samples::DistanceRange;
 
     #[test]
     fn a_flight_is_measured_by_fits_that_saw_no_copy_of_it_at_all_ticks_and_by_boxes_as_recorded() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            miss_ratio: 0.3,
-            ..SyntheticCorpus::tiny()
-        };
-        let corpus = corpus.write(folder.path()).unwrap();
-        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
-        // The first two of four training flights are the same, under two names.
+        let mut samples = Samples::synthetic(
+            &SyntheticCorpus {
+                miss_ratio: 0.3,
+                ..SyntheticCorpus::tiny()
+            },
+            0.0,
+        );
+        // The first two training flights are the same, under two names.
         samples.scenarios[1].flight = samples.scenarios[0].flight.clone();
         assert_ne!(
             samples.scenarios[1].trajectory,

@@ -1,4 +1,4 @@
-//! Motion model of an approach: its acceleration decays, and its speed slowly returns to the usual one.
+//! Approach motion model: its acceleration decays, and its speed slowly returns to the usual one.
 //!
 //! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights. In
 //! continuous time, so that ticks may be any time apart.
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::gaussian::{Block, Gaussian, Step, log_likelihood};
 
-/// Places and weights of Gauss and Legendre's quadrature on -1 to 1.
+/// Nodes and weights of Gauss-Legendre quadrature on -1 to 1.
 const QUADRATURE: [(f64, f64); 5] = [
     (0.0, 0.568_888_888_888_888_9),
     (0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
@@ -15,30 +15,27 @@ const QUADRATURE: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
     (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
-/// Spacing of labels for the fit, seconds: closer ones add no information on the motion.
+/// Spacing of labels for the fit, seconds: closer ones add no information about the motion.
 const LABEL_STEP_S: f64 = 1.0;
-/// Standard deviation of a label, metres: recordings are resampled.
+/// Label standard deviation, metres: recordings are resampled.
 const LABEL_SD_M: f64 = 0.05;
-/// Standard deviation of the speed of an unknown flight, m/s: a few training flights do not determine the speed of the next one. On the
-/// demo's training and validation flights, each left out in turn, a filter with a single view is off by 1.50 % with the flights' spread of
-/// 6 m/s, by 1.45 % with this, and by 1.90 % with 40 m/s, which takes errors of the first seconds for speed.
+/// Speed standard deviation for an unknown flight, m/s: a few training flights do not determine the speed of the next one. On the demo's
+/// training and validation flights, each left out in turn, a filter with a single view is off by 1.50 % with the flights' spread of 6 m/s,
+/// by 1.45 % with this, and by 1.90 % with 40 m/s, which takes errors in the first seconds for speed.
 const SPEED_SD_MPS: f64 = 20.0;
-/// Candidates of a fit.
+/// Candidates.
 const ACCELERATION_TIMES_S: [f64; 5] = [4.0, 8.0, 16.0, 32.0, 64.0];
 const ACCELERATION_SDS_MPS2: [f64; 12] = [
     0.025, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4,
 ];
 
-/// The usual motion of the training flights.
+/// Usual motion in training.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Motion {
-    /// Mean speed, m/s.
     pub(super) mean_speed_mps: f64,
-    /// Standard deviation of the speed, m/s.
     pub(super) speed_sd_mps: f64,
-    /// Standard deviation of the acceleration, m/s^2.
     pub(super) acceleration_sd_mps2: f64,
-    /// Time in which an acceleration falls to 1/e, seconds.
+    /// Time constant of the acceleration, seconds.
     pub(super) acceleration_time_s: f64,
 }
 
@@ -46,10 +43,10 @@ pub(crate) struct Motion {
 pub(super) type Labels = Vec<(f64, f64)>;
 
 impl Motion {
-    /// Number of unknowns: distance to touchdown (m), speed above the mean one (m/s), acceleration (m/s^2).
+    /// Number of unknowns: distance to touchdown (m), speed above the mean (m/s), acceleration (m/s^2).
     pub(super) const UNKNOWNS: usize = 3;
 
-    /// Fits the motion to labels, by their likelihood; of some usual approach, if there are too few.
+    /// Maximum-likelihood fit to labels; defaults with too few.
     pub(super) fn fit(flights: &[Labels]) -> Self {
         let flights: Vec<Labels> = flights.iter().map(thinned).collect();
         let speeds: Vec<f64> = flights
@@ -103,7 +100,7 @@ impl Motion {
             .map(|&(time_s, distance_m)| (time_s, distance_m + drift_m(time_s)))
             .collect();
         log_likelihood(&start, &above_mean, LABEL_SD_M.powi(2), |seconds| {
-            // Ticks are equally far apart, but for rounding.
+            // Ticks are equally far apart, except for rounding.
             match &known {
                 Some((of_s, step)) if (of_s - seconds).abs() < 1e-6 => step.clone(),
                 _ => {
@@ -115,7 +112,7 @@ impl Motion {
         })
     }
 
-    /// Variances of speed and acceleration of an unknown flight; the distance has variance 0.
+    /// Speed and acceleration variances for an unknown flight; the distance has variance 0.
     pub(super) fn variances(&self) -> [f64; Self::UNKNOWNS] {
         [
             0.0,
@@ -124,12 +121,12 @@ impl Motion {
         ]
     }
 
-    /// Transition over `seconds`, apart from the distance that is flown at the mean speed.
+    /// Transition over `seconds`, without the distance flown at mean speed.
     pub(super) fn step(&self, seconds: f64) -> Block<{ Self::UNKNOWNS }> {
         let noise_per_s = 2.0 * self.acceleration_sd_mps2.powi(2) / self.acceleration_time_s;
         let mut noise = [[0.0; Self::UNKNOWNS]; Self::UNKNOWNS];
         for (place, weight) in QUADRATURE {
-            // Effect until now of an impulse of acceleration some time ago.
+            // Present effect from an earlier acceleration impulse.
             let transition = self.transition(0.5 * seconds * (1.0 + place));
             let effect = transition.map(|row| row[2]);
             for (row, a) in noise.iter_mut().zip(effect) {
@@ -155,12 +152,12 @@ impl Motion {
         ]
     }
 
-    /// The rate at which the speed returns to the mean, such that the accelerations keep its standard deviation.
+    /// Decay rate towards the mean speed, consistent with its standard deviation.
     fn returning_per_s(&self, fading_per_s: f64) -> f64 {
         let ratio = self.acceleration_sd_mps2 / self.speed_sd_mps;
         let root = (fading_per_s.powi(2) + 4.0 * ratio.powi(2)).sqrt();
         let rate = 0.5 * (root - fading_per_s);
-        // Equal rates have other formulas, which these approach.
+        // Equal rates have different formulas, which these approach.
         if (rate / fading_per_s - 1.0).abs() < 1e-4 {
             return fading_per_s * (1.0 + 1e-4);
         }

@@ -1,17 +1,15 @@
-//! Synthetic flights whose motion and errors are known.
+//! Synthetic flights with known motion and errors.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-mod disturbed;
-
 use super::*;
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
-/// Fits of both views together, and of each view alone.
-const BOTH: usize = 0;
+/// Fit with both views, and fits with one view each.
+pub(super) const BOTH: usize = 0;
 const ALONE: [usize; 2] = [1, 2];
-/// Of the integration, seconds.
+/// Integration step, seconds.
 const FINE_STEP_S: f64 = 0.05;
 
 fn motion() -> Motion {
@@ -40,7 +38,7 @@ fn errors() -> Vec<CorrelatedError> {
     ]
 }
 
-fn truth() -> FlightFilter {
+pub(super) fn truth() -> FlightFilter {
     FlightFilter {
         motion: motion(),
         errors: errors(),
@@ -56,31 +54,31 @@ pub(super) fn normal(random: &mut ChaCha12Rng) -> f64 {
     radius * (std::f64::consts::TAU * random.random::<f64>()).cos()
 }
 
-/// A flight with its speeds, from 10 NM to 1 NM, and what all fits measure at each tick.
-struct Flown {
-    labelled: LabelledFlight,
+/// A flight from 10 NM to 1 NM with its speeds, and all measurements at each tick.
+pub(super) struct SyntheticFlight {
+    pub(super) labelled: LabelledFlight,
     speeds_mps: Vec<f64>,
 }
 
-fn fly(seed: u64, tick_s: f64) -> Flown {
+pub(super) fn fly(seed: u64, tick_s: f64) -> SyntheticFlight {
     fly_in(1.0, seed, tick_s)
 }
 
-/// A flight whose errors are larger than usual by a factor.
-fn fly_in(severity: f64, seed: u64, tick_s: f64) -> Flown {
+/// A flight with errors larger by a factor.
+pub(super) fn fly_in(severity: f64, seed: u64, tick_s: f64) -> SyntheticFlight {
     fly_as(severity, 0.0, seed, tick_s)
 }
 
-/// A flight that is faster than usual by so much at first, and loses it in a minute or two, m/s.
-fn fly_faster(faster_mps: f64, seed: u64) -> Flown {
+/// A flight that is initially faster than usual, m/s, and slows down within a minute or two.
+fn fly_faster(faster_mps: f64, seed: u64) -> SyntheticFlight {
     fly_as(1.0, faster_mps, seed, 2.0)
 }
 
-fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> Flown {
+fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> SyntheticFlight {
     let random = &mut ChaCha12Rng::seed_from_u64(seed);
     let (motion, errors) = (motion(), errors());
     let returning_per_s = {
-        // The rate whose speed has the deviation that is stated.
+        // The rate consistent with the speed's standard deviation.
         let fading_per_s = motion.acceleration_time_s.recip();
         let ratio = motion.acceleration_sd_mps2 / motion.speed_sd_mps;
         0.5 * ((fading_per_s.powi(2) + 4.0 * ratio.powi(2)).sqrt() - fading_per_s)
@@ -93,7 +91,7 @@ fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> Flown {
         .iter()
         .map(|rate| [normal(random), rate * normal(random)])
         .collect();
-    let mut flown = Flown {
+    let mut flown = SyntheticFlight {
         labelled: LabelledFlight {
             flown: seed as usize,
             ticks: Vec::new(),
@@ -163,8 +161,8 @@ fn rows_that_misfit_widen_intervals_unless_the_filter_found_larger_errors_by_its
     }
 }
 
-/// The ticks of a flight without the measurements of some fits at some ticks.
-fn without(flown: &Flown, is_missing: impl Fn(usize, usize) -> bool) -> Vec<Tick> {
+/// Flight ticks with some measurements missing.
+fn without(flown: &SyntheticFlight, is_missing: impl Fn(usize, usize) -> bool) -> Vec<Tick> {
     let mut ticks = flown.labelled.ticks.clone();
     for (number, tick) in ticks.iter_mut().enumerate() {
         tick.measurements.retain(|m| !is_missing(number, m.fit));
@@ -172,12 +170,12 @@ fn without(flown: &Flown, is_missing: impl Fn(usize, usize) -> bool) -> Vec<Tick
     ticks
 }
 
-/// One view is missing: it has neither a measurement alone nor one together with the other view.
+/// A view is missing: neither its own fit nor the common one applies.
 fn one_view_missing(fit: usize) -> bool {
     fit != ALONE[1]
 }
 
-/// Mean of squared errors in variances, share of truths in the intervals, and mean relative error in percent: of distances.
+/// Mean squared normalised error, coverage, and mean relative error in percent, for distances.
 fn figures<'a>(answers: impl IntoIterator<Item = (&'a Estimate, f64)>) -> (f64, f64, f64) {
     let (mut squares, mut held, mut sizes, mut count) = (0.0, 0.0, 0.0, 0.0);
     for (estimate, distance_m) in answers {
@@ -196,7 +194,7 @@ fn figures<'a>(answers: impl IntoIterator<Item = (&'a Estimate, f64)>) -> (f64, 
 
 fn of_flights(
     filter: &FlightFilter,
-    flights: &[Flown],
+    flights: &[SyntheticFlight],
     knowing: Knowing,
     is_missing: impl Fn(usize, usize) -> bool,
 ) -> (f64, f64, f64) {
@@ -215,7 +213,7 @@ fn of_flights(
     )
 }
 
-fn flights(seeds: std::ops::Range<u64>) -> Vec<Flown> {
+fn flights(seeds: std::ops::Range<u64>) -> Vec<SyntheticFlight> {
     seeds.map(|seed| fly(seed, 2.0)).collect()
 }
 
@@ -255,8 +253,8 @@ fn errors_are_as_large_as_the_true_model_states_with_all_views_and_with_gaps() {
     assert!(smoothed_pct < filtered_pct && filtered_pct < 0.95 * alone_pct);
 }
 
-/// A flight at ten times the usual rate, with errors that are new as seldom as usual.
-fn fly_at_a_higher_rate(seed: u64) -> Flown {
+/// A flight at ten times the usual rate, with new errors as rare as usual.
+fn fly_at_a_higher_rate(seed: u64) -> SyntheticFlight {
     let mut flown = fly(seed, 0.2);
     let LabelledFlight {
         ticks, distances_m, ..
@@ -280,7 +278,7 @@ fn fly_at_a_higher_rate(seed: u64) -> Flown {
 
 #[test]
 fn pictures_at_a_higher_rate_than_in_the_training_do_not_make_the_filter_too_sure() {
-    let faster: Vec<Flown> = (0..40).map(fly_at_a_higher_rate).collect();
+    let faster: Vec<SyntheticFlight> = (0..40).map(fly_at_a_higher_rate).collect();
     let unaware = FlightFilter {
         tick_s: 0.2,
         ..truth()
@@ -317,7 +315,7 @@ fn an_error_that_all_ticks_share_widens_intervals_and_moves_no_answer() {
             let [before, after] = [before, after].map(|answer| answer.as_ref().unwrap());
             assert_eq!(before.distance_m.value, after.distance_m.value);
             let expected_m = before.distance_m.sd.hypot(COMMON_SD_M);
-            // The smoother takes the largest of both directions, at other distances.
+            // The smoother takes the maximum over both directions, at different distances.
             let part = after.distance_m.sd / expected_m;
             assert!((0.95..1.25).contains(&part), "{part}");
             assert!(after.ground_speed_mps.sd > before.ground_speed_mps.sd);
@@ -325,7 +323,7 @@ fn an_error_that_all_ticks_share_widens_intervals_and_moves_no_answer() {
             assert!(time_sd_s(after) > time_sd_s(before));
         }
     }
-    // A width that was fitted to the filter's errors is not one of common errors.
+    // A width that was fitted to filter errors does not apply to common errors.
     let mut wide = truth();
     wide.filtered.distance = 4.0;
     let answers = [&usual, &flown.labelled.ticks].map(|ticks| wide.of_ticks(ticks, Knowing::Past));
@@ -339,7 +337,7 @@ fn an_error_that_all_ticks_share_widens_intervals_and_moves_no_answer() {
             "{half_m}, expected {expected_m}"
         );
     }
-    // Without the view that is off, and without any, the last ticks count: the state is off like them.
+    // Without the faulty view, and without any, the last ticks count: the state has the same error.
     let mut ticks = flown.labelled.ticks;
     ticks[20].measurements.retain(|m| m.fit == ALONE[0]);
     ticks[20].measurements[0].common_sd_m = 0.0;
@@ -400,7 +398,7 @@ fn speed_and_time_to_touchdown_are_in_their_intervals() {
                 f64::from(u8::from((from..=to).contains(&truth)))
             };
             speeds += holds(answer.ground_speed_mps, flown.speeds_mps[tick]);
-            // From the last tick on, at 1 NM, the flight is not flown; it takes 26 s.
+            // After the last tick, at 1 NM, the flight ends; the rest takes 26 s.
             let rest_s =
                 flown.labelled.distances_m.last().unwrap() / flown.speeds_mps.last().unwrap();
             let time_s = last.time_s - flown.labelled.ticks[tick].time_s + rest_s;
@@ -422,7 +420,7 @@ fn a_view_alone_gives_its_own_precision_and_one_that_never_appears_changes_nothi
         of_flights(&truth(), &flights, Knowing::Past, |_, fit| fit != ALONE[0]);
     assert!((0.3..2.5).contains(&squares), "{squares}");
     assert!((0.1..1.5).contains(&error_pct), "{error_pct} %");
-    // The filter of a rig with one more camera.
+    // A filter for a rig with a third camera.
     let mut more = truth();
     more.errors.push(error(1e-3, 0.1, 8.0));
     let ticks = without(&flights[0], only_left);
@@ -485,7 +483,7 @@ fn a_measurement_of_something_else_moves_nothing_and_several_begin_again() {
         let [found, expected] = [&answers, &clean].map(|a| a[40].unwrap().distance_m.value);
         assert!((found - expected).abs() < 2.0, "{found} {expected}");
     }
-    // Begun at something else, 4 km too near.
+    // The track starts at a different object, 4 km too near.
     let mut ticks = flown.labelled.ticks.clone();
     for tick in &mut ticks[..4] {
         for measurement in &mut tick.measurements {
@@ -570,7 +568,7 @@ fn what_is_fitted_is_what_the_flights_were_made_with_and_its_intervals_hold_nine
 #[test]
 fn intervals_hold_nine_in_ten_of_other_flights_however_few_are_known() {
     const DRAWS: u64 = 12;
-    // Calm flights and stormy ones.
+    // Calm and stormy flights.
     let fly = |seed: u64| {
         let random = &mut ChaCha12Rng::seed_from_u64(seed);
         fly_in((0.4 * normal(random)).exp(), seed, 2.0)
@@ -583,7 +581,7 @@ fn intervals_hold_nine_in_ten_of_other_flights_however_few_are_known() {
                 .map(|seed| fly(seed).labelled)
                 .collect();
             let fitted = FlightFilter::fit_to(&training, [1.0; 3].into_iter());
-            let others: Vec<Flown> = seeds.skip(known).take(8).map(fly).collect();
+            let others: Vec<SyntheticFlight> = seeds.skip(known).take(8).map(fly).collect();
             for (held, knowing) in held.iter_mut().zip([Knowing::Past, Knowing::All]) {
                 let (_, of_draw, _) = of_flights(&fitted, &others, knowing, |_, _| false);
                 *held += of_draw / DRAWS as f64;
@@ -602,8 +600,8 @@ fn a_flight_that_is_faster_than_all_of_the_training_is_followed_with_one_view_be
  {
     let training: Vec<LabelledFlight> = (100..109).map(|seed| fly(seed, 2.0).labelled).collect();
     let fitted = FlightFilter::fit_to(&training, [1.0; 3].into_iter());
-    // Faster than any of these at first, as approaches from far out are.
-    let others: Vec<Flown> = (300..312).map(|seed| fly_faster(25.0, seed)).collect();
+    // Initially faster than any training flight, as approaches from far out are.
+    let others: Vec<SyntheticFlight> = (300..312).map(|seed| fly_faster(25.0, seed)).collect();
     let alone = |_, fit: usize| fit != ALONE[0];
     let (_, _, filtered_pct) = of_flights(&fitted, &others, Knowing::Past, alone);
     let measured = others.iter().flat_map(|flown| {
@@ -615,7 +613,7 @@ fn a_flight_that_is_faster_than_all_of_the_training_is_followed_with_one_view_be
     });
     let (sum, count) = measured.fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
     let alone_pct = sum / count;
-    // The spread of a few training flights as what is known about the speed of another one.
+    // With the spread over a few training flights as the prior for speed.
     let mut narrow = fitted.clone();
     narrow.motion.speed_sd_mps = 6.0;
     let (_, _, narrow_pct) = of_flights(&narrow, &others, Knowing::Past, alone);

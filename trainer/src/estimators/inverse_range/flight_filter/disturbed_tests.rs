@@ -1,22 +1,25 @@
-//! Flights with outliers, larger errors than usual, and gaps: an answer is never worse than what was measured.
+//! Flights with outliers, larger errors, and gaps: an estimate is never worse than its measurement.
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
+
+use super::tests::{BOTH, SyntheticFlight, fly, fly_in, normal, truth};
 use super::*;
 
-/// What a flight suffers.
 #[derive(Debug, Clone, Copy)]
 struct Disturbance {
-    /// Chance that a group of outliers begins at a tick.
+    /// Probability per tick that a group of outliers begins.
     outliers: f64,
-    /// Ticks of a group at most, and if all of its ticks are off by the same part.
+    /// Maximum group length, in ticks, and whether all its ticks share one relative error.
     longest: usize,
     is_consistent: bool,
-    /// Deviations of the least and the largest outlier, relative to the distance.
+    /// Minimum and maximum relative outlier size.
     sizes: [f64; 2],
-    /// Deviation of errors that are new at each tick, beside the usual ones, in usual deviations.
+    /// Standard deviation of additional new errors, relative to the usual one.
     new: f64,
-    /// Size of the usual errors.
+    /// Factor of the usual errors.
     severity: f64,
-    /// Chance that a gap begins at a tick; it lasts 10 ticks at most.
+    /// Probability per tick that a gap begins; it lasts at most 10 ticks.
     gaps: f64,
 }
 
@@ -30,9 +33,9 @@ const NONE: Disturbance = Disturbance {
     gaps: 0.0,
 };
 
-/// A flight with what a tick alone answers.
+/// A flight with its raw measurements.
 struct Disturbed {
-    flown: Flown,
+    flown: SyntheticFlight,
     measured_m: Vec<Option<f64>>,
 }
 
@@ -80,8 +83,8 @@ fn disturbed(disturbance: Disturbance, seed: u64) -> Disturbed {
     }
 }
 
-/// Relative errors in percent on ticks where both answer: measured, and estimated; and of estimates without a measurement, the count and
-/// those whose intervals hold the truth.
+/// Relative errors in percent where both answer (measured, estimated); and for estimates without a measurement, their number and the number
+/// of covered truths.
 fn errors_pct(flight: &Disturbed, knowing: Knowing) -> (Vec<[f64; 2]>, [f64; 2]) {
     let labelled = &flight.flown.labelled;
     let answers = truth().of_ticks(&labelled.ticks, knowing);
@@ -110,8 +113,8 @@ fn mean(errors: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|of| errors.iter().map(|e| e[of]).sum::<f64>() / errors.len() as f64)
 }
 
-/// Errors of some flights, by what is known: means in percent, measured and estimated; the share of intervals without a measurement that
-/// hold the truth; and the flights that are worse than their measurements.
+/// Mean errors in percent (measured, estimated), coverage of estimates without a measurement, and flights that are worse than their
+/// measurements.
 struct Judged {
     means_pct: [f64; 2],
     held_alone: Option<f64>,
@@ -235,7 +238,7 @@ fn no_answer_is_worse_than_the_measurements_however_many_outliers_and_however_la
             if found_pct > measured_pct {
                 faults.push(format!("{name}: {found_pct} % of {measured_pct} %"));
             }
-            // The smoother holds 0.86 if the smooth errors are three times as large as usual: their size is not estimated.
+            // The smoother covers 0.86 if smooth errors are three times as large as usual: it does not estimate their size.
             if held_alone.is_some_and(|held| held < 0.85) {
                 faults.push(format!("{name}: without measurement {held_alone:?} hold"));
             }
@@ -250,7 +253,7 @@ fn no_answer_is_worse_than_the_measurements_however_many_outliers_and_however_la
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
-    // Two groups of outliers in a row that happen to agree with each other cannot be told from the aircraft.
+    // Two successive groups of outliers that happen to agree are indistinguishable from the aircraft.
     assert!(100 * worse.len() <= flown, "{}", worse.join("\n"));
 }
 
@@ -275,6 +278,6 @@ fn good_measurements_are_taken_after_an_outlier_of_any_size() {
         }
     }
     println!("{worst:.1}");
-    // A few seconds after the first measurement the speed is hardly known.
+    // A few seconds after the first measurement the speed is poorly known.
     assert!(worst < 10.0, "{worst} usual deviations");
 }

@@ -1,31 +1,28 @@
-//! Background of a fixed camera: the mean of the first images of a flight, from just above the horizon down.
+//! Stationary background: the mean of the first images in a flight, from just above the horizon down.
 //!
-//! Clouds are left out with the sky. The mean removes noise and rain; the aircraft covers few patches of it, and moves.
+//! Clouds are left out with the sky. The mean removes noise and rain; the aircraft covers few patches, and moves.
 
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::video::PicturePart;
 
 use crate::error::Result;
 
-/// Number of averaged images: the mean has a fifth of the noise of a single image.
+/// Number of averaged images: their mean has a fifth of the noise.
 const PICTURES: usize = 24;
 
-/// Light of a part of a camera's image: all columns, some rows.
+/// Grey levels in some image rows.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Picture {
+pub(crate) struct GreyImage {
     pub(crate) width: usize,
-    /// Row of the camera's image that is the first one here.
+    /// First row in the camera's image.
     pub(crate) top: usize,
-    /// Row by row, grey levels.
+    /// Grey levels, row by row.
     pub(crate) light: Vec<f32>,
 }
 
-impl Picture {
-    /// The mean of the first images of a view, from the row `top` to the last one. Of those that are not `is_usual`, in the order of the
-    /// video, none is used if others are; images beyond its end are.
-    ///
-    /// # Errors
-    /// The video cannot be read, is empty, or has images of another camera.
+impl GreyImage {
+    /// Mean over the first images from a view, from the row `top` down. Images that are not `is_usual`, in the order of the video, are
+    /// skipped if others are usual; images past the end of the list are used.
     pub(crate) fn of_view(
         scenario: &OpenScenario,
         view: &str,
@@ -82,7 +79,7 @@ impl Picture {
         self.light.len() / self.width
     }
 
-    /// The same with each pixel made by another function of row and column.
+    /// Image with each pixel computed from row and column.
     fn map(&self, light: impl Fn(usize, usize) -> f32) -> Self {
         let places =
             (0..self.rows()).flat_map(|row| (0..self.width).map(move |column| (row, column)));
@@ -96,7 +93,7 @@ impl Picture {
         self.light[row * self.width + column]
     }
 
-    /// Blurred by a Gaussian of this standard deviation, pixels.
+    /// Gaussian blur with this standard deviation, pixels.
     pub(crate) fn blurred(&self, sigma_px: f64) -> Self {
         let reach = (3.0 * sigma_px).ceil() as isize;
         let weights: Vec<f32> = (-reach..=reach)
@@ -115,7 +112,7 @@ impl Picture {
         across.map(|row, column| along(&|i| across.at(clamped(row, i, self.rows()), column)))
     }
 
-    /// Change of the light per pixel to the right and down.
+    /// Gradients per pixel, right and down.
     pub(crate) fn gradients(&self) -> [Self; 2] {
         let (rows, columns) = (self.rows(), self.width);
         let half = |after: f32, before: f32| (after - before) / 2.0;
@@ -135,7 +132,7 @@ impl Picture {
         ]
     }
 
-    /// Light between pixels; the place, in the camera's image, must be at least a pixel inside.
+    /// Interpolated grey level; the position, in the camera's image, must be at least one pixel inside.
     #[inline]
     pub(crate) fn between(&self, x_px: f64, y_px: f64) -> f64 {
         let y = y_px - self.top as f64;

@@ -1,18 +1,25 @@
-//! Errors scaled by what the images show: where rows of the views fit each other badly, distances are less certain
+//! Uncertainty beyond the filter's covariance.
+//!
+//! **Misfits**: where rows of the views fit each other badly, distances are less certain
 //! ([`crate::estimators::inverse_range::row_misfit`]).
+//!
+//! **Common errors**, such as a lag error or a turned camera, affect a whole flight. Averaging over ticks does not reduce them, and they
+//! cause no contradictions between measurements from the same views. So they do not affect the weights of measurements; they widen the
+//! final estimate. A tick that happens to be free from such an error, because a view is missing, does not undo the effect of others on the
+//! state.
+
+use dataset::numbers::spread::median;
 
 use super::Knowing;
-use super::forward::Tick;
+use super::forward::{MEMORY_S, Tick};
+use crate::estimators::inverse_range::scale_m;
 
-/// Time after which a misfit counts for a third, seconds, and the time for which the usual one counts.
-const MEMORY_S: f64 = 20.0;
-const USUAL_S: f64 = 20.0;
-/// A tick counts for the time since the one before, and at most for this, seconds.
+/// Maximum tick weight, seconds.
 const MAX_OF_TICK_S: f64 = 2.0;
-/// A larger misfit than so many usual ones is an outlier, which the filter treats.
+/// Maximum misfit relative to the usual one: larger ones are outliers, which the filter treats.
 const MAX_RATIO: f64 = 6.0;
 
-/// Misfits of the last ticks.
+/// Recent misfits.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct RecentMisfit {
     last_s: Option<f64>,
@@ -21,7 +28,7 @@ pub(super) struct RecentMisfit {
 }
 
 impl RecentMisfit {
-    /// Takes the next tick, in either direction of time.
+    /// Takes the next tick, in either temporal direction.
     fn take(&mut self, usual_px: f64, tick: &Tick) {
         let since_s = self.last_s.map(|last_s| (tick.time_s - last_s).abs());
         self.last_s = Some(tick.time_s);
@@ -36,7 +43,7 @@ impl RecentMisfit {
         }
     }
 
-    /// Factor of the standard deviation after a tick.
+    /// Factor for the standard deviation after a tick.
     pub(super) fn scale_after(&mut self, usual_px: Option<f64>, tick: &Tick) -> f64 {
         let Some(usual_px) = usual_px else { return 1.0 };
         self.take(usual_px, tick);
@@ -44,19 +51,19 @@ impl RecentMisfit {
     }
 }
 
-/// The variance grows with the misfit.
+/// The variance grows with the misfit. The usual misfit counts as [`MEMORY_S`] seconds.
 fn scale(square_s: f64, seconds: f64) -> f64 {
-    ((square_s + USUAL_S) / (seconds + USUAL_S)).powf(0.25)
+    ((square_s + MEMORY_S) / (seconds + MEMORY_S)).powf(0.25)
 }
 
-/// The part of a factor that the filter does not have already: at a level above 0 it found by itself that new errors are larger. The factor
-/// is of the square root of the misfit, so the level counts half.
+/// Factor that remains beyond the filter's own: at a level above 0 it has already found larger new errors. The factor is proportional to
+/// the square root of the misfit, so the level counts half.
 pub(super) fn beyond(scale: f64, level: f64) -> f64 {
     let known = (level / 2.0).exp2();
     scale.min((scale / known).max(1.0))
 }
 
-/// Factors of the standard deviations of a flight, tick by tick.
+/// Factors for the standard deviations, tick by tick.
 pub(super) fn scales(usual_px: Option<f64>, ticks: &[Tick], knowing: Knowing) -> Vec<f64> {
     let mut past = RecentMisfit::default();
     let causal: Vec<(f64, RecentMisfit)> = (ticks.iter())
@@ -80,20 +87,62 @@ pub(super) fn scales(usual_px: Option<f64>, ticks: &[Tick], knowing: Knowing) ->
     scales
 }
 
-/// The usual misfit of some flights, root mean square, pixels; `None` without any.
+/// Usual misfit, root mean square, pixels; `None` without any flight.
 pub(super) fn usual_px<'a>(flights: impl Iterator<Item = &'a [Tick]>) -> Option<f64> {
     let of_flight = |ticks: &[Tick]| {
         let misfits = ticks.iter().filter_map(|tick| tick.row_misfit_px);
         let mut misfits: Vec<f64> = misfits.collect();
-        misfits.sort_by(f64::total_cmp);
-        let largest = MAX_RATIO * misfits.get(misfits.len() / 2)?;
+        if misfits.is_empty() {
+            return None;
+        }
+        let largest = MAX_RATIO * median(&mut misfits);
         let squares = misfits.iter().map(|px| px.min(largest).powi(2));
         Some(squares.sum::<f64>() / misfits.len() as f64)
     };
     let squares: Vec<f64> = flights.filter_map(of_flight).collect();
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-    // Not a number without any flight.
+    // NaN without any flight.
     (mean > 0.0).then(|| mean.sqrt())
+}
+
+/// The largest recent common error, fading.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct LastCommonError {
+    last_s: Option<f64>,
+    /// Standard deviation of the inverse range, 1/m: cameras are off by an angle, at any distance.
+    sd_per_m: f64,
+}
+
+impl LastCommonError {
+    /// Standard deviation after the next tick, in either temporal direction, 1/m.
+    pub(super) fn after(&mut self, tick: &Tick) -> f64 {
+        let since_s = self
+            .last_s
+            .map_or(0.0, |last_s| (tick.time_s - last_s).abs());
+        self.last_s = Some(tick.time_s);
+        self.sd_per_m *= (-since_s / MEMORY_S).exp();
+        if let Some(best) = tick.best() {
+            let sd_per_m = best.common_sd_m / scale_m(best.distance_m).powi(2);
+            self.sd_per_m = self.sd_per_m.max(sd_per_m);
+        }
+        self.sd_per_m
+    }
+}
+
+/// Standard deviations from past ticks, tick by tick, 1/m.
+pub(super) fn by_past(ticks: &[Tick]) -> Vec<f64> {
+    let mut past = LastCommonError::default();
+    ticks.iter().map(|tick| past.after(tick)).collect()
+}
+
+/// Standard deviations from all ticks, 1/m.
+pub(super) fn by_all(ticks: &[Tick]) -> Vec<f64> {
+    let mut sds = by_past(ticks);
+    let mut future = LastCommonError::default();
+    for (sd_per_m, tick) in sds.iter_mut().zip(ticks).rev() {
+        *sd_per_m = sd_per_m.max(future.after(tick));
+    }
+    sds
 }
 
 #[cfg(test)]

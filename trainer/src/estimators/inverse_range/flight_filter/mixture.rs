@@ -1,31 +1,29 @@
-//! The one answer of several hypotheses on the motion.
+//! Combination of several hypotheses into one estimate.
 
-use crate::estimators::inverse_range::flight_filter::gaussian::Gaussian;
-use crate::estimators::inverse_range::flight_filter::motion::Motion;
+use super::gaussian::{Gaussian, NEAR_DEVIATIONS};
+use super::motion::Motion;
 
-/// Share of the weight that the answer's covariance covers.
+/// Share of the weight within the estimate's covariance.
 const COVERED: f64 = 0.95;
-/// Hypotheses nearer to the answer's than this many standard deviations share its mean.
-const NEAR: f64 = 3.0;
-/// Weight of hypotheses that take the last measurement with which they answer, although the heaviest one does not. If they are wrong, so is
-/// the measurement; if they are right, only the filter is wrong.
+/// Minimum weight for an answer from hypotheses that accept the last measurement, although the heaviest one rejects it. If they are wrong,
+/// so is the measurement; if they are right, only the filter is wrong.
 const FOLLOWED: f64 = 0.2;
 
 /// A hypothesis.
-pub(crate) struct State<'a> {
-    pub(crate) weight: f64,
-    pub(crate) known: &'a Gaussian,
-    /// Factor of its variances.
-    pub(crate) inflation: f64,
-    /// True if the last measurement is of something else.
-    pub(crate) is_outlier: bool,
+pub(super) struct Component<'a> {
+    pub(super) weight: f64,
+    pub(super) known: &'a Gaussian,
+    /// Variance factor.
+    pub(super) inflation: f64,
+    /// True if the last measurement is an outlier.
+    pub(super) is_outlier: bool,
 }
 
-/// What is known of the motion by some hypotheses, the heaviest first; `None` without any. `is_measured`: this tick has a measurement.
+/// Combined motion, from hypotheses sorted by weight; `None` without any. `is_measured`: this tick has a measurement.
 ///
-/// The mean is taken over the hypotheses near one of them, the covariance over all around it: a mean of hypotheses that are far apart would
-/// be where none of them is.
-pub(crate) fn mixed(states: &[State], is_measured: bool) -> Option<Gaussian> {
+/// The mean is taken over hypotheses near the answering one, the covariance over all around it: between distant hypotheses, a mean would
+/// match none.
+pub(super) fn mixed(states: &[Component], is_measured: bool) -> Option<Gaussian> {
     let answer = answer(states, is_measured)?;
     let size = Motion::UNKNOWNS;
     let mut covered = 0.0;
@@ -35,15 +33,15 @@ pub(crate) fn mixed(states: &[State], is_measured: bool) -> Option<Gaussian> {
         covered += state.weight;
         is_needed
     });
-    let mut used: Vec<&State> = needed.collect();
+    let mut used: Vec<&Component> = needed.collect();
     if !used.iter().any(|state| std::ptr::eq(*state, answer)) {
         used.push(answer);
     }
     let total: f64 = used.iter().map(|state| state.weight).sum();
     let mut mixed = Gaussian::independent(vec![0.0; size], &[]);
-    let is_near = |state: &&&State| {
+    let is_near = |state: &&&Component| {
         let apart = state.known.mean[0] - answer.known.mean[0];
-        apart.powi(2) <= NEAR.powi(2) * (answer.variance() + state.variance())
+        apart.powi(2) <= NEAR_DEVIATIONS.powi(2) * (answer.variance() + state.variance())
     };
     let mut near = 0.0;
     for state in used.iter().filter(is_near) {
@@ -68,8 +66,8 @@ pub(crate) fn mixed(states: &[State], is_measured: bool) -> Option<Gaussian> {
     Some(mixed)
 }
 
-/// The hypothesis that answers.
-fn answer<'s, 'a>(states: &'s [State<'a>], is_measured: bool) -> Option<&'s State<'a>> {
+/// The answering hypothesis.
+fn answer<'s, 'a>(states: &'s [Component<'a>], is_measured: bool) -> Option<&'s Component<'a>> {
     let heaviest = states.first()?;
     let taken = || states.iter().filter(|state| !state.is_outlier);
     let total: f64 = states.iter().map(|state| state.weight).sum();
@@ -80,7 +78,7 @@ fn answer<'s, 'a>(states: &'s [State<'a>], is_measured: bool) -> Option<&'s Stat
     Some(heaviest)
 }
 
-impl State<'_> {
+impl Component<'_> {
     fn variance(&self) -> f64 {
         self.inflation * self.known.covariance[(0, 0)]
     }

@@ -4,17 +4,16 @@ use std::collections::BTreeSet;
 
 use serde_json::{Map, Value};
 
-/// Differences beyond this number are counted, not named.
+/// Maximum number of differences that are named.
 const MAX_NAMED: usize = 8;
 
-/// The differences, each as the path of the value, its value here and that there.
+/// Differences as path, value here and value there.
 pub(crate) fn json_differences(here: &Value, there: &Value) -> Vec<String> {
     let mut found = Vec::new();
     collect("", here, there, &mut found);
     named(found)
 }
 
-/// Adds differences below `path`.
 pub(crate) fn collect(path: &str, here: &Value, there: &Value, found: &mut Vec<String>) {
     match (here, there) {
         (Value::Object(a), Value::Object(b)) => {
@@ -39,7 +38,7 @@ pub(crate) fn collect(path: &str, here: &Value, there: &Value, found: &mut Vec<S
     }
 }
 
-/// As many as are named.
+/// The first differences, and the number left out.
 pub(crate) fn named(mut differences: Vec<String>) -> Vec<String> {
     let more = differences.len().saturating_sub(MAX_NAMED);
     differences.truncate(MAX_NAMED);

@@ -1,22 +1,25 @@
-//! Robust least squares of a few unknowns.
+//! Robust least squares with a few unknowns.
 
 use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::deviation_from_zero;
 
-/// Mean square that keeps slopes small, of terms whose size is about one: flights on one line do not determine all slopes.
+/// Unit of coordinates in a fit, px.
+pub(crate) const UNIT_PX: f64 = 1_000.0;
+/// Unit of widths, and of coordinates whose slopes the ridge must not affect, px.
+pub(crate) const FINE_UNIT_PX: f64 = 100.0;
+/// Mean square of the ridge, for terms of about 1: flights on one line do not determine all slopes.
 const RIDGE: f64 = 1e-4;
-/// Iterations of reweighting.
 const ITERATIONS: usize = 30;
-/// Weight of a residual of this many standard deviations is half of the weight of none (Cauchy's weights).
+/// Residual with half the maximum weight (Cauchy), in standard deviations.
 const HALF_WEIGHT: f64 = 2.0;
 
-pub(super) fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The line `value = terms . unknowns` through most of the points, each with the scale of its error, and the standard deviation of the
-/// residuals over their scales. `None` if the numbers are not finite.
-pub(super) fn robust_line<const N: usize>(
+/// Robust line `value = terms . unknowns` through points with different error scales, and the standard deviation of the scaled residuals.
+/// `None` if the numbers are not finite.
+pub(crate) fn robust_line<const N: usize>(
     points: &[([f64; N], f64, f64)],
 ) -> Option<([f64; N], f64)> {
     let mut weights = vec![1.0; points.len()];

@@ -1,0 +1,94 @@
+//! Synthetic samples for tests.
+
+use dataset::corpus::splits::Side;
+use dataset::geometry::geodesy::Geodetic;
+use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::registrations::Shift;
+use testkit::synthetic::SyntheticCorpus;
+
+use crate::samples::training_cameras::TrainingCameras;
+use crate::samples::view_shift::ViewShift;
+use crate::samples::{DistanceRange, Observation, Sample, Samples};
+
+impl Samples {
+    /// Samples from a synthetic corpus, beyond a minimum distance in nautical miles.
+    pub(crate) fn synthetic(corpus: &SyntheticCorpus, min_nm: f64) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = corpus.write(folder.path()).unwrap();
+        let range = DistanceRange {
+            min_nm,
+            max_nm: None,
+        };
+        Self::read(&corpus, None, range).unwrap()
+    }
+
+    /// The training side with only those boxes that contain the aircraft.
+    pub(crate) fn with_true_boxes(&self) -> Vec<Sample> {
+        let training = self.of_side(Side::Train);
+        TrainingCameras::of(self, &training).true_boxes(&training)
+    }
+}
+
+/// A tiny corpus with registered views.
+pub(crate) fn registered_corpus(shift_noise_px: f64) -> SyntheticCorpus {
+    SyntheticCorpus {
+        shift_noise_px: Some(shift_noise_px),
+        ..SyntheticCorpus::tiny()
+    }
+}
+
+impl Observation {
+    /// An aircraft in these columns of two registered views, with one tick per second.
+    pub(crate) fn registered(tick: u32, [first_px, second_px]: [f64; 2]) -> Self {
+        let boxes = [first_px, second_px].map(|cx_px| box_at(cx_px, 600.0));
+        let shift = shift_of([first_px, 600.0], [second_px - first_px, 0.0]);
+        let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
+        observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
+        observed.tick = tick;
+        observed.time_ns = i64::from(tick) * 1_000_000_000;
+        observed
+    }
+}
+
+impl Sample {
+    /// A sample with only boxes, for tests that need no more.
+    pub(crate) fn of_boxes(dtd_m: f64, boxes: Vec<Option<PixelBox>>) -> Self {
+        let unseen = Observation::unseen((0, 0, 0), boxes.len());
+        Self {
+            observed: Observation { boxes, ..unseen },
+            dtd_m,
+            along_track_m: dtd_m,
+            cross_track_m: 0.0,
+            position: Geodetic {
+                latitude_deg: 1.0,
+                longitude_deg: 103.0,
+                altitude_msl_m: 100.0,
+            },
+            transmission: Some(1.0),
+        }
+    }
+}
+
+pub(crate) fn box_at(cx_px: f64, cy_px: f64) -> PixelBox {
+    PixelBox {
+        cx_px,
+        cy_px,
+        width_px: 40.0,
+        height_px: 14.0,
+    }
+}
+
+/// A registered shift with usual precision.
+pub(crate) fn shift_of([x_px, y_px]: [f64; 2], [dx_px, dy_px]: [f64; 2]) -> Shift {
+    Shift {
+        x_px,
+        y_px,
+        dx_px,
+        dy_px,
+        sd_x_px: 0.03,
+        sd_y_px: 0.04,
+        scale: 1.0,
+        gain: 1.0,
+        correlation: 0.9,
+    }
+}
