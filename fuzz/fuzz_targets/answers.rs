@@ -165,7 +165,16 @@ mod error {
     #[derive(Debug)]
     pub struct Error(String);
 
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub(crate) struct ModelFault(String);
+
     pub type Result<T> = std::result::Result<T, Error>;
+
+    impl ModelFault {
+        pub(crate) fn new(message: impl ToString) -> Self {
+            Self(message.to_string())
+        }
+    }
 
     impl Error {
         pub(crate) fn model(path: &Path, message: impl ToString) -> Self {

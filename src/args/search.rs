@@ -122,7 +122,6 @@ impl SearchArgs {
         };
         Ok(TilingSettings {
             tile_px: self.tile,
-            overlap_px: self.overlap,
             rows,
             half_scale_rows,
             ..TilingSettings::default()

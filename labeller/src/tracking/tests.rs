@@ -28,28 +28,28 @@ fn shaken(exact: PixelBox, seed: u32, step: u32) -> PixelBox {
     }
 }
 
-fn clear(pixel_box: PixelBox) -> Seen {
-    Seen {
+fn clear(pixel_box: PixelBox) -> FoundBox {
+    FoundBox {
         pixel_box,
         is_faint: false,
     }
 }
 
-fn faint(pixel_box: PixelBox) -> Seen {
-    Seen {
+fn faint(pixel_box: PixelBox) -> FoundBox {
+    FoundBox {
         pixel_box,
         is_faint: true,
     }
 }
 
-/// The tracks of the boxes of each image, all of them clear, and which tracks count.
+/// Tracks of clear boxes, by image, and the tracks that count.
 fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let all_clear = |boxes: &Vec<PixelBox>| boxes.iter().copied().map(clear).collect();
     let pictures: Vec<_> = pictures.iter().map(all_clear).collect();
     track_seen(period_s, &pictures)
 }
 
-fn track_seen(period_s: f64, pictures: &[Vec<Seen>]) -> (Vec<Vec<u32>>, Vec<bool>) {
+fn track_seen(period_s: f64, pictures: &[Vec<FoundBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let mut tracker = Tracker::of_pictures(pictures.len());
     let mut hindsight = Hindsight::of_pictures(pictures.len());
     let tracks = pictures
@@ -285,8 +285,8 @@ fn a_lamp_that_is_found_for_some_seconds_again_and_again_is_one_thing_that_stand
     assert_eq!(track(1.0, &elsewhere).1, [true, true, true]);
 }
 
-/// An aircraft that crosses the image, one image per second: clear in some of them.
-fn crossing(is_clear: impl Fn(u32) -> bool) -> Vec<Vec<Seen>> {
+/// An aircraft that crosses the image, one image per second, clear in some.
+fn crossing(is_clear: impl Fn(u32) -> bool) -> Vec<Vec<FoundBox>> {
     let seen = |second: u32| {
         let here = shaken(at(300.0 + 3.0 * f64::from(second), 400.0, 24.0), 1, second);
         vec![if is_clear(second) {
@@ -437,8 +437,8 @@ fn nothing_is_followed_that_was_only_faint() {
     }
 }
 
-/// Seconds in which the box of each image counts at its moment.
-fn counting_s(period_s: f64, pictures: &[Vec<Seen>]) -> Vec<f64> {
+/// Times with a box that counts at once, s.
+fn counting_s(period_s: f64, pictures: &[Vec<FoundBox>]) -> Vec<f64> {
     let mut tracker = Tracker::endless();
     let seconds = pictures.iter().filter_map(|boxes| {
         tracker.advance(period_s);

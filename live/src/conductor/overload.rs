@@ -1,15 +1,13 @@
 //! Reports of images that were not searched, and of lines that no reader took.
 
-use crate::output::line::Event;
+use crate::output::Event;
 use crate::output::metrics::{Fate, Metrics};
 
 /// Seconds between two reports.
-const BETWEEN_S: f64 = 5.0;
+const REPORT_INTERVAL_S: f64 = 5.0;
 
-/// Counts that were reported.
 pub(crate) struct Overload {
     reported_s: f64,
-    /// Images by view.
     not_searched: Vec<u64>,
     dropped_lines: u64,
 }
@@ -30,7 +28,7 @@ impl Overload {
         metrics: &Metrics,
         names: &mut dyn Iterator<Item = &String>,
     ) -> Option<impl FnOnce(f64) -> Event + use<>> {
-        if now_s < self.reported_s + BETWEEN_S {
+        if now_s < self.reported_s + REPORT_INTERVAL_S {
             return None;
         }
         self.reported_s = now_s;

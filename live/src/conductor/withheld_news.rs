@@ -4,16 +4,16 @@ use std::collections::BTreeSet;
 
 use trainer::live::{Answer, Withheld};
 
-use crate::output::line::Event;
+use crate::output::Event;
 
-/// The aircraft of which an event said so.
+/// Aircraft that have had an event.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct WithheldNews {
     said: BTreeSet<u32>,
 }
 
 impl WithheldNews {
-    /// The events about what is in sight now, one for each aircraft. `views`: the names of all views.
+    /// Events for newly withheld aircraft. `views`: the names of all views.
     pub(crate) fn next(
         &mut self,
         found: &[Answer],

@@ -25,7 +25,7 @@ fn normalized(numbers: [f32; 4]) -> [f32; 4] {
     numbers.map(|number| number / 640.0)
 }
 
-/// Rows of a box by this form and of what follows it.
+/// Rows with a box by `form` and further numbers.
 fn rows(count: usize, form: impl Fn([f32; 4]) -> [f32; 4], rest: &[f32]) -> (Vec<usize>, Vec<f32>) {
     let all = candidates();
     let step = all.len() / count;

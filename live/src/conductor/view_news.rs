@@ -1,24 +1,22 @@
-//! When a view's state is news, and what is said about it.
+//! View events: state changes and their causes.
 
-use crate::clocks::clock::ClockSource;
-use crate::feed::Report;
-use crate::output::line::Event;
+use crate::clock::ClockSource;
+use crate::output::Event;
 use crate::view_state::ViewState;
+use crate::views::feed::Report;
 
-/// The last event about a view, and what is known of its source.
+/// The view's last event, and the state of the source.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ViewNews {
     told: Option<ViewState>,
     told_clock: Option<ClockSource>,
     told_why: Option<String>,
-    /// Cause of its loss.
     why: Option<String>,
     clock: Option<ClockSource>,
     has_ended: bool,
 }
 
 impl ViewNews {
-    /// Takes what the feed reports.
     pub(crate) fn take(&mut self, report: Report) {
         match report {
             Report::Opened { .. } => {}
@@ -32,13 +30,11 @@ impl ViewNews {
         }
     }
 
-    /// True once its recording is over.
     pub(crate) fn has_ended(&self) -> bool {
         self.has_ended
     }
 
-    /// The event about a state, if it, the cause of a loss or the source of times is another one than before. At the beginning every view
-    /// is down.
+    /// The event, if the state, the loss's cause or the clock has changed. Views are down at first.
     pub(crate) fn of(
         &mut self,
         view: &str,
@@ -68,7 +64,7 @@ impl ViewNews {
     fn why_of(&self, view: &str, state: ViewState) -> Option<String> {
         let why = match state {
             ViewState::Up | ViewState::Late => return None,
-            // Of a connection that is still open, no other cause is known yet.
+            // The connection is still open, so no cause is known yet.
             ViewState::Down => self.why.as_deref().unwrap_or("no images come"),
             ViewState::Moved => {
                 return Some(format!(
