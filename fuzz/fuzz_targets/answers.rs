@@ -38,7 +38,7 @@ mod detector {
     use answer::{Answer, numbers_of};
     use layout::boxes_and_scores::PairAnswer;
     use layout::efficient_nms::NmsAnswer;
-    use layout::meaning::{Known, Meaning};
+    use layout::meaning::{ProbedModel, Meaning};
     use layout::suppression;
     use layout::{Decoding, Layout};
     use profile::{BoxOrigin, ModelProfile};
@@ -116,7 +116,7 @@ mod detector {
         let Ok(answer) = Answer::new(&shape, &numbers) else {
             return;
         };
-        let known = Known {
+        let known = ProbedModel {
             window_px,
             profile: &ModelProfile {
                 layout: said,

@@ -198,7 +198,7 @@ impl RegistrationCounts {
 }
 
 /// A view that is late, or has frozen, moved, shaking or inconsistent ticks.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Unhealthy {
     /// The scenario.
     pub scenario: String,
@@ -229,11 +229,7 @@ impl Unhealthy {
             let here = views.entry(&row.view).or_insert_with(|| Self {
                 scenario: scenario.to_owned(),
                 view: row.view.clone(),
-                frozen: 0,
-                moved: 0,
-                shaking: 0,
-                inconsistent: 0,
-                late_ms: 0,
+                ..Self::default()
             });
             match row.state {
                 HealthState::Frozen => here.frozen += 1,

@@ -2,9 +2,9 @@
 //! between two boxes, whose errors are independent, because both views show nearly the same few pixels of aircraft.
 //!
 //! Input: a box with its surroundings from each view ([`Patch`]), and the expected difference between the views from the calibration
-//! ([`Expected`]). Output: a [`Shift`] with its standard deviation, or the reason why there is none. The background of each patch is a
-//! quadratic fitted around the aircraft. The best whole-pixel shift near the one given by the boxes starts a Gauss-Newton iteration over
-//! shift, contrast and brightness (Lucas and Kanade, "An iterative image registration technique", 1981; with brightness: Hager and
+//! ([`ExpectedDifference`]). Output: a [`Shift`] with its standard deviation, or the reason why there is none. The background of each patch
+//! is a quadratic fitted around the aircraft. The best whole-pixel shift near the one given by the boxes starts a Gauss-Newton iteration
+//! over shift, contrast and brightness (Lucas and Kanade, "An iterative image registration technique", 1981; with brightness: Hager and
 //! Belhumeur, "Efficient region tracking", 1998), in which outlier pixels count less (Cauchy's weights). Scale and rotation are not fitted:
 //! views from two sides see nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
 //!
@@ -19,7 +19,7 @@ mod patch;
 use dataset::tables::registrations::{NoShift, Shift, is_within_limits};
 use glam::DVec2;
 
-pub(crate) use expected::Expected;
+pub(crate) use expected::ExpectedDifference;
 pub(crate) use linear::Normal;
 pub(crate) use patch::EDGE_PX;
 pub use patch::Patch;
@@ -62,7 +62,7 @@ const DEPTH_SD_M: f64 = 0.5;
 pub(crate) fn register(
     reference: &Patch,
     view: &Patch,
-    expected: &Expected,
+    expected: &ExpectedDifference,
 ) -> Result<Shift, NoShift> {
     let view_from_reference = expected.view_from_reference;
     let magnification = view_from_reference.determinant().abs().sqrt();
@@ -97,7 +97,11 @@ fn blur_of_finer_px(larger: f64, spot_px: f64) -> f64 {
     (spot_of_other_px.powi(2) - spot_px.powi(2)).sqrt()
 }
 
-fn shift_of(reference: &Cleaned, fit: &Fit, expected: &Expected) -> Result<Shift, NoShift> {
+fn shift_of(
+    reference: &Cleaned,
+    fit: &Fit,
+    expected: &ExpectedDifference,
+) -> Result<Shift, NoShift> {
     if fit.correlation < MIN_CORRELATION || !GAINS.contains(&fit.gain) {
         return Err(NoShift::Different);
     }

@@ -15,8 +15,6 @@ use crate::error::{Error, Result};
 use row_band::RowBand;
 use search_windows::{first_windows, window_around};
 
-/// Maximum number of second-pass windows that can be configured.
-const MAX_WINDOWS: usize = 1_000;
 /// Minimum tile side, px; smaller tiles show too little around an aircraft.
 const MIN_TILE_PX: u32 = 64;
 /// Maximum tile side, px.
@@ -63,47 +61,17 @@ impl Default for TilingSettings {
 }
 
 impl TilingSettings {
-    /// Checks all ranges.
-    pub fn check(&self) -> Result<()> {
-        let ratios = [
-            ("tile_score", self.tile_score),
-            ("score", self.score),
-            ("faint_score", self.faint_score),
-            ("merge_iou", self.merge_iou),
-        ];
-        for (name, value) in ratios {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(Error::Option {
-                    name,
-                    found: value.to_string(),
-                    expected: "a number from 0 to 1".into(),
-                });
-            }
-        }
-        if !(1..=MAX_WINDOWS).contains(&self.most_windows) {
-            return Err(Error::Option {
-                name: "most_windows",
-                found: self.most_windows.to_string(),
-                expected: "1 to 1000".into(),
-            });
-        }
-        let tiles = MIN_TILE_PX..=MAX_TILE_PX;
-        if let Some(found) = self.tile_px.filter(|side_px| !tiles.contains(side_px)) {
-            return Err(Error::Option {
+    /// Checks the size of the tiles.
+    pub(crate) fn check(&self) -> Result<()> {
+        let sides = MIN_TILE_PX..=MAX_TILE_PX;
+        match self.tile_px.filter(|side_px| !sides.contains(side_px)) {
+            None => Ok(()),
+            Some(found) => Err(Error::Option {
                 name: "--tile",
                 found: found.to_string(),
                 expected: "64 to 16384".into(),
-            });
+            }),
         }
-        let empty = self.bands().find(|band| band.top_px >= band.bottom_px);
-        if let Some(RowBand { top_px, bottom_px }) = empty {
-            return Err(Error::Option {
-                name: "--rows",
-                found: format!("{top_px}:{bottom_px}"),
-                expected: "a first row above the last".into(),
-            });
-        }
-        Ok(())
     }
 
     /// The score of the faintest boxes that may count.
@@ -111,14 +79,10 @@ impl TilingSettings {
         self.faint_score.min(self.score)
     }
 
-    /// The rows of both scales, as far as they are limited.
-    fn bands(&self) -> impl Iterator<Item = RowBand> {
-        [self.rows, self.half_scale_rows].into_iter().flatten()
-    }
-
     /// Checks that some of the rows are in an image of this height.
     fn check_rows(&self, height_px: u32) -> Result<()> {
-        match self.bands().find(|band| band.top_px >= height_px) {
+        let mut bands = [self.rows, self.half_scale_rows].into_iter().flatten();
+        match bands.find(|band| band.top_px >= height_px) {
             Some(band) => Err(Error::Option {
                 name: "--rows",
                 found: band.to_string(),

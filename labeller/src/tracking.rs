@@ -81,7 +81,7 @@ pub(crate) struct FoundBox {
 
 /// An aircraft that is followed, as expected at the time of [`Tracker::advance`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Expected {
+pub(crate) struct ExpectedBox {
     pub(crate) track: u32,
     pub(crate) pixel_box: PixelBox,
     /// Maximum motion between two images, in box lengths.
@@ -91,7 +91,7 @@ pub(crate) struct Expected {
 
 /// Searched parts of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Searched<'a> {
+pub(crate) enum SearchedParts<'a> {
     Everywhere,
     /// Only the expected places of these tracks.
     Around(&'a [u32]),
@@ -127,12 +127,12 @@ impl Tracker {
 
     /// The expected places of the tracked aircraft: confirmed ones first, then by the beginning of their tracks. Tracks with only faint
     /// boxes lately are left out. `period_s`: time between two images, seconds.
-    pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
+    pub(crate) fn expected(&self, period_s: f64) -> Vec<ExpectedBox> {
         let mut expected: Vec<_> = self
             .followed
             .iter()
             .filter(|track| track.history.is_confirmed() || hits_in(track.clear) > 0)
-            .map(|track| Expected {
+            .map(|track| ExpectedBox {
                 track: track.number,
                 pixel_box: track.motion.expected(),
                 lengths_moved: track.motion.lengths_moved(period_s),
@@ -145,7 +145,7 @@ impl Tracker {
 
     /// True if the boxes lack a confirmed aircraft that was in the previous image.
     pub(crate) fn loses_any(&self, boxes: &[FoundBox]) -> bool {
-        let matches = self.matches(boxes, Searched::Everywhere);
+        let matches = self.matches(boxes, SearchedParts::Everywhere);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
         tracks.any(|(at, track)| track.misses == 0 && track.history.is_confirmed() && !is_seen(at))
@@ -153,7 +153,11 @@ impl Tracker {
 
     /// Takes the boxes that were found at the current time, and returns the tracks that they belong to: none for a faint box that
     /// continues none, unless the whole image was searched.
-    pub(crate) fn take(&mut self, boxes: &[FoundBox], searched: Searched<'_>) -> Vec<Option<u32>> {
+    pub(crate) fn take(
+        &mut self,
+        boxes: &[FoundBox],
+        searched: SearchedParts<'_>,
+    ) -> Vec<Option<u32>> {
         let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
         for (index, at) in self.matches(boxes, searched) {
             let track = &mut self.followed[at];
@@ -169,8 +173,8 @@ impl Tracker {
                 .position(|number| *number == Some(track.number));
             let found = index.map(|index| boxes[index]);
             let was_looked_for = match searched {
-                Searched::Everywhere => true,
-                Searched::Around(tracks) => tracks.contains(&track.number),
+                SearchedParts::Everywhere => true,
+                SearchedParts::Around(tracks) => tracks.contains(&track.number),
             };
             if found.is_some() || was_looked_for {
                 track.note(found, self.now_s);
@@ -188,7 +192,7 @@ impl Tracker {
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
-            if track.is_none() && (!seen.is_faint || searched == Searched::Everywhere) {
+            if track.is_none() && (!seen.is_faint || searched == SearchedParts::Everywhere) {
                 *track = Some(self.begin(*seen));
             }
         }
@@ -198,13 +202,13 @@ impl Tracker {
     /// Pairs of boxes and tracks: the closest first, confirmed tracks before all others, and faint boxes last. A lamp's track must not
     /// latch onto an aircraft: a stationary track is either clear or faint, and continued neither by boxes of the other kind nor by distant
     /// ones. Tracks that were never clear are only matched in whole-image searches, because they are not searched for in between.
-    fn matches(&self, boxes: &[FoundBox], searched: Searched<'_>) -> Vec<(usize, usize)> {
+    fn matches(&self, boxes: &[FoundBox], searched: SearchedParts<'_>) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
             let history = &track.history;
             let is_confirmed = history.is_confirmed();
             let was_clear = history.was_clear();
-            if !was_clear && searched != Searched::Everywhere {
+            if !was_clear && searched != SearchedParts::Everywhere {
                 continue;
             }
             for (index, seen) in boxes.iter().enumerate() {

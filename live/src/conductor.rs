@@ -66,7 +66,7 @@ pub fn estimate(
     ready(address);
     let sources = views.all.iter();
     let sources = sources.filter_map(|view| Some((view.name.clone(), view.source.clone()?)));
-    lines.put(&Line::Event(Event::Start {
+    lines.put(Line::Event(Event::Start {
         time_s: 0.0,
         run,
         estimator: options.run.estimator().into(),
@@ -95,8 +95,8 @@ pub fn estimate(
     };
     for (view, offset_s) in &options.offsets_s {
         let (view, offset_s) = (view.clone(), *offset_s);
-        conductor.event(|time_s| Event::Offset {
-            time_s,
+        conductor.event(Event::Offset {
+            time_s: conductor.event_time_s(),
             view,
             offset_s: Some(offset_s),
             sd_s: None,
@@ -214,7 +214,7 @@ impl Conductor {
     /// Tells of views whose state has changed.
     fn judge_views(&mut self) {
         let is_timed = self.shared.pace != Pace::AsFastAsPossible;
-        let now_s = self.shared.clock.now_s();
+        let (now_s, event_s) = (self.shared.clock.now_s(), self.event_time_s());
         for view in 0..self.views.all.len() {
             let state = {
                 let watch = lock(&self.views.all[view].status);
@@ -235,7 +235,7 @@ impl Conductor {
             if of_view.source.is_none() {
                 continue;
             }
-            if let Some(event) = self.news[view].of(&of_view.name, state) {
+            if let Some(event) = self.news[view].of(event_s, &of_view.name, state) {
                 self.event(event);
             }
         }
@@ -366,8 +366,8 @@ impl Conductor {
 
     fn report_offset(&self, view: usize, offset: Option<Offset>) {
         let view = self.views.all[view].name.clone();
-        self.event(|time_s| Event::Offset {
-            time_s,
+        self.event(Event::Offset {
+            time_s: self.event_time_s(),
             view,
             offset_s: offset.map(|offset| offset.offset_s),
             sd_s: offset.map(|offset| offset.sd_s),
@@ -408,7 +408,8 @@ impl Conductor {
         let is_of_cameras = self.shared.pace == Pace::Cameras;
         let utc = || self.shared.clock.utc(self.shared.since_start_s(time_s));
         let utc = is_of_cameras.then(utc);
-        for event in self.withheld.next(&found, self.run.views()) {
+        let event_s = self.event_time_s();
+        for event in self.withheld.next(event_s, &found, self.run.views()) {
             self.event(event);
         }
         for answer in self
@@ -416,25 +417,24 @@ impl Conductor {
             .of(found, time_s, utc, (now_s - taken_s).max(0.0))
         {
             self.metrics.answered(answer.state, now_s);
-            self.lines.put(&Line::Answer(Box::new(answer)));
+            self.lines.put(Line::Answer(Box::new(answer)));
         }
     }
 
-    /// A time since the start of the program in the time of answers; `None` if there is none yet, or time does not pass.
-    fn time_s(&self, since_start_s: f64) -> Option<f64> {
-        self.shared.answer_time_s(since_start_s)
+    fn event(&self, event: Event) {
+        self.lines.put(Line::Event(event));
     }
 
-    fn event(&self, event: impl FnOnce(f64) -> Event) {
-        let now_s = self.shared.clock.now_s();
-        let time_s = self.time_s(now_s).or(self.last_s).unwrap_or(0.0);
-        self.lines.put(&Line::Event(event(time_s)));
+    /// Time of an event now, in the time of answers.
+    fn event_time_s(&self) -> f64 {
+        let now_s = self.shared.answer_time_s(self.shared.clock.now_s());
+        now_s.or(self.last_s).unwrap_or(0.0)
     }
 
     fn report_overload(&mut self) {
-        let now_s = self.shared.clock.now_s();
+        let times_s = [self.shared.clock.now_s(), self.event_time_s()];
         let mut names = self.views.all.iter().map(|view| &view.name);
-        if let Some(event) = self.overload.news(now_s, &self.metrics, &mut names) {
+        if let Some(event) = self.overload.news(times_s, &self.metrics, &mut names) {
             self.event(event);
         }
     }
@@ -450,8 +450,8 @@ impl Conductor {
             (of_view.name.clone(), searched, others)
         });
         let images = images.collect();
-        self.event(|time_s| Event::End {
-            time_s,
+        self.event(Event::End {
+            time_s: self.event_time_s(),
             cause,
             images,
         });

@@ -101,7 +101,8 @@ impl ScenarioJob {
         let standing = if options.force {
             Standing::Missing
         } else {
-            DetectionRecord::standing(&scenario, model, &Searching::of(options), fitted)?
+            let searching = Searching::with(options.settings, options.modes);
+            DetectionRecord::standing(&scenario, model, &searching, fitted)?
         };
         let record = scenario.record()?;
         let stored = match standing {

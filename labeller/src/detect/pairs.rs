@@ -14,10 +14,10 @@ use dataset::corpus::detections::Detections;
 use dataset::geometry::camera::Camera;
 use dataset::tables::registrations::{NoShift, Registration, Shift};
 
-use crate::registration::{Expected, Patch, register};
+use crate::registration::{ExpectedDifference, Patch, register};
 
 /// A view's best box at a tick, with its surroundings.
-type Look = Arc<Result<Patch, NoShift>>;
+type SharedPatch = Arc<Result<Patch, NoShift>>;
 
 /// Registrations between several views.
 pub(super) struct Pairs {
@@ -30,8 +30,8 @@ pub(super) struct Pairs {
 /// Arrived views at one tick.
 #[derive(Default)]
 struct Waiting {
-    reference: Option<Look>,
-    others: Vec<(usize, Look)>,
+    reference: Option<SharedPatch>,
+    others: Vec<(usize, SharedPatch)>,
     registered: usize,
 }
 
@@ -134,7 +134,7 @@ pub fn register_views(
         [Err(NoShift::NoBox), _] | [_, Err(NoShift::NoBox)] => return Err(NoShift::NoBox),
         [Err(reason), _] | [_, Err(reason)] => return Err(*reason),
     };
-    let expected = Expected::of(reference, view, from.centre_px(), to.centre_px());
+    let expected = ExpectedDifference::of(reference, view, from.centre_px(), to.centre_px());
     register(from, to, &expected)
 }
 

@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::registration::EDGE_PX;
 use crate::tiling::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
-use crate::tracking::{Expected, FoundBox, Searched, Tracker};
+use crate::tracking::{ExpectedBox, FoundBox, SearchedParts, Tracker};
 
 /// After a loss the whole image is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
 /// in every other image.
@@ -120,7 +120,7 @@ impl Sequence {
         since_s: f64,
     ) -> Result<SearchedImage> {
         let expected = self.tracker.expected(since_s);
-        let is_fast = |expected: &Expected| expected.lengths_moved > MAX_LENGTHS;
+        let is_fast = |expected: &ExpectedBox| expected.lengths_moved > MAX_LENGTHS;
         let is_too_fast = self.modes.mode == Mode::Auto && expected.iter().any(is_fast);
         let has_passed = |period_s: f64| {
             self.last_full_s
@@ -183,7 +183,7 @@ impl Sequence {
         &self,
         detector: &mut dyn Detector,
         picture: &mut dyn Image,
-        expected: &[Expected],
+        expected: &[ExpectedBox],
     ) -> Result<SearchedImage> {
         let expected = &expected[..expected.len().min(self.tiling.most_windows)];
         let mut sightings = Vec::new();
@@ -225,8 +225,8 @@ impl Sequence {
     /// Assigns the boxes to tracks.
     fn shown(&mut self, looked: SearchedImage) -> TrackedImage {
         let searched = match &looked.around {
-            None => Searched::Everywhere,
-            Some(tracks) => Searched::Around(tracks),
+            None => SearchedParts::Everywhere,
+            Some(tracks) => SearchedParts::Around(tracks),
         };
         let seen = self.seen(&looked.sightings);
         let tracks = self.tracker.take(&seen, searched);

@@ -10,10 +10,10 @@ use ort::value::TensorRef;
 
 use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
-use super::layout::meaning::{Known, Meaning};
+use super::layout::meaning::{Meaning, ProbedModel};
 use super::layout::{Decoding, Layout};
 use super::model_file::ModelFile;
-use super::outputs::{BoxOutputs, Expected};
+use super::outputs::{BoxOutputs, KnownModel};
 use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
 use super::profile::aircraft_class::Classes;
@@ -118,7 +118,7 @@ impl OrtDetector {
         };
         self.planes.resize(windows * numbers_in(size_px), 0.0);
         let inputs = inputs_in_words(self.sessions.any());
-        let expected = Expected {
+        let expected = KnownModel {
             said: self.profile.layout,
             output: self.profile.output.clone(),
             named: self.metadata.named_classes(),
@@ -134,7 +134,7 @@ impl OrtDetector {
             };
             let (boxes, layout) = BoxOutputs::of(&forms, &expected).map_err(with_shapes)?;
             let (meaning, count) = read_answer(outputs, boxes, |answer| {
-                let known = Known {
+                let known = ProbedModel {
                     window_px: size_px,
                     profile: &profile,
                     head: metadata.head.as_deref(),

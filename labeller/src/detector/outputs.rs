@@ -24,7 +24,7 @@ pub(super) enum BoxOutputs {
 }
 
 /// Model properties besides the outputs.
-pub(super) struct Expected {
+pub(super) struct KnownModel {
     pub(super) said: Option<Layout>,
     /// The settings' name of the output with the boxes.
     pub(super) output: Option<String>,
@@ -39,9 +39,9 @@ pub(super) struct Expected {
 impl BoxOutputs {
     pub(super) fn of(
         outputs: &[OutputForm],
-        expected: &Expected,
+        expected: &KnownModel,
     ) -> Result<(Self, Layout), ModelFault> {
-        let &Expected {
+        let &KnownModel {
             said,
             window_px,
             has_objectness,
@@ -173,7 +173,7 @@ mod tests {
     }
 
     fn found(said: Option<Layout>, outputs: &[OutputForm]) -> Result<(BoxOutputs, Layout), String> {
-        let expected = Expected {
+        let expected = KnownModel {
             said,
             output: None,
             named: None,

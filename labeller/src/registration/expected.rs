@@ -11,14 +11,14 @@ const STEP_M: f64 = 1.0;
 
 /// The difference of two views near the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Expected {
+pub(crate) struct ExpectedDifference {
     /// Maps small displacements from the reference view to this view, for surfaces that face the cameras: scale and rotation.
     pub(super) view_from_reference: DMat2,
     /// Change of the shift per metre towards the cameras.
     pub(super) depth_px_per_m: DVec2,
 }
 
-impl Expected {
+impl ExpectedDifference {
     /// Shift alone.
     pub(crate) const SHIFT_ALONE: Self = Self {
         view_from_reference: DMat2::IDENTITY,

@@ -6,7 +6,7 @@ use dataset::video::PicturePart;
 use glam::{DMat2, DVec2};
 
 use super::patch::blurred;
-use super::{Expected, Patch, register};
+use super::{ExpectedDifference, Patch, register};
 use crate::detector::PictureView;
 
 const WIDTH: u32 = 320;
@@ -144,7 +144,7 @@ impl Scene {
 fn compare(
     reference: Scene,
     view: Scene,
-    expected: &Expected,
+    expected: &ExpectedDifference,
     off: DVec2,
 ) -> Result<Shift, NoShift> {
     let (from, to) = (reference.patch(DVec2::new(0.4, -0.3))?, view.patch(off)?);
@@ -155,7 +155,7 @@ fn same(reference: Scene, view: Scene) -> Result<Shift, NoShift> {
     compare(
         reference,
         view,
-        &Expected::SHIFT_ALONE,
+        &ExpectedDifference::SHIFT_ALONE,
         DVec2::new(-0.6, 0.5),
     )
 }
@@ -290,9 +290,9 @@ fn scale_and_rotation_that_the_cameras_expect_are_taken_out_and_others_are_repor
             contrast: 0.8 * SKY.contrast,
             ..moved(reference, by)
         };
-        let expected = Expected {
+        let expected = ExpectedDifference {
             view_from_reference: DMat2::from_diagonal(DVec2::splat(size)),
-            ..Expected::SHIFT_ALONE
+            ..ExpectedDifference::SHIFT_ALONE
         };
         // With a box that is not centred on the aircraft, the followed point moves with the scale.
         let off = DVec2::new(0.4, -0.3) * (size - 1.0);
@@ -317,7 +317,7 @@ fn a_box_that_is_off_by_several_pixels_gives_the_same_shift() {
     let view = moved(SKY, DVec2::new(7.4, 2.2));
     for off in [(0.0, 0.0), (5.0, -3.0), (-6.0, 4.0), (4.0, 5.0)] {
         let off = DVec2::from(off);
-        let shift = compare(SKY, view, &Expected::SHIFT_ALONE, off).unwrap();
+        let shift = compare(SKY, view, &ExpectedDifference::SHIFT_ALONE, off).unwrap();
         let wrong = error(SKY, view, &shift);
         assert!(wrong.abs().max_element() < 0.15, "off by {off}: {wrong}");
     }

@@ -62,8 +62,8 @@ impl SearchBands {
 
 #[derive(Default)]
 struct RowsBySize {
-    small: Rows,
-    large: Rows,
+    small: Option<[f64; 2]>,
+    large: Option<[f64; 2]>,
 }
 
 impl RowsBySize {
@@ -75,37 +75,25 @@ impl RowsBySize {
         } else {
             &mut self.large
         };
-        rows.add(real.pixel_box.edges());
+        let [_, top, _, bottom] = real.pixel_box.edges();
+        let [first, last] = rows.unwrap_or([top, bottom]);
+        *rows = Some([first.min(top), last.max(bottom)]);
     }
 
     fn bands(self) -> Option<SearchBands> {
-        match [self.small, self.large].map(Rows::band) {
+        match [self.small, self.large].map(|rows| rows.map(with_margin)) {
             [Some(small), large] => Some(SearchBands { small, large }),
             [None, only] => only.map(|small| SearchBands { small, large: None }),
         }
     }
 }
 
-/// Rows that boxes take.
-#[derive(Default)]
-struct Rows(Option<[f64; 2]>);
-
-impl Rows {
-    fn add(&mut self, [_, top, _, bottom]: [f64; 4]) {
-        self.0 = Some(match self.0 {
-            Some(seen) => [seen[0].min(top), seen[1].max(bottom)],
-            None => [top, bottom],
-        });
-    }
-
-    fn band(self) -> Option<RowBand> {
-        self.0.map(|[top, bottom]| {
-            let margin_px = MARGIN * (bottom - top);
-            RowBand {
-                top_px: (top - margin_px).max(0.0) as u32,
-                bottom_px: (bottom + margin_px).ceil() as u32,
-            }
-        })
+/// The band of rows that boxes take, with its margin.
+fn with_margin([top, bottom]: [f64; 2]) -> RowBand {
+    let margin_px = MARGIN * (bottom - top);
+    RowBand {
+        top_px: (top - margin_px).max(0.0) as u32,
+        bottom_px: (bottom + margin_px).ceil() as u32,
     }
 }
 

@@ -144,16 +144,14 @@ fn a_finder_of_any_size_looks_at_the_whole_picture_and_once_more_at_each_hit() {
 }
 
 #[test]
-fn settings_out_of_range_are_refused_by_name() {
-    let message = TilingSettings {
-        score: 1.5,
-        ..Default::default()
+fn tiles_of_an_impossible_size_are_refused_by_name() {
+    for side_px in [0, 63, 16_385] {
+        let settings = TilingSettings {
+            tile_px: Some(side_px),
+            ..Default::default()
+        };
+        let said = settings.check().unwrap_err().to_string();
+        let found = format!("--tile is {side_px}");
+        assert!(said.contains(&found), "{said}");
     }
-    .check()
-    .unwrap_err()
-    .to_string();
-    assert!(
-        message.contains("score") && message.contains("1.5"),
-        "{message}"
-    );
 }

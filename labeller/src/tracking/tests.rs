@@ -56,7 +56,7 @@ fn track_seen(period_s: f64, pictures: &[Vec<FoundBox>]) -> (Vec<Vec<u32>>, Vec<
         .iter()
         .map(|boxes| {
             tracker.advance(period_s);
-            let tracks = tracker.take(boxes, Searched::Everywhere);
+            let tracks = tracker.take(boxes, SearchedParts::Everywhere);
             let tracked = boxes.iter().zip(&tracks).filter_map(|(seen, track)| {
                 let track = (*track)?;
                 Some(TrackedBox {
@@ -209,16 +209,16 @@ fn a_track_that_was_not_looked_for_does_not_end() {
     let mut tracker = Tracker::of_pictures(100);
     for _ in 0..3 {
         tracker.advance(0.1);
-        tracker.take(&[clear(at(300.0, 400.0, 24.0))], Searched::Everywhere);
+        tracker.take(&[clear(at(300.0, 400.0, 24.0))], SearchedParts::Everywhere);
     }
     for _ in 0..40 {
         tracker.advance(0.1);
-        tracker.take(&[], Searched::Around(&[]));
+        tracker.take(&[], SearchedParts::Around(&[]));
     }
     assert_eq!(tracker.expected(0.1).len(), 1);
     for _ in 0..40 {
         tracker.advance(0.1);
-        tracker.take(&[], Searched::Around(&[0]));
+        tracker.take(&[], SearchedParts::Around(&[0]));
     }
     assert_eq!(tracker.expected(0.1), []);
 }
@@ -230,12 +230,12 @@ fn a_confirmed_aircraft_that_was_just_seen_is_missed_at_once_and_only_once() {
     for step in 0..4 {
         tracker.advance(0.1);
         assert_eq!(tracker.loses_any(&[]), step == 3);
-        tracker.take(&[here], Searched::Everywhere);
+        tracker.take(&[here], SearchedParts::Everywhere);
     }
     tracker.advance(0.1);
     assert!(tracker.loses_any(&[clear(at(900.0, 400.0, 24.0))]));
     assert!(!tracker.loses_any(&[here]));
-    tracker.take(&[], Searched::Everywhere);
+    tracker.take(&[], SearchedParts::Everywhere);
     tracker.advance(0.1);
     assert!(!tracker.loses_any(&[]));
 }
@@ -406,15 +406,18 @@ fn a_faint_box_in_a_window_begins_nothing() {
     let here = at(300.0, 400.0, 24.0);
     tracker.advance(1.0);
     assert_eq!(
-        tracker.take(&[clear(here)], Searched::Everywhere),
+        tracker.take(&[clear(here)], SearchedParts::Everywhere),
         [Some(0)]
     );
     tracker.advance(1.0);
     let beside = faint(at(340.0, 420.0, 12.0));
     let seen = [clear(here), beside];
-    assert_eq!(tracker.take(&seen, Searched::Around(&[0])), [Some(0), None]);
     assert_eq!(
-        tracker.take(&seen, Searched::Everywhere),
+        tracker.take(&seen, SearchedParts::Around(&[0])),
+        [Some(0), None]
+    );
+    assert_eq!(
+        tracker.take(&seen, SearchedParts::Everywhere),
         [Some(0), Some(1)]
     );
 }
@@ -425,14 +428,14 @@ fn nothing_is_followed_that_was_only_faint() {
     for picture in crossing(|second| second == 4).iter().take(6) {
         let is_first = tracker.expected(1.0).is_empty();
         tracker.advance(1.0);
-        tracker.take(picture, Searched::Everywhere);
+        tracker.take(picture, SearchedParts::Everywhere);
         assert!(is_first || !tracker.expected(1.0).is_empty());
     }
     assert_eq!(tracker.expected(1.0).len(), 1, "once it was clear");
     let mut tracker = Tracker::of_pictures(100);
     for picture in crossing(|_| false).iter().take(6) {
         tracker.advance(1.0);
-        tracker.take(picture, Searched::Everywhere);
+        tracker.take(picture, SearchedParts::Everywhere);
         assert_eq!(tracker.expected(1.0), []);
     }
 }
@@ -442,7 +445,7 @@ fn counting_s(period_s: f64, pictures: &[Vec<FoundBox>]) -> Vec<f64> {
     let mut tracker = Tracker::endless();
     let seconds = pictures.iter().filter_map(|boxes| {
         tracker.advance(period_s);
-        let tracks = tracker.take(boxes, Searched::Everywhere);
+        let tracks = tracker.take(boxes, SearchedParts::Everywhere);
         let counts = tracks.into_iter().flatten().any(|t| tracker.counts(t));
         counts.then(|| tracker.now_s())
     });

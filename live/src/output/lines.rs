@@ -50,8 +50,8 @@ impl Lines {
     }
 
     /// Puts a line in the queue, at once.
-    pub(crate) fn put(&self, line: &Line) {
-        let dropped = self.writer.waiting.put((line.clone(), Instant::now()));
+    pub(crate) fn put(&self, line: Line) {
+        let dropped = self.writer.waiting.put((line, Instant::now()));
         if dropped.is_some() {
             self.writer.metrics.count_dropped_line();
         }
@@ -178,7 +178,7 @@ mod tests {
         let (texts, _read) = channel();
         let lines = Lines::to(Box::new(Slow(wait, texts)), metrics.clone(), true).unwrap();
         for number in 0..MAX_WAITING as u32 + 10 {
-            lines.put(&offset(number));
+            lines.put(offset(number));
         }
         // The writer holds one.
         assert!((9..=10).contains(&metrics.dropped_lines()));
@@ -192,7 +192,7 @@ mod tests {
         let (texts, _read) = channel();
         let lines = Lines::to(Box::new(Slow(wait, texts)), metrics, true).unwrap();
         drop(go);
-        lines.put(&offset(1));
+        lines.put(offset(1));
         while lines.has_reader().unwrap() {
             thread::yield_now();
         }
@@ -205,7 +205,7 @@ mod tests {
         let metrics = Arc::new(Metrics::new(String::new(), &[]));
         let full = std::fs::File::create("/dev/full").unwrap();
         let lines = Lines::to(Box::new(full), metrics, true).unwrap();
-        lines.put(&offset(1));
+        lines.put(offset(1));
         let error = loop {
             match lines.has_reader() {
                 Ok(has_reader) => assert!(has_reader, "somebody could read it"),

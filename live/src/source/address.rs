@@ -87,7 +87,7 @@ fn microseconds(seconds: f64) -> i64 {
 }
 
 /// A source in FFmpeg's terms.
-pub(crate) struct Place {
+pub(crate) struct FfmpegSource {
     name: String,
     options: Vec<(&'static str, String)>,
     pub(crate) is_stream: bool,
@@ -95,7 +95,7 @@ pub(crate) struct Place {
     pub(crate) recorded: Option<RecordedTimes>,
 }
 
-impl Place {
+impl FfmpegSource {
     pub(crate) fn of(source: &Source, view: &str) -> Result<Self, OpenFault> {
         let useless = |error: dataset::Error| OpenFault::Useless(error.to_string());
         let file = |path: &Path| {
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn a_device_is_opened_by_its_path_with_ffmpegs_own_reader() {
         let source = Source::Device("/dev/video97".into());
-        let place = Place::of(&source, "left").ok().unwrap();
+        let place = FfmpegSource::of(&source, "left").ok().unwrap();
         assert_eq!((&*place.name, place.is_stream), ("/dev/video97", false));
         let stop = Arc::new(AtomicBool::new(false));
         let patience = Patience::new(RunClock::start(), stop);

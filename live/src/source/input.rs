@@ -14,7 +14,7 @@ use ffmpeg_next::{Packet, decoder, format, frame, media};
 
 use crate::clock::UsualInterval;
 use crate::source::access_unit::{AccessUnit, AccessUnits, UnitCodec};
-use crate::source::address::{OpenFault, Patience, Place, RecordedTimes};
+use crate::source::address::{FfmpegSource, OpenFault, Patience, RecordedTimes};
 use crate::source::gpu::Gpu;
 use crate::source::undecoded::Undecoded;
 use crate::source::{Decoder, Source};
@@ -84,7 +84,7 @@ impl Input {
         most_ms: u64,
     ) -> Result<Self, OpenFault> {
         start_ffmpeg();
-        let place = Place::of(source, view)?;
+        let place = FfmpegSource::of(source, view)?;
         let input = place.open(&patience, most_ms, true)?;
         let codec_id = video_of(&input)?.parameters().id();
         let codec = match codec_id {

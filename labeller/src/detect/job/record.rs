@@ -8,10 +8,10 @@ use dataset::corpus::open_scenario::OpenScenario;
 use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
 
+use crate::detect::Model;
 use crate::detect::mode::ModeSettings;
 use crate::detect::pairs::fitted_cameras::FittedCameras;
 use crate::detect::view_search::cpu_time::CpuTime;
-use crate::detect::{DetectOptions, Model};
 use crate::detector::ModelProfile;
 use crate::error::Result;
 use crate::registration::METHOD;
@@ -68,10 +68,6 @@ pub(crate) struct Searching {
 }
 
 impl Searching {
-    pub(crate) fn of(options: &DetectOptions) -> Self {
-        Self::with(options.settings, options.modes)
-    }
-
     pub(crate) fn with(settings: TilingSettings, modes: ModeSettings) -> Self {
         Self {
             settings,

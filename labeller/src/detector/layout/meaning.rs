@@ -30,7 +30,7 @@ const PROBABILITY_TOLERANCE: f32 = 1e-3;
 const MIN_LOGITS: f64 = 0.25;
 
 /// Model properties besides the answer.
-pub(crate) struct Known<'a> {
+pub(crate) struct ProbedModel<'a> {
     pub(crate) window_px: [u32; 2],
     pub(crate) profile: &'a ModelProfile,
     /// Class of the last module, written by Ultralytics.
@@ -60,7 +60,7 @@ impl Meaning {
     }
 
     /// Interpretation of the answer to a blank window, whose shape has this layout.
-    pub(crate) fn of_probe(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Self {
+    pub(crate) fn of_probe(layout: Layout, answer: Answer<'_>, known: &ProbedModel<'_>) -> Self {
         let profile = known.profile;
         let judged = match profile.layout {
             Some(said) => Self::usual(said),
@@ -116,7 +116,7 @@ impl fmt::Display for Meaning {
     }
 }
 
-impl Known<'_> {
+impl ProbedModel<'_> {
     /// True if an output of this layout is RT-DETR's, by its head. A row of six may also be of two class scores.
     fn is_rt_detr(&self, layout: Layout, answer: Answer<'_>) -> bool {
         let is_row_of_six = matches!(answer.shape(), [_, _, 6])
@@ -130,7 +130,7 @@ impl Known<'_> {
 }
 
 /// The layout of this shape that the numbers have.
-fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Layout {
+fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &ProbedModel<'_>) -> Layout {
     let &[_, _, columns] = answer.shape() else {
         return layout;
     };

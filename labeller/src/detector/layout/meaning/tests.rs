@@ -44,7 +44,7 @@ fn meaning(
     let of_shape = Layout::of_shape(shape, WINDOW_PX, has_objectness, named);
     let layout = profile.layout.or(of_shape).unwrap();
     let answer = Answer::new(shape, numbers).unwrap();
-    let known = Known {
+    let known = ProbedModel {
         window_px: WINDOW_PX,
         profile,
         head: metadata.head.as_deref(),
