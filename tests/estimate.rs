@@ -1,4 +1,4 @@
-//! `dtd estimate`: recordings against `dtd predict --online`, a real RTSP server with faults, signals, and what is refused.
+//! `dtd estimate`: recordings against `dtd predict --online`, a real RTSP server with faults, signals, and refused input.
 
 #[path = "estimate/clocks.rs"]
 mod clocks;

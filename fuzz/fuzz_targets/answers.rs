@@ -38,7 +38,7 @@ mod detector {
     use answer::{Answer, numbers_of};
     use layout::boxes_and_scores::PairAnswer;
     use layout::efficient_nms::NmsAnswer;
-    use layout::meaning::{Known, Meaning};
+    use layout::meaning::{ProbedModel, Meaning};
     use layout::suppression;
     use layout::{Decoding, Layout};
     use profile::{BoxOrigin, ModelProfile};
@@ -116,7 +116,7 @@ mod detector {
         let Ok(answer) = Answer::new(&shape, &numbers) else {
             return;
         };
-        let known = Known {
+        let known = ProbedModel {
             window_px,
             profile: &ModelProfile {
                 layout: said,
@@ -165,7 +165,16 @@ mod error {
     #[derive(Debug)]
     pub struct Error(String);
 
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub(crate) struct ModelFault(String);
+
     pub type Result<T> = std::result::Result<T, Error>;
+
+    impl ModelFault {
+        pub(crate) fn new(message: impl ToString) -> Self {
+            Self(message.to_string())
+        }
+    }
 
     impl Error {
         pub(crate) fn model(path: &Path, message: impl ToString) -> Self {

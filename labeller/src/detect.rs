@@ -1,11 +1,11 @@
 //! Runs a detector over the videos of a corpus.
 //!
-//! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it
-//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the hash of model and settings; with several views also
+//! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it `<model>.json`
+//! ([`DetectionRecord`]), where `<model>` is the start of the hash of model and settings; with several views also
 //! `registrations/<model>.parquet`, and always `health/<model>.parquet`, measured from the same decoded images. Several views are decoded
-//! and searched in parallel, and a scenario is written as soon as its last view is done. A scenario that another process searches is left
-//! to it. Each worker holds one image and one session, and each scenario in work the surroundings of boxes whose other view is not decoded
-//! yet, so memory does not grow with the corpus.
+//! and searched in parallel, and a scenario is written as soon as its last view is done. Scenarios that are searched by a different process
+//! are left to it. Each worker holds one image and one session, and each scenario in work the surroundings of boxes whose other view is not
+//! decoded yet, so memory does not grow with the corpus.
 
 mod hidden_shakes;
 mod job;
@@ -40,29 +40,28 @@ use dataset::work::workers;
 use serde::Serialize;
 
 use crate::detector::{Detector, Device, ModelFile, ModelProfile, OrtDetector, OrtOptions};
-use crate::error::{Error, Result};
+use crate::error::{Error, Failure, Result};
 use crate::matching::false_boxes::FalseBoxes;
 use crate::matching::statistics::{DetectionCounts, TruthInSight};
-use crate::outcome::Failure;
 use crate::tiling::TilingSettings;
 use job::{End, ScenarioJob, ViewJob};
-pub use live_view::{Looked, SeenBox, ViewSearch};
+pub use live_view::{ImageFindings, SeenBox, ViewSearch};
 pub use mode::{Mode, ModeSettings};
 pub use pairs::fitted_cameras::FittedCameras;
-pub(crate) use pairs::registered;
+pub use pairs::register_views;
 pub use pictures::image::Image;
 pub use scenario_search::{Findings, Searcher};
 pub use view_search::cpu_time::CpuTime;
 
-/// Interval for polling a scenario that another process searches.
+/// Polling interval for scenarios that a different process searches.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
-/// Options of a detection run.
+/// Options for detection in a corpus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectOptions {
     /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own.
     pub onnx_runtime: Option<PathBuf>,
-    /// Device that the model runs on. Detections made on another device count as the same.
+    /// Device that runs the model. Detections made on a different device count as the same.
     pub device: Device,
     /// Thresholds and windows of the search. Detections made with other settings are repeated.
     pub settings: TilingSettings,
@@ -83,7 +82,7 @@ pub struct DetectOptions {
 }
 
 impl Default for DetectOptions {
-    /// A worker of one thread per core: decoding and preprocessing then overlap with the model.
+    /// One single-threaded worker per core: decoding and preprocessing then overlap with the model.
     fn default() -> Self {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         Self {
@@ -104,7 +103,6 @@ impl Default for DetectOptions {
 impl DetectOptions {
     fn check(&self) -> Result<()> {
         self.settings.check()?;
-        self.modes.check()?;
         if self.workers == 0 {
             return Err(Error::Option {
                 name: "workers",
@@ -115,7 +113,6 @@ impl DetectOptions {
         Ok(())
     }
 
-    /// Options for running the model.
     fn ort(&self) -> OrtOptions {
         OrtOptions {
             library: self.onnx_runtime.clone(),
@@ -126,7 +123,7 @@ impl DetectOptions {
     }
 }
 
-/// The result for the scenarios of a corpus.
+/// Results for a corpus.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct DetectOutcome {
     /// File name of the model.
@@ -153,16 +150,16 @@ pub struct DetectOutcome {
     pub false_boxes: Vec<FalseBoxes>,
     /// Registrations of all scenarios that have detections now.
     pub registrations: RegistrationCounts,
-    /// Views of these scenarios whose cameras were not always well.
+    /// Views with unhealthy cameras.
     pub unhealthy: Vec<Unhealthy>,
-    /// Views of these scenarios, as `scenario view`, of which most images show too little background to notice that the camera is turned.
+    /// Views, as `scenario view`, in which most images show too little background to notice a turned camera.
     pub without_background: Vec<String>,
     /// Total time of the workers, seconds.
     pub worker_seconds: f64,
 }
 
 impl DetectOutcome {
-    /// Compares the detections of a scenario with its labels, if it has any.
+    /// Compares a scenario's detections with its labels, if it has any.
     fn add_counts(&mut self, scenario: &OpenScenario) -> Result<()> {
         let record = scenario.record()?;
         let found = scenario.detections(&self.model_hash)?.boxes;
@@ -180,9 +177,9 @@ impl DetectOutcome {
 /// Counts of registered pairs of views.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct RegistrationCounts {
-    /// Pairs of a view with the reference view at the same tick.
+    /// Pairs of views at a tick; the reference view is in each.
     pub pairs: u64,
-    /// Of these, those with a shift.
+    /// Pairs with a shift.
     pub answered: u64,
     /// The others, by reason.
     pub unanswered: BTreeMap<&'static str, u64>,
@@ -200,8 +197,8 @@ impl RegistrationCounts {
     }
 }
 
-/// A view of a scenario that is late, or in which some ticks are frozen, moved, shaking or inconsistent.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// A view that is late, or has frozen, moved, shaking or inconsistent ticks.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Unhealthy {
     /// The scenario.
     pub scenario: String,
@@ -209,34 +206,30 @@ pub struct Unhealthy {
     pub view: String,
     /// Ticks with an image that repeats an earlier one.
     pub frozen: u64,
-    /// Ticks in which the camera looks elsewhere than usual.
+    /// Ticks with an unusual camera direction.
     pub moved: u64,
-    /// Ticks in which it shakes.
+    /// Ticks with a shaking camera.
     pub shaking: u64,
-    /// Ticks in which it cannot show the same aircraft as the first view.
+    /// Ticks whose image cannot show the same aircraft as the first view.
     pub inconsistent: u64,
-    /// Time by which its images are late behind another view's, milliseconds; 0 if they are not.
+    /// Lag behind the least late view, ms; 0 if there is none.
     pub late_ms: u64,
 }
 
 impl Unhealthy {
-    /// Ticks with any of it.
+    /// Ticks with any fault.
     pub fn ill_ticks(&self) -> u64 {
         self.frozen + self.moved + self.shaking + self.inconsistent
     }
 
-    /// The views of a scenario that have such ticks.
+    /// Unhealthy views.
     fn of(scenario: &str, rows: &[ViewHealth]) -> Vec<Self> {
         let mut views: BTreeMap<&str, Self> = BTreeMap::new();
         for row in rows {
             let here = views.entry(&row.view).or_insert_with(|| Self {
                 scenario: scenario.to_owned(),
                 view: row.view.clone(),
-                frozen: 0,
-                moved: 0,
-                shaking: 0,
-                inconsistent: 0,
-                late_ms: 0,
+                ..Self::default()
             });
             match row.state {
                 HealthState::Frozen => here.frozen += 1,
@@ -257,7 +250,7 @@ impl Unhealthy {
     }
 }
 
-/// Views of a scenario whose direction was not measured in most of their images.
+/// Views whose direction was not measured in most images.
 fn without_background(rows: &[ViewHealth]) -> Vec<&str> {
     let mut views: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     for row in rows {
@@ -286,7 +279,6 @@ impl Model {
         }
     }
 
-    /// Name of its detections.
     fn name(&self) -> String {
         self.identity.name()
     }
@@ -415,7 +407,7 @@ fn wait_for_other(folder: &ScenarioFolder, watch: &dyn Watch) -> Result<()> {
     Ok(())
 }
 
-/// Lets the workers process one view after another until none is left.
+/// Distributes the views over the workers.
 fn work_through(
     jobs: &[ScenarioJob],
     make: MakeDetector<'_>,
@@ -449,7 +441,7 @@ fn work_through(
     workers::share(options.workers.min(views.len()), work)
 }
 
-/// The ground-truth boxes of a scenario, if it is labelled.
+/// A scenario's ground-truth boxes, if it is labelled.
 fn truth_in_sight(scenario: &OpenScenario) -> Result<Option<Vec<TruthInSight>>> {
     let Some(truth) = scenario.truth_boxes_if_labelled()? else {
         return Ok(None);

@@ -1,7 +1,7 @@
 //! The detector interface: finds aircraft in windows of an image.
 //!
-//! The real one runs an ONNX model ([`OrtDetector`]); tests use a finder of bright blobs behind the same trait. A window is as
-//! large as the model's input, which may be of one size or any; `crate::tiling` chooses the windows.
+//! The real one runs an ONNX model ([`OrtDetector`]); tests use a finder of bright blobs behind the same trait. A window has the model's
+//! input size, fixed or any; `crate::tiling` chooses the windows.
 
 mod answer;
 mod device;
@@ -18,13 +18,13 @@ mod window;
 
 use dataset::tables::pixel_box::PixelBox;
 
-pub use device::{Device, UnknownDevice};
+pub use device::Device;
 pub use input::WindowSize;
 pub use layout::Layout;
 pub use layout::suppression::keep_best;
 pub use model_file::ModelFile;
 pub use number_model::{NumberInput, run_numbers};
-pub use onnx_runtime::{LibraryError, NO_TELEMETRY_VARIABLE};
+pub use onnx_runtime::NO_TELEMETRY_VARIABLE;
 pub use ort_detector::{OrtDetector, OrtOptions};
 pub use profile::{BoxForm, BoxOrigin, BoxUnit, ChannelOrder, ModelProfile, ScoreForm};
 pub use window::{PictureView, Window};
@@ -40,7 +40,7 @@ pub struct ScoredBox {
     pub score: f64,
 }
 
-/// Finds aircraft in windows of an image.
+/// Finds aircraft in image windows.
 pub trait Detector {
     /// Sizes that a window may have.
     fn window_size(&self) -> WindowSize;
@@ -54,7 +54,7 @@ pub trait Detector {
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>>;
 
-    /// Factor by which images are shrunk for the first pass over them.
+    /// Shrink factor of the first pass.
     fn first_pass_shrink(&self) -> u32;
 
     /// Description for the record next to the detections.

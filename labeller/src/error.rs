@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use dataset::work::watch::Stopped;
-
-use crate::detector::LibraryError;
+use serde::Serialize;
 
 /// A labelling or detection error. Every message names its subject.
 #[derive(Debug, thiserror::Error)]
@@ -25,7 +24,7 @@ pub enum Error {
     Stopped(#[from] Stopped),
     /// ONNX Runtime cannot be found or started.
     #[error("ONNX Runtime: {0}")]
-    Runtime(LibraryError),
+    Runtime(String),
     /// A detector's model cannot be used.
     #[error("model {}: {message}", path.display())]
     Model {
@@ -34,16 +33,36 @@ pub enum Error {
         /// Expectation, finding and remedy.
         message: String,
     },
-    /// An option is out of its range.
+    /// An option is out of range.
     #[error("option {name} is {found}, expected {expected}")]
     Option {
         /// Name of the option.
         name: &'static str,
-        /// Its value.
+        /// Given value.
         found: String,
         /// Allowed values.
         expected: String,
     },
+}
+
+/// A scenario that failed. The others are processed nevertheless.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Failure {
+    /// Identifier of the scenario.
+    pub id: String,
+    /// Reason, in words.
+    pub reason: String,
+}
+
+/// Reason why a model cannot be used. The caller names the model.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct ModelFault(String);
+
+impl ModelFault {
+    pub(crate) fn new(message: impl ToString) -> Self {
+        Self(message.to_string())
+    }
 }
 
 /// Results of this crate.

@@ -1,7 +1,7 @@
 //! Labels a corpus: distances in `frames.parquet`, projected boxes in `boxes_truth.parquet`.
 //!
-//! Everything follows from the poses of the ticks, the touchdown target and the calibrated cameras. Both tables of a scenario
-//! change together or not at all, and a scenario with correct labels is not touched.
+//! Labels follow from the poses of the ticks, the touchdown target and the calibrated cameras. A scenario's tables change together or not
+//! at all, and correct labels stay untouched.
 
 mod track;
 
@@ -21,8 +21,7 @@ use dataset::work::watch::Watch;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::error::{Error, Result};
-use crate::outcome::Failure;
+use crate::error::{Error, Failure, Result};
 use crate::truth_box::project;
 use track::labels_of;
 
@@ -31,7 +30,7 @@ pub(crate) const AIRCRAFT_CLASS: &str = "aircraft";
 /// The only aircraft whose shape is known.
 const KNOWN_AIRCRAFT: &str = "B737-800";
 
-/// The result for the scenarios of a corpus.
+/// Labelling results for a corpus.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct LabelOutcome {
     /// Scenarios that got new labels.
@@ -94,11 +93,8 @@ pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> 
     Ok(outcome)
 }
 
-/// Result of a labelled scenario.
 struct Labelled {
-    /// True if its files changed.
     is_new: bool,
-    /// Views without a single box.
     without_boxes: Vec<String>,
 }
 
@@ -112,7 +108,7 @@ fn label_scenario(folder: &ScenarioFolder) -> Result<Labelled> {
     }
     let claim = folder.claim()?;
     settle(&claim, folder.root())?;
-    // Another writer may have been faster.
+    // A concurrent writer may have been faster.
     if folder.seal()?.as_ref() != Some(&labels.seal) {
         labels = Labels::of(folder)?;
     }
@@ -201,16 +197,12 @@ fn check(record: &ScenarioRecord, frames: &Frames) -> Result<()> {
 }
 
 /// The cameras of the scenario's views, in their order.
-fn cameras(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Vec<Camera>> {
+pub(crate) fn cameras(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Vec<Camera>> {
     let calibration = scenario.calibration()?;
     let camera_of = |view: &String| {
         let entry = calibration.cameras.get(view).ok_or_else(|| {
-            let known = calibration
-                .cameras
-                .keys()
-                .cloned()
-                .collect::<Vec<_>>()
-                .join(", ");
+            let known: Vec<&str> = calibration.cameras.keys().map(String::as_str).collect();
+            let known = known.join(", ");
             Error::scenario(
                 &record.id,
                 format!("calibration.json has no camera {view}; it has {known}"),
@@ -251,7 +243,7 @@ fn truth_boxes(record: &ScenarioRecord, frames: &Frames, cameras: &[Camera]) -> 
     boxes
 }
 
-/// The mesh of the last requested controls: flaps and gear move during only a few ticks of a flight.
+/// Mesh for the last requested controls: flaps and gear move during only a few ticks of a flight.
 #[derive(Default)]
 struct Shape {
     latest: Option<(Controls, Mesh)>,
@@ -304,6 +296,14 @@ mod tests {
         files
     }
 
+    /// Replaces the table of images.
+    fn edit(folder: &ScenarioFolder, change: impl Fn(&mut Frames)) {
+        let mut frames = folder.open().unwrap().frames().unwrap();
+        change(&mut frames);
+        let (claim, names) = (folder.claim().unwrap(), [ScenarioFolder::FRAMES]);
+        replace_files(&claim, folder.root(), &names, |_, path| frames.write(path)).unwrap();
+    }
+
     #[test]
     fn labelling_writes_both_tables_and_keeps_the_seal_valid() {
         let temporary = tempfile::tempdir().unwrap();
@@ -345,15 +345,9 @@ mod tests {
         label_corpus(&corpus, &Silent).unwrap();
         let folder = corpus.scenario("0001-a");
         let right = files(folder.root());
-        let mut frames = folder.open().unwrap().frames().unwrap();
-        frames.rows[1].labels.as_mut().unwrap().dtd_m += 1.0;
-        replace_files(
-            &folder.claim().unwrap(),
-            folder.root(),
-            &[ScenarioFolder::FRAMES],
-            |_, path| frames.write(path),
-        )
-        .unwrap();
+        edit(&folder, |frames| {
+            frames.rows[1].labels.as_mut().unwrap().dtd_m += 1.0;
+        });
         assert_eq!(label_corpus(&corpus, &Silent).unwrap().labelled, ["0001-a"]);
         assert_eq!(files(folder.root()), right);
     }
@@ -369,18 +363,12 @@ mod tests {
                 .is_empty()
         );
         let folder = corpus.scenario("0001-a");
-        let mut frames = folder.open().unwrap().frames().unwrap();
-        for row in &mut frames.rows {
-            // Behind the cameras.
-            row.pose.latitude_deg += 1.0;
-        }
-        replace_files(
-            &folder.claim().unwrap(),
-            folder.root(),
-            &[ScenarioFolder::FRAMES],
-            |_, path| frames.write(path),
-        )
-        .unwrap();
+        edit(&folder, |frames| {
+            for row in &mut frames.rows {
+                // Behind the cameras.
+                row.pose.latitude_deg += 1.0;
+            }
+        });
         let outcome = label_corpus(&corpus, &Silent).unwrap();
         assert_eq!(
             outcome.without_boxes,

@@ -32,20 +32,4 @@ impl Match {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_box_that_only_touches_the_aircraft_is_no_hit_and_no_false_alarm() {
-        let truth = PixelBox::from_edges(100.0, 100.0, 120.0, 107.0);
-        let found = |left: f64, width: f64| PixelBox::from_edges(left, 100.0, left + width, 107.0);
-        for (found, expected) in [
-            (found(103.0, 20.0), Match::Hit),
-            (found(115.0, 20.0), Match::Loose),
-            (found(20.0, 200.0), Match::Loose),
-            (found(121.0, 20.0), Match::Elsewhere),
-        ] {
-            assert_eq!(Match::of(&found, &truth), expected, "{found:?}");
-        }
-    }
-}
+mod tests;

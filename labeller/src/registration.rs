@@ -1,15 +1,15 @@
-//! Measures the shift (parallax) of the aircraft between two views from the pixels of both. It is far more precise than the difference of
-//! two boxes, whose errors are independent, because both views show nearly the same few pixels of aircraft.
+//! Measures the shift (parallax) of the aircraft between two views from the pixels of both. It is far more precise than the difference
+//! between two boxes, whose errors are independent, because both views show nearly the same few pixels of aircraft.
 //!
-//! Input: the surroundings of a box in each view ([`Patch`]), and the expected difference of the views from the calibration ([`Expected`]).
-//! Output: a [`Shift`] with its standard deviation, or the reason why there is none. The background of each patch is a quadratic fitted
-//! around the aircraft. The best whole-pixel shift near the one given by the boxes starts a Gauss-Newton iteration over shift, contrast and
-//! brightness (Lucas and Kanade, "An iterative image registration technique", 1981; with brightness: Hager and Belhumeur, "Efficient region
-//! tracking", 1998), in which outlier pixels count less (Cauchy's weights). Scale and rotation are not fitted: views from two sides see
-//! nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
+//! Input: a box with its surroundings from each view ([`Patch`]), and the expected difference between the views from the calibration
+//! ([`ExpectedDifference`]). Output: a [`Shift`] with its standard deviation, or the reason why there is none. The background of each patch
+//! is a quadratic fitted around the aircraft. The best whole-pixel shift near the one given by the boxes starts a Gauss-Newton iteration
+//! over shift, contrast and brightness (Lucas and Kanade, "An iterative image registration technique", 1981; with brightness: Hager and
+//! Belhumeur, "Efficient region tracking", 1998), in which outlier pixels count less (Cauchy's weights). Scale and rotation are not fitted:
+//! views from two sides see nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
 //!
-//! Images that show the aircraft in sizes that differ by more than 5 % are matched in resolution first: the finer one is blurred more,
-//! and it is the one that is resampled, because interpolation degrades it less.
+//! Images whose aircraft sizes differ by more than 5 % are matched in resolution first: the finer image is blurred more, and it is
+//! resampled, because interpolation degrades it less.
 
 mod expected;
 mod fit;
@@ -19,21 +19,22 @@ mod patch;
 use dataset::tables::registrations::{NoShift, Shift, is_within_limits};
 use glam::DVec2;
 
-pub(crate) use expected::Expected;
+pub(crate) use expected::ExpectedDifference;
 pub(crate) use linear::Normal;
+pub(crate) use patch::EDGE_PX;
 pub use patch::Patch;
 
 use fit::{Fit, fit};
 use patch::{BLUR_PX, Cleaned};
 
-/// Version of this measurement; registrations of another one are repeated.
+/// Version of the method; registrations of other versions are repeated.
 pub(crate) const METHOD: u32 = 3;
 
 /// A view that shows the aircraft smaller than the other by more than this factor has coarser pixels. Views from two sides differ by some
 /// percent even with equal cameras, which makes no difference.
 const COARSER: f64 = 0.95;
-/// Standard deviation of a lamp or an edge in any image, however coarse its pixels: lens, sampling and compression. With this value the
-/// formula of a zoomed camera has the least error in leave-one-out tests on the approaches of docs/results.md.
+/// Standard deviation of lamps and edges in any image, px, however coarse: lens, sampling and compression. With this value, a zoomed camera
+/// has the least error in leave-one-out tests on the approaches of docs/results.md.
 const SPOT_PX: f64 = 1.4;
 /// An image that shows the aircraft larger by more than this factor is blurred no more: a patch ends 26 px beyond its box.
 const MAX_MATCHED: f64 = 3.0;
@@ -43,8 +44,8 @@ const MARGIN_PX: f64 = 4.0;
 const SEARCH_PX: f64 = 6.0;
 const SEARCH_PART: f64 = 0.1;
 /// Least correlation. Of 1,340 pairs of the demo's corpus none that shows the aircraft in both views is below 0.65.
-const MIN_CORRELATION: f64 = 0.6;
-/// The brightest or darkest pixel of the aircraft over the noise around it. The largest of a few hundred pixels of noise is about 3.
+pub(crate) const MIN_CORRELATION: f64 = 0.6;
+/// Minimum ratio of the aircraft's extreme pixel to the noise. The extreme of a few hundred noise pixels is about 3.
 const MIN_CONTRAST: f64 = 4.0;
 /// Range of the ratio of contrasts; beyond it, one of the images does not show the aircraft, or as a negative.
 const GAINS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
@@ -54,14 +55,14 @@ const MAX_SD_PX: f64 = 0.7;
 const FLOOR_SD_PX: f64 = 0.025;
 /// The scatter of the residuals underestimates the error by this factor.
 const SD_FACTOR: f64 = 1.4;
-/// Standard deviation of the depth of what is visible of an airliner, metres: light and shade change which parts the shift follows.
+/// Standard deviation of an airliner's visible depth, m: light and shade change which parts the shift follows.
 const DEPTH_SD_M: f64 = 0.5;
 
 /// Measures where the aircraft of the reference patch is in the other.
 pub(crate) fn register(
     reference: &Patch,
     view: &Patch,
-    expected: &Expected,
+    expected: &ExpectedDifference,
 ) -> Result<Shift, NoShift> {
     let view_from_reference = expected.view_from_reference;
     let magnification = view_from_reference.determinant().abs().sqrt();
@@ -89,14 +90,18 @@ pub(crate) fn register(
     shift_of(&reference, &fit, expected)
 }
 
-/// The blur of an image that shows everything larger than the other by this factor: it makes spots as large, relative to the aircraft, as
-/// they are in the other after its blur.
+/// Blur for images that show everything `larger` times larger, px: relative to the aircraft, spots get the size that they have in the
+/// other image after its blur.
 fn blur_of_finer_px(larger: f64, spot_px: f64) -> f64 {
     let spot_of_other_px = larger * spot_px.hypot(BLUR_PX);
     (spot_of_other_px.powi(2) - spot_px.powi(2)).sqrt()
 }
 
-fn shift_of(reference: &Cleaned, fit: &Fit, expected: &Expected) -> Result<Shift, NoShift> {
+fn shift_of(
+    reference: &Cleaned,
+    fit: &Fit,
+    expected: &ExpectedDifference,
+) -> Result<Shift, NoShift> {
     if fit.correlation < MIN_CORRELATION || !GAINS.contains(&fit.gain) {
         return Err(NoShift::Different);
     }

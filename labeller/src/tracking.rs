@@ -1,18 +1,18 @@
-//! Groups the boxes of a view's images into tracks, and decides which tracks are aircraft.
+//! Groups a view's boxes into tracks, and decides which tracks are aircraft.
 //!
-//! Input: the boxes of one image after another, with their times. Output: the number of each box's track, whether it counts at this
-//! moment, and the next expected places of the tracked aircraft. A track begins with any box that belongs to no track; it is confirmed by
-//! [`HITS`] clear boxes in [`OUTCOMES`] images. Faint boxes, which are too uncertain to count alone, also begin and continue tracks, but
-//! do not confirm them (Zhang et al., "ByteTrack", ECCV 2022). The filter is in [`motion`].
+//! Input: the boxes of consecutive images, with their times. Output: each box's track number, whether it counts at this moment, and the
+//! expected places of the tracked aircraft in the next image. A track begins with any box that belongs to no track; it is confirmed by
+//! [`HITS`] clear boxes in [`OUTCOMES`] images. Faint boxes, which are too uncertain to count alone, also begin and continue tracks, but do
+//! not confirm them (Zhang et al., "ByteTrack", ECCV 2022). The filter is in [`motion`].
 //!
 //! ```text
-//! boxes of an image -> Tracker (bounded memory) -> track, counts now     dtd detect and live
-//!                          |  boxes with tracks
-//!                          v
-//!                       Hindsight (whole video) -> tracks that count      dtd detect, at the end
+//! image's boxes -> Tracker (bounded memory) -> track, counts now     dtd detect and live
+//!                     |  boxes with tracks
+//!                     v
+//!                  Hindsight (whole video) -> tracks that count      dtd detect, at the end
 //! ```
 //!
-//! With hindsight all boxes of a track that counts do so, including the first ones.
+//! With hindsight all boxes on counting tracks do so, including the first ones.
 
 mod hindsight;
 mod history;
@@ -27,35 +27,31 @@ use history::History;
 use motion::Motion;
 use standing::{GROWTH_SHOWS_S, MAX_STILL_S, has_stood_still, hops};
 
-/// Version of the rules, in the record of the detections. Detections of another version are repeated.
+/// Version of the rules, in the detections' record. Detections by different versions are repeated.
 pub(crate) const METHOD: u32 = 2;
 /// Clear boxes that confirm a track...
 const HITS: u32 = 3;
-/// ... within this number of consecutive images in which it was looked for.
+/// ... within this number of consecutive images that were searched for it.
 const OUTCOMES: u32 = 5;
-/// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
-/// errors are normal; errors of boxes have longer tails.
+/// Maximum squared distance from the expected box. 18.5 leaves out one box in a thousand if all errors are normal; box errors have longer
+/// tails.
 const GATE: f64 = 30.0;
-/// The same for a faint box: clutter is more likely than a long tail.
+/// Maximum squared distance for faint boxes: clutter is more likely than a long tail.
 const FAINT_GATE: f64 = 18.5;
 /// A confirmed track ends after this number of consecutive images without a box...
 const MAX_MISSES: u32 = 5;
-/// ... if they also took so long, seconds.
+/// ... and this time without a box, s.
 const MAX_GAP_S: f64 = 2.0;
-/// A track that lasted shorter than this is no aircraft, seconds: at 30 images per second a patch of cloud looks like one for three of
-/// them, and is still there in the next ones.
-const MIN_S: f64 = 2.0;
+/// Minimum duration of aircraft tracks, s: at 30 images per second a patch of cloud looks like an aircraft in three images, and is
+/// still there in the next ones.
+const MIN_TRACK_S: f64 = 2.0;
 
-/// Follows the aircraft of one view.
+/// Tracker for a single view.
 #[derive(Debug)]
 pub(crate) struct Tracker {
-    /// Boxes that confirm a track.
     hits: u32,
-    /// In the order of their beginning.
     followed: Vec<Track>,
-    /// Number of the next track.
     next: u32,
-    /// Since the first image.
     now_s: f64,
 }
 
@@ -64,11 +60,11 @@ pub(crate) struct Tracker {
 struct Track {
     number: u32,
     motion: Motion,
-    /// The images in which it was looked for: the last one in the lowest bit, 1 with a box.
+    /// Last images that were searched for it, the newest in the lowest bit: 1 with a box.
     outcomes: u32,
-    /// The same, 1 with a clear box.
+    /// The same bits: 1 with a clear box.
     clear: u32,
-    /// Number of images in which it was looked for.
+    /// Number of images that were searched for it.
     looks: u32,
     misses: u32,
     seen_s: f64,
@@ -77,7 +73,7 @@ struct Track {
 
 /// A box that was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Seen {
+pub(crate) struct FoundBox {
     pub(crate) pixel_box: PixelBox,
     /// Too uncertain to count alone.
     pub(crate) is_faint: bool,
@@ -85,19 +81,19 @@ pub(crate) struct Seen {
 
 /// An aircraft that is followed, as expected at the time of [`Tracker::advance`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Expected {
+pub(crate) struct ExpectedBox {
     pub(crate) track: u32,
     pub(crate) pixel_box: PixelBox,
-    /// Distance that it may move between two images, in lengths of its box.
+    /// Maximum motion between two images, in box lengths.
     pub(crate) lengths_moved: f64,
     pub(crate) is_confirmed: bool,
 }
 
-/// Parts of an image that were searched.
+/// Searched parts of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Searched<'a> {
+pub(crate) enum SearchedParts<'a> {
     Everywhere,
-    /// Only where these tracks were expected.
+    /// Only the expected places of these tracks.
     Around(&'a [u32]),
 }
 
@@ -112,7 +108,6 @@ impl Tracker {
         }
     }
 
-    /// For a view without an end.
     pub(crate) fn endless() -> Self {
         Self::of_pictures(usize::MAX)
     }
@@ -132,12 +127,12 @@ impl Tracker {
 
     /// The expected places of the tracked aircraft: confirmed ones first, then by the beginning of their tracks. Tracks with only faint
     /// boxes lately are left out. `period_s`: time between two images, seconds.
-    pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
+    pub(crate) fn expected(&self, period_s: f64) -> Vec<ExpectedBox> {
         let mut expected: Vec<_> = self
             .followed
             .iter()
             .filter(|track| track.history.is_confirmed() || hits_in(track.clear) > 0)
-            .map(|track| Expected {
+            .map(|track| ExpectedBox {
                 track: track.number,
                 pixel_box: track.motion.expected(),
                 lengths_moved: track.motion.lengths_moved(period_s),
@@ -149,8 +144,8 @@ impl Tracker {
     }
 
     /// True if the boxes lack a confirmed aircraft that was in the previous image.
-    pub(crate) fn loses_any(&self, boxes: &[Seen]) -> bool {
-        let matches = self.matches(boxes, Searched::Everywhere);
+    pub(crate) fn loses_any(&self, boxes: &[FoundBox]) -> bool {
+        let matches = self.matches(boxes, SearchedParts::Everywhere);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
         tracks.any(|(at, track)| track.misses == 0 && track.history.is_confirmed() && !is_seen(at))
@@ -158,7 +153,11 @@ impl Tracker {
 
     /// Takes the boxes that were found at the current time, and returns the tracks that they belong to: none for a faint box that
     /// continues none, unless the whole image was searched.
-    pub(crate) fn take(&mut self, boxes: &[Seen], searched: Searched<'_>) -> Vec<Option<u32>> {
+    pub(crate) fn take(
+        &mut self,
+        boxes: &[FoundBox],
+        searched: SearchedParts<'_>,
+    ) -> Vec<Option<u32>> {
         let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
         for (index, at) in self.matches(boxes, searched) {
             let track = &mut self.followed[at];
@@ -174,8 +173,8 @@ impl Tracker {
                 .position(|number| *number == Some(track.number));
             let found = index.map(|index| boxes[index]);
             let was_looked_for = match searched {
-                Searched::Everywhere => true,
-                Searched::Around(tracks) => tracks.contains(&track.number),
+                SearchedParts::Everywhere => true,
+                SearchedParts::Around(tracks) => tracks.contains(&track.number),
             };
             if found.is_some() || was_looked_for {
                 track.note(found, self.now_s);
@@ -193,24 +192,23 @@ impl Tracker {
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
-            if track.is_none() && (!seen.is_faint || searched == Searched::Everywhere) {
+            if track.is_none() && (!seen.is_faint || searched == SearchedParts::Everywhere) {
                 *track = Some(self.begin(*seen));
             }
         }
         track_of
     }
 
-    /// Boxes and positions of the tracks that they belong to: the closest pairs first, pairs of confirmed tracks before all others, and
-    /// faint boxes last. A lamp's track must not latch onto an aircraft: a stationary track is either clear or faint, and not continued by
-    /// boxes of the other kind, nor by a box at another place. Tracks that were never clear are only matched in searches of the whole
-    /// image, because they are not searched for in between.
-    fn matches(&self, boxes: &[Seen], searched: Searched<'_>) -> Vec<(usize, usize)> {
+    /// Pairs of boxes and tracks: the closest first, confirmed tracks before all others, and faint boxes last. A lamp's track must not
+    /// latch onto an aircraft: a stationary track is either clear or faint, and continued neither by boxes of the other kind nor by distant
+    /// ones. Tracks that were never clear are only matched in whole-image searches, because they are not searched for in between.
+    fn matches(&self, boxes: &[FoundBox], searched: SearchedParts<'_>) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
             let history = &track.history;
             let is_confirmed = history.is_confirmed();
             let was_clear = history.was_clear();
-            if !was_clear && searched != Searched::Everywhere {
+            if !was_clear && searched != SearchedParts::Everywhere {
                 continue;
             }
             for (index, seen) in boxes.iter().enumerate() {
@@ -243,7 +241,7 @@ impl Tracker {
         matches
     }
 
-    fn begin(&mut self, seen: Seen) -> u32 {
+    fn begin(&mut self, seen: FoundBox) -> u32 {
         let number = self.next;
         self.next += 1;
         let clear = u32::from(!seen.is_faint);
@@ -265,15 +263,15 @@ impl Tracker {
         number
     }
 
-    /// True if a track that is followed has had enough boxes so far.
+    /// True if a followed track is confirmed.
     pub(crate) fn is_confirmed(&self, track: u32) -> bool {
         self.history(track).is_some_and(History::is_confirmed)
     }
 
-    /// True if a track that is followed counts by its boxes so far: it is confirmed, has lasted, and does not stand still.
+    /// True if a followed track counts at this moment: it is confirmed, has lasted, and does not stand still.
     pub(crate) fn counts(&self, track: u32) -> bool {
         self.history(track)
-            .is_some_and(|history| history.clear_for_s() >= MIN_S && !history.is_still())
+            .is_some_and(|history| history.clear_for_s() >= MIN_TRACK_S && !history.is_still())
     }
 
     fn history(&self, track: u32) -> Option<&History> {
@@ -283,7 +281,7 @@ impl Tracker {
 }
 
 impl Track {
-    fn note(&mut self, found: Option<Seen>, now_s: f64) {
+    fn note(&mut self, found: Option<FoundBox>, now_s: f64) {
         let was_found = found.is_some();
         let is_clear = found.is_some_and(|seen| !seen.is_faint);
         self.outcomes = self.outcomes << 1 | u32::from(was_found);

@@ -13,7 +13,7 @@ use silhouette::{HalfSpace, SampleGrid};
 
 /// Least distance from the camera of points that are projected, metres.
 const NEAR_M: f64 = 0.1;
-/// Samples along the longer side of the box when the visible part of a silhouette is counted: at 21 pixels a grid of 1/24 pixel.
+/// Samples along the box's longer side when the visible part is counted: for 21 pixels a grid with 1/24 px steps.
 const SAMPLES: usize = 512;
 
 /// The visible aircraft in a camera's image.
@@ -29,8 +29,8 @@ pub(crate) struct Projection {
     pub range_m: f64,
 }
 
-/// Projects the aircraft; `None` if none of it is visible in the image. The ground is level at `ground_msl_m`: parts of the mesh
-/// below it are hidden, as the camera stands above.
+/// Projects the aircraft; `None` if it is not visible in the image. The ground is level at `ground_msl_m`: lower parts of the mesh are
+/// hidden, as the camera stands above.
 pub(crate) fn project(
     mesh: &Mesh,
     pose: &Pose,

@@ -1,9 +1,9 @@
-//! The condition of a camera at each tick, from what its images showed one after another.
+//! Camera condition at each tick, from consecutive images.
 //!
-//! Input: the turn of each image and how much it differs from the one before ([`Look`]), and the boxes of the view. Output: a state for
-//! each tick, and the turn relative to the flight's usual direction. That is the direction in which a flight begins, the mean over all of
-//! its ticks: a camera that was moved before is a matter of other flights. Rules look at some seconds and ticks around each tick; a state
-//! needs a deviation that is large and certain, so that a healthy camera's rows say nothing.
+//! Input: each image's turn and its change since the previous one ([`Look`]), and the boxes of the view. Output: a state per tick, and the
+//! turn relative to the flight's usual direction: the direction in which the flight begins, averaged over its ticks. A camera that was
+//! moved earlier is up to the comparison between flights. Rules look at some seconds and ticks around each tick; a state needs a large and
+//! certain deviation, so that a healthy camera has no findings.
 
 mod camera_motion;
 mod frozen;
@@ -13,6 +13,7 @@ mod tests;
 pub(crate) mod view_lag;
 
 use dataset::geometry::camera::Camera;
+use dataset::numbers::spread::{self, deviation_from_zero};
 use dataset::tables::health::{CameraTurn, HealthState};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
@@ -22,23 +23,21 @@ use camera_motion::{CameraMotion, Measured, Turn};
 pub(crate) use frozen::Change;
 use live::LiveHealth;
 
-/// Version of this measurement; health of another one is measured again.
+/// Version of the measurement; health of other versions is measured again.
 pub(crate) const METHOD: u32 = 8;
 
 /// Ticks and seconds around a tick that decide about it.
 const AROUND_TICKS: usize = 5;
 const AROUND_S: f64 = 2.5;
 /// A direction that is off by less is usual, pixels.
-const MIN_OFF_PX: f64 = 0.3;
-/// And one that is off by fewer standard deviations.
+pub(crate) const MIN_OFF_PX: f64 = 0.3;
+/// Minimum deviation of unusual directions, in standard deviations.
 const MIN_OFF_SD: f64 = 6.0;
-/// No standard deviation of a direction is below this, pixels: light and compression.
-const MIN_SD_PX: f64 = 0.05;
 /// An uncertain usual direction counts up to this, pixels: turns are corrected nevertheless, not left out as badly measured ones are.
 const MAX_USUAL_SD_PX: f64 = 0.25;
 /// Ticks that must be off for a lasting move.
 const MIN_MOVED: usize = 3;
-/// A direction belongs to the usual one up to so many times the scatter, and up to this, pixels.
+/// Maximum distance of the usual direction, in scatters and px.
 const SCATTER: f64 = 1.5;
 const SAME_PX: f64 = 0.5;
 
@@ -74,7 +73,7 @@ impl Look {
     }
 }
 
-/// Looks at the images of a camera, one after another. Its memory does not grow with their number.
+/// Judges a camera's consecutive images. Memory does not grow with their number.
 pub(crate) struct CameraWatch {
     motion: CameraMotion,
     live: LiveHealth,
@@ -88,8 +87,8 @@ impl CameraWatch {
         }
     }
 
-    /// Looks at the next image, and judges it by the images so far. `images`: the one before and this one, `best`: its best box,
-    /// `counted`: the one that counts.
+    /// Judges the next image by the images up to now. `images`: the previous one and this one, `best`: its best box, `counted`: the box
+    /// that counts.
     pub(crate) fn look(
         &mut self,
         at: (u32, f64),
@@ -147,7 +146,6 @@ pub(crate) fn judge(
 #[derive(Debug, Clone, Copy)]
 struct Off {
     turn: Turn,
-    /// Standard deviation of this direction alone.
     sd_px: f64,
 }
 
@@ -172,9 +170,8 @@ impl Off {
         }
     }
 
-    /// Largest deviation that counts as none.
     fn tolerated_px(&self) -> f64 {
-        MIN_OFF_PX.max(MIN_OFF_SD * self.sd_px.max(MIN_SD_PX))
+        MIN_OFF_PX.max(MIN_OFF_SD * self.sd_px)
     }
 
     fn is_off_from(&self, direction_px: DVec2) -> bool {
@@ -182,7 +179,6 @@ impl Off {
     }
 }
 
-/// Ticks around a tick, itself included.
 fn around(tick: usize, looks: &[Look]) -> std::ops::Range<usize> {
     let time_s = looks[tick].time_s;
     let is_near = |other: usize| {
@@ -195,8 +191,8 @@ fn around(tick: usize, looks: &[Look]) -> std::ops::Range<usize> {
     start.unwrap_or(tick)..end.unwrap_or(tick) + 1
 }
 
-/// The direction in which the flight begins, averaged over all ticks that look there. A camera that shakes leaves its mean
-/// uncertain, by its scatter over the root of their number: ticks count as independent, as they are at low image rates.
+/// The direction in which the flight begins, averaged over all ticks with this direction. A shaking camera leaves the mean uncertain, by
+/// its scatter over the root of their number: ticks count as independent, as they are at low image rates.
 fn usual(looks: &[Look]) -> Option<Measured> {
     let turns: Vec<Turn> = looks
         .iter()
@@ -217,8 +213,7 @@ fn usual(looks: &[Look]) -> Option<Measured> {
         })
         .collect();
     let off = turns.iter().zip(&medians);
-    let scatter_px =
-        1.48 * median(off.map(|(turn, median)| DVec2::splat(turn.shift_px.distance(*median)))).x;
+    let scatter_px = deviation_from_zero(off.map(|(turn, median)| turn.shift_px.distance(*median)));
     let tolerated_px = SAME_PX.max(SCATTER * scatter_px);
     let mut direction_px = *medians.first()?;
     let mut there: Vec<&Turn> = Vec::new();
@@ -249,7 +244,7 @@ fn usual(looks: &[Look]) -> Option<Measured> {
     })
 }
 
-/// State of a tick by its direction and those around it; `None` if its own was not measured.
+/// State from the directions of a tick and its neighbours; `None` if its own was not measured.
 fn direction_at(tick: usize, looks: &[Look], off: &[Option<Off>]) -> Option<HealthState> {
     let own = off[tick]?;
     let around = around(tick, looks);
@@ -257,7 +252,7 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Off>]) -> Option<Heal
     let median = median(measured(around.clone()).map(|off| off.turn.shift_px));
     let off_ticks = measured(around.clone()).filter(|off| off.is_off_from(DVec2::ZERO));
     let is_moved = median.length() > own.tolerated_px() && off_ticks.count() >= MIN_MOVED;
-    // A step has scatter on one of its sides only, about the direction of the other.
+    // A step has scatter on a single side, about the direction of the other.
     let scatters = |range: std::ops::Range<usize>| {
         let many = range.len().div_ceil(5).max(2);
         range.is_empty()
@@ -277,7 +272,7 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Off>]) -> Option<Heal
     })
 }
 
-/// True if most measured ticks around a tick shake: in haze some of them are measured too badly to tell.
+/// True if most measured ticks around a tick shake: in haze some are measured too badly to tell.
 fn shakes_around(tick: usize, looks: &[Look], states: &[Option<HealthState>]) -> bool {
     let near = states[around(tick, looks)].iter().flatten();
     let shaking = near.clone().filter(|state| **state == HealthState::Shaking);
@@ -298,10 +293,16 @@ fn nearest(states: &[Option<HealthState>]) -> [Vec<Option<HealthState>>; 2] {
 
 /// Median of each axis; zero without any.
 fn median(places: impl Iterator<Item = DVec2> + Clone) -> DVec2 {
-    let of = |axis: fn(&DVec2) -> f64| {
-        let mut values: Vec<f64> = places.clone().map(|place| axis(&place)).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or_default()
-    };
-    DVec2::new(of(|place| place.x), of(|place| place.y))
+    DVec2::new(
+        median_or_zero(places.clone().map(|place| place.x)),
+        median_or_zero(places.map(|place| place.y)),
+    )
+}
+
+fn median_or_zero(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    if values.is_empty() {
+        return 0.0;
+    }
+    spread::median(&mut values)
 }

@@ -1,36 +1,35 @@
-//! Opens every source once, and says what it found.
+//! Opens every source once and reports the result.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use crate::clocks::clock::{ClockSource, RunClock};
-use crate::conductor::views::Views;
+use crate::clock::ClockSource;
 use crate::error::{Error, Result};
-use crate::feed::{Message, Report};
 use crate::options::Options;
 use crate::output::metrics::Metrics;
-use crate::shared::Shared;
+use crate::views::feed::{Message, Report};
+use crate::views::shared::Shared;
+use crate::views::{View, Views};
 
 /// A source that does not answer in this time is not there.
-const MAX_COUNT: Duration = Duration::from_secs(8);
+const TIMEOUT: Duration = Duration::from_secs(8);
 const WAIT: Duration = Duration::from_millis(50);
 
 /// A source that was opened.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Found {
+pub struct CheckedSource {
     /// Name of the view.
     pub view: String,
     /// The source, without secrets.
     pub source: String,
     /// FFmpeg's name of the codec; null if it is not there.
     pub codec: Option<&'static str>,
-    /// Columns and rows of its images.
+    /// Columns and rows of the images.
     pub size_px: Option<[u32; 2]>,
-    /// Source of the times of its first images.
+    /// Origin of the first images' times.
     pub clock: Option<ClockSource>,
     /// Cause if it has no images.
     pub why: Option<String>,
@@ -40,37 +39,24 @@ pub struct Found {
 ///
 /// # Errors
 /// The run has other views, or a source can never be used.
-pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Found>> {
+pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<CheckedSource>> {
     options.check()?;
-    let metrics = Arc::new(Metrics::new(
-        options.run.blake3().to_string(),
-        options.run.views(),
-    ));
-    let stop = Arc::new(AtomicBool::new(false));
-    let (clock, pace) = (RunClock::start(), options.pace());
-    let shared = Shared::new(
-        clock,
-        pace,
-        stop,
-        metrics,
-        options.given_s(),
-        options.is_measured(),
-    );
-    let shared = Arc::new(shared);
+    let metrics = Metrics::new(options.run.blake3().to_string(), options.run.views());
+    let shared = Arc::new(Shared::of(options, Arc::new(metrics)));
     let views = Views::start(options, &shared, false)?;
-    let found = |view: &crate::conductor::views::View| {
-        Some(Found {
+    let found = |view: &View| {
+        Some(CheckedSource {
             view: view.name.clone(),
             source: view.source.clone()?,
             codec: None,
             size_px: None,
             clock: None,
-            why: Some(format!("no image in {} s", MAX_COUNT.as_secs())),
+            why: Some(format!("no image in {} s", TIMEOUT.as_secs())),
         })
     };
-    let mut all: Vec<Option<Found>> = views.all.iter().map(found).collect();
-    let until = Instant::now() + MAX_COUNT;
-    let is_open = |found: &Found| found.size_px.is_none();
+    let mut all: Vec<Option<CheckedSource>> = views.all.iter().map(found).collect();
+    let until = Instant::now() + TIMEOUT;
+    let is_open = |found: &CheckedSource| found.size_px.is_none();
     let mut refused = None;
     while all.iter().flatten().any(is_open) && Instant::now() < until && !is_stopped() {
         let (view, report) = match views.messages.recv_timeout(WAIT) {

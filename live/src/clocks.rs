@@ -1,6 +1,5 @@
 //! The clocks of all views: comparison with the first view's, their offsets, and the file that keeps these for the next start.
 
-pub(crate) mod clock;
 pub(crate) mod clock_offset;
 pub(crate) mod free_clocks;
 pub(crate) mod vertical_lag;
@@ -18,26 +17,25 @@ use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::source::Source;
 
-/// Offsets as they are kept: of one run, and each of two cameras.
+/// Offsets that an earlier start stored, for a single run.
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Kept {
+struct StoredOffsets {
     /// BLAKE3 of the run, whose cameras they are measured with.
     run: String,
-    views: BTreeMap<String, KeptOffset>,
+    views: BTreeMap<String, StoredOffset>,
 }
 
-/// The offset of a view.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct KeptOffset {
+struct StoredOffset {
     /// Sources of the first view and of this one, without secrets.
     sources: [String; 2],
     offset: Offset,
 }
 
-impl Kept {
-    /// Reads the file, if it exists, and refuses one of another run, of other cameras, or with impossible numbers.
+impl StoredOffsets {
+    /// Reads the file, if it exists. A different run, different cameras and impossible numbers are refused.
     fn read(
         path: &Path,
         run: &str,
@@ -94,13 +92,12 @@ impl Kept {
 #[derive(Debug)]
 pub(crate) struct Clocks {
     names: Vec<String>,
-    /// None of the first view, and of those whose offset is given.
+    /// `None` for the first view and for views with a given offset.
     clocks: Vec<Option<FreeClock>>,
-    /// Sources of the first view and of each; none if one of them has none, or if the offset is given.
+    /// Sources of the first view and of this one; `None` without both sources, or if the offset is given.
     sources: Vec<Option<[String; 2]>>,
-    /// Views that have had images.
     had_images: Vec<bool>,
-    kept: Kept,
+    kept: StoredOffsets,
     file: Option<PathBuf>,
 }
 
@@ -108,7 +105,7 @@ impl Clocks {
     /// Clocks that are compared where no offset is given.
     ///
     /// # Errors
-    /// The file of an earlier start cannot be read, or is of another run or other cameras.
+    /// The stored offsets cannot be read, or belongs to a different run or to different cameras.
     pub(crate) fn of(options: &Options) -> Result<Self> {
         let run = &options.run;
         let names = run.views();
@@ -121,8 +118,8 @@ impl Clocks {
         let sources: Vec<Option<[String; 2]>> = compared.collect();
         let file = options.keep_offsets.clone();
         let kept = match &file {
-            Some(path) => Kept::read(path, run.blake3(), &sources, names)?,
-            None => Kept::default(),
+            Some(path) => StoredOffsets::read(path, run.blake3(), &sources, names)?,
+            None => StoredOffsets::default(),
         };
         let clock = |(view, name): (usize, &String)| {
             let is_given = view == 0 || is_given(name);
@@ -155,7 +152,7 @@ impl Clocks {
         self.clocks[view].as_ref().is_none_or(FreeClock::is_known)
     }
 
-    /// A view shows the first image of a connection. After an earlier one, its images may come by other ways.
+    /// The first image of every connection; later connections may have a different delay.
     pub(crate) fn connected(&mut self, view: usize, time_s: f64) {
         if !std::mem::replace(&mut self.had_images[view], true) {
             return;
@@ -167,7 +164,7 @@ impl Clocks {
         }
     }
 
-    /// Takes what the first view and another one with a free clock see at a time.
+    /// Takes an aircraft that the first view and a view with a free clock see at the same time.
     pub(crate) fn take(
         &mut self,
         view: usize,
@@ -201,7 +198,7 @@ impl Clocks {
         let Some(sources) = self.sources[view].clone() else {
             return;
         };
-        let of_view = KeptOffset { sources, offset };
+        let of_view = StoredOffset { sources, offset };
         self.kept.views.insert(self.names[view].clone(), of_view);
         let written = self.file.as_ref().map(|path| write_json(path, &self.kept));
         if let Some(Err(error)) = written {
@@ -217,7 +214,7 @@ impl Clocks {
 mod tests {
     use super::*;
 
-    fn kept_for(run: &str, sources: [&str; 2]) -> Result<Kept> {
+    fn kept_for(run: &str, sources: [&str; 2]) -> Result<StoredOffsets> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("offsets.json");
         let offset = Offset {
@@ -226,11 +223,11 @@ mod tests {
             drift_ppm: 0.0,
             drift_sd_ppm: 10.0,
         };
-        let of_view = KeptOffset {
+        let of_view = StoredOffset {
             sources: ["a", "b"].map(Into::into),
             offset,
         };
-        let kept = Kept {
+        let kept = StoredOffsets {
             run: "this".into(),
             views: [("right".into(), of_view)].into(),
         };
@@ -238,7 +235,7 @@ mod tests {
         let names = ["left", "right"].map(Into::into);
         let [left, right] = sources.map(String::from);
         let sources = [None, Some([left, right])];
-        Kept::read(&path, run, &sources, &names)
+        StoredOffsets::read(&path, run, &sources, &names)
     }
 
     #[test]

@@ -1,24 +1,22 @@
 //! Joins the views, asks the estimator at each time, and writes answers and events.
 
-pub(crate) mod answers;
+mod answers;
 mod overload;
 mod pairing;
 mod track_motion;
-pub(crate) mod views;
+mod view_news;
 mod withheld_news;
 
 use std::io::Write;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use glam::DVec2;
-use labeller::live::{SeenBox, register_views};
+use labeller::{SeenBox, register_views};
 use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView};
 
 use crate::clocks::Clocks;
-use crate::clocks::clock::RunClock;
 use crate::clocks::clock_offset::Offset;
 use crate::clocks::free_clocks::News;
 use crate::clocks::vertical_lag::Sighting;
@@ -26,26 +24,24 @@ use crate::conductor::answers::Answers;
 use crate::conductor::overload::Overload;
 use crate::conductor::pairing::{Joined, Pairing};
 use crate::conductor::track_motion::{TrackMotion, moved_box, moved_shift};
-use crate::conductor::views::{View, Views};
+use crate::conductor::view_news::ViewNews;
 use crate::conductor::withheld_news::WithheldNews;
 use crate::error::{Error, Result};
-use crate::feed::{Message, Report};
-use crate::options::Options;
-use crate::output::line::{Event, Line};
+use crate::options::{Options, Pace};
 use crate::output::lines::Lines;
 use crate::output::metrics::{Fate, Metrics, Stage};
-use crate::output::metrics_server;
-use crate::search::Searched;
-use crate::shared::{Correction, Pace, Shared};
-use crate::view_state::news::ViewNews;
+use crate::output::{Event, Line, MAX_FRESH_S, metrics_server};
+use crate::queue::lock;
+use crate::views::feed::{Message, Report};
+use crate::views::search::Searched;
+use crate::views::shared::{Correction, Shared};
+use crate::views::{View, Views};
 
 /// Longest wait for a message: views are judged this often without one.
 const WAIT: Duration = Duration::from_millis(20);
-/// Without images for this time, aircraft are predicted, seconds; and again after as long.
-const SILENCE_S: f64 = 0.3;
 /// Limits of the end: for threads, and for the last lines.
-const STOP: Duration = Duration::from_millis(800);
-const LAST_LINES: Duration = Duration::from_millis(500);
+const STOP_TIMEOUT: Duration = Duration::from_millis(800);
+const LAST_LINES_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Runs until all recordings end or the caller stops it. `ready` gets the address of the metrics.
 ///
@@ -59,30 +55,18 @@ pub fn estimate(
 ) -> Result<()> {
     options.check()?;
     let clocks = Clocks::of(&options)?;
-    let clock = RunClock::start();
     let run = options.run.blake3().to_string();
     let metrics = Arc::new(Metrics::new(run.clone(), options.run.views()));
-    let address = match options.metrics {
-        Some(address) => Some(metrics_server::serve(address, metrics.clone(), clock)?),
-        None => None,
-    };
-    let stop = Arc::new(AtomicBool::new(false));
-    let shared = Shared::new(
-        clock,
-        options.pace(),
-        stop,
-        metrics.clone(),
-        options.given_s(),
-        options.is_measured(),
-    );
-    let shared = Arc::new(shared);
+    let shared = Arc::new(Shared::of(&options, metrics.clone()));
+    let serve = |address| metrics_server::serve(address, metrics.clone(), shared.clock);
+    let address = options.metrics.map(serve).transpose()?;
     let is_timed = shared.pace != Pace::AsFastAsPossible;
     let lines = Lines::to(output, metrics.clone(), is_timed)?;
     let views = Views::start(&options, &shared, true)?;
     ready(address);
     let sources = views.all.iter();
     let sources = sources.filter_map(|view| Some((view.name.clone(), view.source.clone()?)));
-    lines.put(&Line::Event(Event::Start {
+    lines.put(Line::Event(Event::Start {
         time_s: 0.0,
         run,
         estimator: options.run.estimator().into(),
@@ -111,8 +95,8 @@ pub fn estimate(
     };
     for (view, offset_s) in &options.offsets_s {
         let (view, offset_s) = (view.clone(), *offset_s);
-        conductor.event(|time_s| Event::Offset {
-            time_s,
+        conductor.event(Event::Offset {
+            time_s: conductor.event_time_s(),
             view,
             offset_s: Some(offset_s),
             sd_s: None,
@@ -144,11 +128,8 @@ struct Conductor {
     clocks: Clocks,
     answers: Answers,
     news: Vec<ViewNews>,
-    /// Views whose searches have ended.
     has_finished: Vec<bool>,
-    /// Time of the last tick.
     last_s: Option<f64>,
-    /// The last tick with images.
     seen: Option<LastTick>,
     /// When the last image came, seconds since the start.
     received_s: f64,
@@ -233,10 +214,10 @@ impl Conductor {
     /// Tells of views whose state has changed.
     fn judge_views(&mut self) {
         let is_timed = self.shared.pace != Pace::AsFastAsPossible;
-        let now_s = self.shared.clock.now_s();
+        let (now_s, event_s) = (self.shared.clock.now_s(), self.event_time_s());
         for view in 0..self.views.all.len() {
             let state = {
-                let watch = self.views.all[view].status.watch();
+                let watch = lock(&self.views.all[view].status);
                 if is_timed {
                     watch.state(now_s)
                 } else {
@@ -254,13 +235,13 @@ impl Conductor {
             if of_view.source.is_none() {
                 continue;
             }
-            if let Some(event) = self.news[view].of(&of_view.name, state) {
+            if let Some(event) = self.news[view].of(event_s, &of_view.name, state) {
                 self.event(event);
             }
         }
     }
 
-    /// Asks the estimator about the images of one time.
+    /// Passes simultaneous images to the estimator.
     fn tick(&mut self, joined: Joined<Option<Box<Searched>>>) {
         let images = joined.images.into_iter();
         let images = images.map(|image| image.and_then(|(time_s, seen)| Some((time_s, seen?))));
@@ -307,7 +288,7 @@ impl Conductor {
         }
     }
 
-    /// The boxes of a view, moved to the time of the tick.
+    /// The view's boxes, moved to the tick's time.
     fn seen_view(&self, joined: &Joined<Box<Searched>>, view: usize) -> SeenView {
         let Some((time_s, searched)) = &joined.images[view] else {
             return SeenView::default();
@@ -316,10 +297,8 @@ impl Conductor {
         let reference = joined.images[0].as_ref().filter(|_| view > 0);
         let registration = reference.and_then(|(_, first)| {
             let cameras = [0, view].map(|view| self.run.camera(view));
-            let shift = register_views(
-                (&cameras[0], &first.looked.patch),
-                (&cameras[1], &searched.looked.patch),
-            );
+            let patches = [&first.looked.patch, &searched.looked.patch];
+            let shift = register_views([&cameras[0], &cameras[1]], patches);
             let moved_px = best_of(searched).map_or([0.0; 2], |best| moved(best.track));
             Some((0, moved_shift(shift.ok()?, moved_px)))
         });
@@ -336,7 +315,7 @@ impl Conductor {
         }
     }
 
-    /// Measures the clock of a view that runs free, and leaves the view out while its offset is unknown and the first one sees aircraft.
+    /// Measures the view's free clock. The view is left out while its offset is unknown and the first view sees aircraft.
     fn watch_clock(&mut self, joined: &Joined<Box<Searched>>, view: usize, views: &mut [SeenView]) {
         let Some((time_s, searched)) = &joined.images[view] else {
             return;
@@ -364,7 +343,7 @@ impl Conductor {
             None => None,
         };
         if !self.clocks.is_known(view) {
-            // A view that is left out does not look: what the first one sees counts without it.
+            // Without this view, the first view's boxes count alone.
             views[view].look = Look::Blind;
             if !views[0].boxes.is_empty() {
                 views[view] = SeenView::default();
@@ -387,8 +366,8 @@ impl Conductor {
 
     fn report_offset(&self, view: usize, offset: Option<Offset>) {
         let view = self.views.all[view].name.clone();
-        self.event(|time_s| Event::Offset {
-            time_s,
+        self.event(Event::Offset {
+            time_s: self.event_time_s(),
             view,
             offset_s: offset.map(|offset| offset.offset_s),
             sd_s: offset.map(|offset| offset.sd_s),
@@ -405,7 +384,7 @@ impl Conductor {
         };
         let is_timed = self.shared.pace != Pace::AsFastAsPossible;
         let silent_s = now_s - seen.received_s.max(self.received_s);
-        if !is_timed || silent_s < SILENCE_S || now_s < self.predicted_s + SILENCE_S {
+        if !is_timed || silent_s < MAX_FRESH_S || now_s < self.predicted_s + MAX_FRESH_S {
             return;
         }
         let since_s = now_s - seen.received_s;
@@ -429,7 +408,8 @@ impl Conductor {
         let is_of_cameras = self.shared.pace == Pace::Cameras;
         let utc = || self.shared.clock.utc(self.shared.since_start_s(time_s));
         let utc = is_of_cameras.then(utc);
-        for event in self.withheld.next(&found, self.run.views()) {
+        let event_s = self.event_time_s();
+        for event in self.withheld.next(event_s, &found, self.run.views()) {
             self.event(event);
         }
         for answer in self
@@ -437,25 +417,24 @@ impl Conductor {
             .of(found, time_s, utc, (now_s - taken_s).max(0.0))
         {
             self.metrics.answered(answer.state, now_s);
-            self.lines.put(&Line::Answer(Box::new(answer)));
+            self.lines.put(Line::Answer(Box::new(answer)));
         }
     }
 
-    /// A time since the start of the program in the time of answers; `None` if there is none yet, or time does not pass.
-    fn time_s(&self, since_start_s: f64) -> Option<f64> {
-        self.shared.answer_time_s(since_start_s)
+    fn event(&self, event: Event) {
+        self.lines.put(Line::Event(event));
     }
 
-    fn event(&self, event: impl FnOnce(f64) -> Event) {
-        let now_s = self.shared.clock.now_s();
-        let time_s = self.time_s(now_s).or(self.last_s).unwrap_or(0.0);
-        self.lines.put(&Line::Event(event(time_s)));
+    /// Time of an event now, in the time of answers.
+    fn event_time_s(&self) -> f64 {
+        let now_s = self.shared.answer_time_s(self.shared.clock.now_s());
+        now_s.or(self.last_s).unwrap_or(0.0)
     }
 
     fn report_overload(&mut self) {
-        let now_s = self.shared.clock.now_s();
+        let times_s = [self.shared.clock.now_s(), self.event_time_s()];
         let mut names = self.views.all.iter().map(|view| &view.name);
-        if let Some(event) = self.overload.news(now_s, &self.metrics, &mut names) {
+        if let Some(event) = self.overload.news(times_s, &self.metrics, &mut names) {
             self.event(event);
         }
     }
@@ -471,17 +450,16 @@ impl Conductor {
             (of_view.name.clone(), searched, others)
         });
         let images = images.collect();
-        self.event(|time_s| Event::End {
-            time_s,
+        self.event(Event::End {
+            time_s: self.event_time_s(),
             cause,
             images,
         });
-        self.views.stop(STOP);
-        self.lines.finish(LAST_LINES)
+        self.views.stop(STOP_TIMEOUT);
+        self.lines.finish(LAST_LINES_TIMEOUT)
     }
 }
 
-/// The box that was registered.
 fn best_of(searched: &Searched) -> Option<&SeenBox> {
     let counting = searched.looked.boxes.iter().filter(|found| found.counts);
     counting.max_by(|a, b| a.score.total_cmp(&b.score))

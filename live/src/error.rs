@@ -2,12 +2,10 @@
 
 use std::net::SocketAddr;
 
-use crate::options::Decoder;
-
-/// An error of a live estimation.
+/// Live estimation errors.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The text of a source cannot be used.
+    /// Invalid source text.
     #[error("source {source}: {why}")]
     Source {
         /// The text, without secrets.
@@ -28,7 +26,7 @@ pub enum Error {
     /// The views of the run and those that were given differ.
     #[error("{0}")]
     Views(String),
-    /// A file of a corpus or an image cannot be read.
+    /// A corpus file or an image cannot be read.
     #[error(transparent)]
     Dataset(#[from] dataset::Error),
     /// The search failed.
@@ -53,7 +51,7 @@ pub enum Error {
     )]
     Decoder {
         /// The requested decoder.
-        decoder: Decoder,
+        decoder: &'static str,
         /// FFmpeg's message.
         why: String,
     },

@@ -1,38 +1,42 @@
 //! Distances to touchdown from camera feeds, while they run.
 //!
-//! Input: a run of `dtd train` and a source for each of its views ([`Source`]): a stream, a video file, a device or a recorded scenario.
-//! Output: answers and events, one after another ([`Line`]), and counts ([`Metrics`]).
+//! Input: a run of `dtd train` and a source per view ([`Source`]): a stream, a video file, a device or a recorded scenario.
+//! Output: answers and events as lines ([`Line`]), and counts ([`Metrics`]).
 //!
 //! ```text
-//! source       sources of images: FFmpeg's side of them, GPUs
-//! clocks       the time of each image; offsets of cameras' clocks, measured from what both see
-//! feed         a thread per view: opens, decodes, opens again; hands over the newest image; time limits of a source
-//! view_state   the condition of a view: measured, late, frozen, ..
-//! search       a thread per view: boxes and camera motion of the newest image
-//! conductor    joins images of several views that belong together, asks the estimator, writes answers
-//! output       lines and metrics, which no slow reader delays
+//! clock, error    time of each image; errors
+//! queue           hand-over between threads
+//! source          image sources: FFmpeg, GPUs
+//! view_state      state of a view: up, late, frozen, ..
+//! output          lines and metrics; slow readers delay nothing
+//! options         options, checked against the run
+//! clocks          offsets between the cameras' clocks, measured from common sightings
+//! views           two threads per view: feed (opens, decodes, opens again) and search (boxes and camera motion of the newest image)
+//! conductor       pairs images of several views, asks the estimator, writes answers; `check` only opens the sources
 //! ```
+//!
+//! Each module imports only modules listed above it.
 //!
 //! An answer is never older than it says: each has the time of its images, its age and a state.
 
 mod check;
+mod clock;
 mod clocks;
 mod conductor;
 mod error;
-mod feed;
 mod options;
 mod output;
-mod search;
-mod shared;
+mod queue;
 mod source;
 mod view_state;
+mod views;
 
-pub use check::{Found, check};
-pub use clocks::clock::ClockSource;
+pub use check::{CheckedSource, check};
+pub use clock::ClockSource;
 pub use conductor::estimate;
 pub use error::{Error, Result};
+pub use options::Options;
 pub use options::settings::{Settings, ViewSettings, schema};
-pub use options::{Decoder, Options};
-pub use output::line::{Answer, AnswerState, Event, Line};
-pub use source::{Source, Stream};
+pub use output::{Answer, AnswerState, Event, Line};
+pub use source::{Decoder, Source, Stream};
 pub use view_state::ViewState;

@@ -1,62 +1,32 @@
-//! Options of a live estimation, checked against the run.
+//! Options of the live estimation, checked against the run.
 
 pub(crate) mod settings;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use labeller::Searcher;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
-use crate::shared::Pace;
-use crate::source::Source;
+use crate::source::{Decoder, Source};
 
 /// Offsets of clocks are smaller, seconds.
 const MAX_OFFSET_S: f64 = 3_600.0;
 
-/// Decoder of images.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Decoder {
-    /// The processor.
-    #[default]
-    Cpu,
-    /// A GPU with VA-API: Intel, AMD.
-    Vaapi,
-    /// A GPU of NVIDIA.
-    Cuda,
+/// Passing of time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Pace {
+    /// There is a camera: clocks give the times of images.
+    Cameras,
+    /// All sources are recordings, played in their own time.
+    RealTime,
+    /// All sources are recordings, read as fast as they are searched.
+    AsFastAsPossible,
 }
 
-impl FromStr for Decoder {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "cpu" => Ok(Self::Cpu),
-            "vaapi" => Ok(Self::Vaapi),
-            "cuda" => Ok(Self::Cuda),
-            _ => Err("expected cpu, vaapi or cuda".into()),
-        }
-    }
-}
-
-impl fmt::Display for Decoder {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Cpu => "cpu",
-            Self::Vaapi => "vaapi",
-            Self::Cuda => "cuda",
-        })
-    }
-}
-
-/// Options of a live estimation.
+/// Options of the live estimation.
 pub struct Options {
     /// The run.
     pub run: OnlineRun,
@@ -68,11 +38,11 @@ pub struct Options {
     pub decoder: Decoder,
     /// Views that have none.
     pub without: Vec<String>,
-    /// Seconds that are added to the times of a view's images.
+    /// Added to the times of the views' images, s.
     pub offsets_s: BTreeMap<String, f64>,
     /// Views whose recordings have separate clocks, to be compared with the first view's.
     pub measured: BTreeSet<String>,
-    /// File in which measured offsets are kept for the next start.
+    /// File with the measured offsets for the next start.
     pub keep_offsets: Option<PathBuf>,
     /// Recordings are read as fast as they can be searched.
     pub as_fast_as_possible: bool,
@@ -137,20 +107,6 @@ impl Options {
             ))),
             _ => Ok(()),
         }
-    }
-
-    /// Seconds that are added to the times of each view's images.
-    pub(crate) fn given_s(&self) -> Vec<f64> {
-        let views = self.run.views().iter();
-        views
-            .map(|view| self.offsets_s.get(view).copied().unwrap_or(0.0))
-            .collect()
-    }
-
-    /// Of each view, if its recording has a clock of its own.
-    pub(crate) fn is_measured(&self) -> Vec<bool> {
-        let views = self.run.views().iter();
-        views.map(|view| self.measured.contains(view)).collect()
     }
 
     pub(crate) fn pace(&self) -> Pace {

@@ -1,6 +1,175 @@
 //! Answers, events and counts, as they are written.
 
-pub(crate) mod line;
 pub(crate) mod lines;
 pub(crate) mod metrics;
 pub(crate) mod metrics_server;
+
+use serde::Serialize;
+use trainer::live::Phase;
+
+use crate::clock::ClockSource;
+use crate::view_state::ViewState;
+
+/// Maximum age of images for a fresh answer, s. Without newer images, the aircraft is predicted.
+pub(crate) const MAX_FRESH_S: f64 = 0.3;
+/// Maximum time of prediction without images of the aircraft, s.
+pub(crate) const MAX_COASTING_S: f64 = 5.0;
+
+/// Answer freshness.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AnswerState {
+    /// Measured in this tick's images.
+    Fresh,
+    /// Predicted from earlier images.
+    Coasting,
+    /// The aircraft is no longer known.
+    Lost,
+}
+
+/// An answer about an aircraft at a time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Answer {
+    /// Time of the images, seconds: since the first one, for recordings their own.
+    pub time_s: f64,
+    /// `time_s` in UTC; null for recordings.
+    pub time_utc: Option<String>,
+    /// Number of the aircraft.
+    pub track: u32,
+    /// `arrival` or `other`.
+    pub phase: &'static str,
+    /// Distance to touchdown, metres; null unless fresh or coasting.
+    pub dtd_m: Option<f64>,
+    /// Standard deviation of `dtd_m`.
+    pub dtd_sd_m: Option<f64>,
+    /// Ends of the 90 % interval.
+    pub dtd_from_m: Option<f64>,
+    /// See `dtd_from_m`.
+    pub dtd_to_m: Option<f64>,
+    /// Speed over ground.
+    pub ground_speed_mps: Option<f64>,
+    /// Until touchdown.
+    pub time_to_touchdown_s: Option<f64>,
+    /// Position, if the run has fitted cameras.
+    pub latitude_deg: Option<f64>,
+    /// See `latitude_deg`.
+    pub longitude_deg: Option<f64>,
+    /// Height above mean sea level.
+    pub height_m: Option<f64>,
+    /// Standard deviation of the position.
+    pub position_sd_m: Option<f64>,
+    /// Views whose boxes were used.
+    pub views: Vec<String>,
+    /// Age of the images when the line was made, seconds.
+    pub age_s: f64,
+    /// Freshness.
+    pub state: AnswerState,
+}
+
+impl Answer {
+    pub(crate) fn lost(track: u32, time_s: f64, age_s: f64) -> Self {
+        Self {
+            time_s,
+            time_utc: None,
+            track,
+            phase: Phase::Other.word(),
+            dtd_m: None,
+            dtd_sd_m: None,
+            dtd_from_m: None,
+            dtd_to_m: None,
+            ground_speed_mps: None,
+            time_to_touchdown_s: None,
+            latitude_deg: None,
+            longitude_deg: None,
+            height_m: None,
+            position_sd_m: None,
+            views: Vec::new(),
+            age_s,
+            state: AnswerState::Lost,
+        }
+    }
+}
+
+/// An event.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// The estimation began.
+    Start {
+        /// Time, as of answers.
+        time_s: f64,
+        /// BLAKE3 of the run.
+        run: String,
+        /// Name of the estimator that answers.
+        estimator: String,
+        /// The sources, without secrets.
+        sources: Vec<(String, String)>,
+    },
+    /// A view changed its state.
+    View {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Name of the view.
+        view: String,
+        /// State from now on.
+        state: ViewState,
+        /// The cause, and what to do about it.
+        why: Option<String>,
+        /// Origin of its images' times.
+        clock: Option<ClockSource>,
+    },
+    /// Images were not searched, or lines were dropped, since the last such event.
+    Overload {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Images by view.
+        not_searched: Vec<(String, u64)>,
+        /// Lines that no reader took.
+        dropped_lines: u64,
+    },
+    /// A clock's offset that is used from now on.
+    Offset {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Name of the view.
+        view: String,
+        /// Added to the view's image times, s; null: unknown, so the view is not used together with the first one.
+        offset_s: Option<f64>,
+        /// Standard deviation; null if the offset was given.
+        sd_s: Option<f64>,
+        /// Drift, s per million s.
+        drift_ppm: Option<f64>,
+        /// Standard deviation of that.
+        drift_sd_ppm: Option<f64>,
+    },
+    /// Views that see an aircraft are not used for it from now on.
+    Withheld {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Aircraft number, as in answers.
+        track: u32,
+        /// Names of the views.
+        views: Vec<String>,
+        /// The cause, and what to do about it.
+        why: String,
+    },
+    /// The estimation ended.
+    End {
+        /// Time, as of answers.
+        time_s: f64,
+        /// `recordings`, `signal`, or `reader` if the reader of the lines is gone.
+        cause: &'static str,
+        /// Searched and other images by view.
+        images: Vec<(String, u64, u64)>,
+    },
+}
+
+/// A line of output.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Line {
+    /// An answer.
+    Answer(Box<Answer>),
+    /// An event.
+    Event(Event),
+}

@@ -1,15 +1,17 @@
-//! Sources of the images of a view.
+//! Image sources of views.
 
 mod access_unit;
+pub(crate) mod address;
 pub(crate) mod gpu;
 pub(crate) mod input;
-pub(crate) mod place;
 mod undecoded;
 
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use url::Url;
 
 use crate::error::{Error, Result};
@@ -21,11 +23,11 @@ pub enum Source {
     File(PathBuf),
     /// A stream that a server sends (RTSP).
     Stream(Stream),
-    /// A description of an RTP stream (SDP).
+    /// RTP stream description (SDP).
     Description(PathBuf),
     /// A camera of this computer.
     Device(PathBuf),
-    /// A scenario of a corpus, which has a video of each view.
+    /// Recorded scenario, with a video of each view.
     Scenario {
         /// Folder of the corpus.
         corpus: PathBuf,
@@ -34,10 +36,46 @@ pub enum Source {
     },
 }
 
-/// Address of a stream.
+/// Decoder of images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Decoder {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// A GPU with VA-API: Intel, AMD.
+    Vaapi,
+    /// A GPU of NVIDIA.
+    Cuda,
+}
+
+impl FromStr for Decoder {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "cpu" => Ok(Self::Cpu),
+            "vaapi" => Ok(Self::Vaapi),
+            "cuda" => Ok(Self::Cuda),
+            _ => Err("expected cpu, vaapi or cuda".into()),
+        }
+    }
+}
+
+impl Decoder {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Vaapi => "vaapi",
+            Self::Cuda => "cuda",
+        }
+    }
+}
+
+/// Stream address.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Stream {
-    /// Without password and without our own parameters.
+    /// Has neither the password nor this program's parameters.
     address: Url,
     password: Option<String>,
     transport: Transport,
@@ -46,14 +84,13 @@ pub struct Stream {
 /// Transport of packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Transport {
-    /// In the connection of the commands: nothing is lost.
+    /// Interleaved with the RTSP commands; without losses.
     Tcp,
-    /// On their own.
+    /// Separate packets.
     Udp,
 }
 
 impl Transport {
-    /// FFmpeg's name.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Tcp => "tcp",
@@ -62,10 +99,10 @@ impl Transport {
     }
 }
 
-/// Digits of a fingerprint.
+/// Fingerprint length, digits.
 const FINGERPRINT_DIGITS: usize = 16;
 
-/// Our own parameter of an address.
+/// Address parameter of this program.
 const TRANSPORT: &str = "transport";
 
 impl Source {
@@ -74,7 +111,7 @@ impl Source {
         matches!(self, Self::File(_) | Self::Scenario { .. })
     }
 
-    /// Its text, which differs if the source does: a fingerprint stands for what the text of an address hides.
+    /// Text that identifies the source. A fingerprint stands for hidden parts.
     pub(crate) fn identity(&self) -> String {
         match self {
             Self::Stream(stream) => {
@@ -90,7 +127,7 @@ impl Source {
         }
     }
 
-    /// With the password of its server; other sources have none.
+    /// Sets the server's password; only streams have one.
     #[must_use]
     pub fn with_password(mut self, password: Option<String>) -> Self {
         if let Self::Stream(stream) = &mut self {
@@ -237,7 +274,7 @@ fn shown(text: &str) -> String {
     format!("{scheme}:{slashes}{place}{end}")
 }
 
-/// An address without the values of its parameters, which may be secrets.
+/// The address without parameter values, which may be secrets.
 fn without_values(address: &Url) -> Url {
     let mut shown = address.clone();
     shown.set_fragment(None);

@@ -1,18 +1,18 @@
-//! Condition of a view, from its images as they come, and from their absence.
+//! View state, from images and their absence.
 //!
-//! Equal images alone say nothing: an encoder repeats a scene without noise. So a view is frozen if its images stop changing although they
-//! changed all the time before; where they never did, the search tells (an aircraft that should have moved).
+//! Equal images alone do not show a freeze: encoders repeat a scene without noise. A view is frozen if its images stop changing after they
+//! changed all the time; if they never did, the search decides (an aircraft should have moved).
 
 pub(crate) mod image_look;
-pub(crate) mod news;
 
 use std::collections::VecDeque;
 
+use dataset::numbers::spread::median;
 use serde::Serialize;
 
 use crate::view_state::image_look::ImageLook;
 
-/// Condition of a view.
+/// View state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewState {
@@ -22,7 +22,7 @@ pub enum ViewState {
     Late,
     /// Images repeat.
     Frozen,
-    /// The decoder concealed errors since the last key frame, or the images have another size.
+    /// The decoder concealed errors since the last key frame, or the images have a wrong size.
     Damaged,
     /// The camera looks elsewhere.
     Moved,
@@ -33,7 +33,7 @@ pub enum ViewState {
 }
 
 impl ViewState {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 7] = [
         Self::Up,
         Self::Late,
@@ -44,7 +44,7 @@ impl ViewState {
         Self::Down,
     ];
 
-    /// Its name in outputs.
+    /// Name in outputs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Up => "up",
@@ -57,48 +57,46 @@ impl ViewState {
         }
     }
 
-    /// True if its images show what is there now.
+    /// True if the images show the current scene.
     pub(crate) fn can_be_measured(self) -> bool {
         matches!(self, Self::Up | Self::Late)
     }
 }
 
-/// An image is late by more than this, and a view without images for longer, seconds; or so many of its usual periods.
+/// Maximum age of images and maximum silence before the view is late, s, or in usual intervals.
 const LATE_S: f64 = 0.22;
 const LATE_PERIODS: f64 = 3.5;
-/// Without images for longer there are none.
+/// Maximum silence before the view is down, s, or in usual intervals.
 const DOWN_S: f64 = 1.0;
 const DOWN_PERIODS: f64 = 8.0;
-/// Images are frozen or dark if they were so for this long, seconds, and for so many images.
+/// Minimum duration of frozen and dark states, s, and minimum number of images.
 const FROZEN_S: f64 = 0.35;
 const DARK_S: f64 = 0.2;
-const MIN_COUNT: usize = 3;
-/// A freeze is over if so many images in a row, and all for so long, changed, seconds: encoders refine an image that stands still after
-/// each key frame. It is also over if images have not been frozen again for so long, or so many periods.
+const MIN_IMAGES: usize = 3;
+/// A freeze ends with this number of changed images in a row over this time, s: encoders refine a still image after each key frame. It also
+/// ends when no image was frozen for as long as a view takes to be down.
 const MIN_CHANGED: usize = 4;
 const CHANGED_S: f64 = 0.15;
-const HELD_S: f64 = 1.0;
-const HELD_PERIODS: f64 = 6.0;
-/// Seconds of images that tell how much they usually change, and the fewest of them.
+/// Time window of the usual change, s, and minimum number of images.
 const USUAL_S: f64 = 10.0;
 const MIN_USUAL: usize = 20;
-/// Images changed all the time if nearly all of them changed by this, grey levels.
+/// Minimum change of nearly all images in a scene with noise, grey levels.
 const MIN_CHANGE: f64 = 0.03;
-const MIN_PART: f64 = 0.95;
+const CHANGING_PART: f64 = 0.95;
 /// An image that changed by less than this part of the least usual change repeats the one before. An encoder goes on refining an image
 /// that stands still: by up to 0.4 of the change that noise makes.
 const REPEATED_PART: f64 = 0.5;
-/// One of them changed by less than this part of it. Without one, the images have become quieter: of another encoder, or of the evening.
-/// Of a new connection, which may be of another encoder, the smaller part below decides at first.
+/// In a freeze, at least one image changes by less than this part. Otherwise the images have become quieter, by a new encoder or in the
+/// evening. On a new connection, which may have a new encoder, [`EQUAL_PART`] decides at first.
 const STILL_PART: f64 = 0.3;
-/// So they have if none changes by less than this part for this long, seconds: after its next key frame an encoder has nothing to refine.
+/// Maximum part in a freeze after the next key frame, when the encoder has no more to refine.
 const EQUAL_PART: f64 = 0.1;
-const REFINED_S: f64 = 15.0;
+/// Longest time between key frames, s; measured cameras have up to 12 s.
+pub(crate) const MAX_KEY_FRAME_INTERVAL_S: f64 = 15.0;
 
 /// An image that was decoded.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Seen {
-    /// Now, seconds since the start.
+pub(crate) struct DecodedLook {
     pub(crate) now_s: f64,
     /// When it was taken, by its stamp.
     pub(crate) time_s: f64,
@@ -110,30 +108,26 @@ pub(crate) struct Seen {
 #[derive(Debug, Default)]
 pub(crate) struct ViewWatch {
     is_connected: bool,
-    /// Images of this connection.
     images: usize,
     last_s: Option<f64>,
     /// Age of the last image when it came.
     age_s: f64,
     is_damaged: bool,
     is_moved: bool,
-    /// By the search.
     is_frozen: bool,
     /// Since when all images repeat, or are dark, and how many.
     repeats: Option<(f64, usize)>,
     /// When a repeating image was last equal to the one before, or first changed little enough.
     equal_s: Option<f64>,
-    /// When images were last frozen.
     frozen_s: Option<f64>,
     /// Since when all images change, and how many.
     changes: Option<(f64, usize)>,
     dark: Option<(f64, usize)>,
-    /// When images came, and by how much they changed, without repeated ones.
+    /// Times and changes of recent images, without repeated ones.
     usual: VecDeque<(f64, f64)>,
 }
 
 impl ViewWatch {
-    /// The source was opened, or lost.
     pub(crate) fn set_connected(&mut self, is_connected: bool) {
         self.is_connected = is_connected;
         if !is_connected {
@@ -152,8 +146,8 @@ impl ViewWatch {
     }
 
     /// Takes an image, and returns the state of the view with it.
-    pub(crate) fn take(&mut self, seen: Seen) -> ViewState {
-        let Seen { now_s, look, .. } = seen;
+    pub(crate) fn take(&mut self, seen: DecodedLook) -> ViewState {
+        let DecodedLook { now_s, look, .. } = seen;
         self.is_connected = true;
         self.images += 1;
         self.last_s = Some(now_s);
@@ -181,7 +175,10 @@ impl ViewWatch {
                 self.equal_s = self.equal_s.filter(|_| self.frozen_s.is_some());
             }
         }
-        if self.equal_s.is_some_and(|at_s| now_s > at_s + REFINED_S) {
+        if self
+            .equal_s
+            .is_some_and(|at_s| now_s > at_s + MAX_KEY_FRAME_INTERVAL_S)
+        {
             (self.equal_s, self.frozen_s) = (None, None);
             for (_, usual) in &mut self.usual {
                 *usual = change.unwrap_or(*usual);
@@ -191,7 +188,7 @@ impl ViewWatch {
             self.frozen_s = Some(now_s);
         }
         self.frozen_s = self.frozen_s.filter(|frozen_s| {
-            let held_s = HELD_S.max(HELD_PERIODS * self.period_s().unwrap_or(0.0));
+            let held_s = DOWN_S.max(DOWN_PERIODS * self.period_s().unwrap_or(0.0));
             now_s - frozen_s <= held_s && !self.lasts(self.changes, MIN_CHANGED, CHANGED_S)
         });
         let repeats = self.equal_s.is_some() || self.frozen_s.is_some();
@@ -209,21 +206,20 @@ impl ViewWatch {
         self.state(now_s)
     }
 
-    /// The state of the view now.
     pub(crate) fn state(&self, now_s: f64) -> ViewState {
         let Some(last_s) = self.last_s.filter(|_| self.is_connected) else {
             return ViewState::Down;
         };
         let silent_s = now_s - last_s;
         let period_s = self.period_s();
-        // Of a single image nobody knows when the next is due.
+        // The interval is unknown after a single image.
         let late_s = match period_s {
             Some(period_s) => LATE_S.max(LATE_PERIODS * period_s),
             None => DOWN_S,
         };
         if silent_s > DOWN_S.max(DOWN_PERIODS * period_s.unwrap_or(0.0)) {
             ViewState::Down
-        } else if self.lasts(self.dark, MIN_COUNT, DARK_S) {
+        } else if self.lasts(self.dark, MIN_IMAGES, DARK_S) {
             ViewState::Dark
         } else if self.is_moved {
             ViewState::Moved
@@ -240,10 +236,10 @@ impl ViewWatch {
 
     /// True if images have repeated long enough to be frozen.
     fn repeats_long(&self) -> bool {
-        self.equal_s.is_some() && self.lasts(self.repeats, MIN_COUNT, FROZEN_S)
+        self.equal_s.is_some() && self.lasts(self.repeats, MIN_IMAGES, FROZEN_S)
     }
 
-    /// True if a run of at least so many images lasts so long, up to the last image.
+    /// True if a run has at least `fewest` images and lasts `least_s` up to the last image.
     fn lasts(&self, run: Option<(f64, usize)>, fewest: usize, least_s: f64) -> bool {
         let now = run.zip(self.last_s);
         now.is_some_and(|((since_s, count), last_s)| count >= fewest && last_s - since_s >= least_s)
@@ -254,24 +250,22 @@ impl ViewWatch {
         self.state(self.last_s.unwrap_or(0.0))
     }
 
-    /// Usual time between images.
     fn period_s(&self) -> Option<f64> {
         let times = self.usual.iter().map(|(at_s, _)| *at_s);
         let mut between: Vec<f64> = (times.clone().zip(times.skip(1)))
             .map(|(before, after)| after - before)
             .collect();
-        let middle = between.len() / 2;
-        (!between.is_empty()).then(|| *between.select_nth_unstable_by(middle, f64::total_cmp).1)
+        (!between.is_empty()).then(|| median(&mut between))
     }
 
-    /// By how much images change at least, if they change all the time.
+    /// Low quantile of the changes, if images change all the time.
     fn usual_change(&self) -> Option<f64> {
         if self.usual.len() < MIN_USUAL {
             return None;
         }
         let mut changes: Vec<f64> = self.usual.iter().map(|(_, change)| *change).collect();
         changes.sort_by(f64::total_cmp);
-        let rare = (changes.len() as f64 * (1.0 - MIN_PART)) as usize;
+        let rare = (changes.len() as f64 * (1.0 - CHANGING_PART)) as usize;
         Some(changes[rare]).filter(|least| *least >= MIN_CHANGE)
     }
 }
@@ -284,7 +278,7 @@ mod tests {
 
     /// Feeds an image with this change; returns the state after it.
     fn show(watch: &mut ViewWatch, now_s: f64, change: f64, is_dark: bool) -> ViewState {
-        watch.take(Seen {
+        watch.take(DecodedLook {
             now_s,
             time_s: now_s - 0.03,
             is_damaged: false,
@@ -339,7 +333,7 @@ mod tests {
     fn an_image_that_stands_still_and_is_refined_by_its_encoder_is_frozen() {
         let mut watch = ViewWatch::default();
         let mut state = ViewState::Up;
-        // As measured: changes of a noisy scene, then of its image again and again, five a second.
+        // Measured changes of a noisy scene, then of its repeated image, at 5 images per second.
         let noisy = [1.75, 1.67, 1.66, 1.64, 1.8].repeat(10);
         let still = [0.0, 0.44, 0.48, 0.68, 0.24, 0.25, 0.42, 0.61];
         for (image, change) in noisy.into_iter().chain(still).enumerate() {
@@ -416,8 +410,14 @@ mod tests {
     fn a_scene_of_an_encoder_that_keeps_a_fifth_of_the_noise_is_not_frozen_for_long() {
         let mut watch = ViewWatch::default();
         feed(&mut watch, 0.0, 20.0, 1.7, false);
-        feed(&mut watch, 20.0, 20.0 + REFINED_S + 1.0, 0.34, false);
-        let mut now_s = 20.0 + REFINED_S + 1.0;
+        feed(
+            &mut watch,
+            20.0,
+            20.0 + MAX_KEY_FRAME_INTERVAL_S + 1.0,
+            0.34,
+            false,
+        );
+        let mut now_s = 20.0 + MAX_KEY_FRAME_INTERVAL_S + 1.0;
         while now_s < 60.0 {
             let state = feed(&mut watch, now_s, now_s + 0.1, 0.34, false);
             assert_eq!(state, ViewState::Up, "{now_s}");
@@ -461,7 +461,7 @@ mod tests {
         let mut watch = ViewWatch::default();
         for second in 0..3_600 {
             let from_s = f64::from(second);
-            // A key frame changes what the encoder kept before.
+            // A key frame changes the encoder's remains.
             feed(&mut watch, from_s, from_s + PERIOD_S, 0.5, false);
             let state = feed(&mut watch, from_s + PERIOD_S, from_s + 1.0, 0.0, false);
             assert_eq!(state, ViewState::Up, "{second}");
@@ -474,7 +474,7 @@ mod tests {
         feed(&mut watch, 0.0, 5.0, 0.4, false);
         assert_eq!(feed(&mut watch, 5.0, 5.4, 0.0, true), ViewState::Dark);
         assert_eq!(feed(&mut watch, 5.4, 5.5, 0.4, false), ViewState::Up);
-        let mut image = Seen {
+        let mut image = DecodedLook {
             now_s: 5.5,
             time_s: 5.5,
             is_damaged: true,

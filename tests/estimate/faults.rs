@@ -1,5 +1,4 @@
-//! A flight under way, and one fault after another: no answer is called fresh that is not, the other view goes on, and the faulty one comes
-//! back.
+//! A flight with consecutive faults: no stale answer is called fresh, the other view goes on, and the faulty one comes back.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -21,9 +20,9 @@ use crate::workshop::{VIEWS, Workshop, ffmpeg};
 /// Fresh answers are from images that are not older, seconds; and the reader of this test may be late by this on a busy machine.
 const FRESH_S: f64 = 0.3;
 const LATE_READER_S: f64 = 0.5;
-/// Seconds after a fault in which its views are used again.
+/// Maximum time until views are used again after a fault, s.
 const BACK_S: f64 = 5.0;
-/// Longest time between two fresh answers of a view without fault, seconds.
+/// Maximum time between fresh answers of a healthy view, s.
 const GAP_S: f64 = 1.5;
 /// Bytes of the pipe to the reader, so that it is full soon.
 const PIPE_BYTES: usize = 4_096;
@@ -43,7 +42,7 @@ struct Fault {
     end: Step,
 }
 
-/// What is done to cause or end a fault.
+/// Action that causes or ends a fault.
 #[derive(Clone, Copy)]
 enum Step {
     /// The videos show it, or its time is over.
@@ -59,7 +58,7 @@ enum Step {
 const FROZEN_S: [f64; 2] = [18.0, 21.0];
 const DARK_S: [f64; 2] = [23.0, 26.0];
 
-/// In order of time.
+/// Faults by time.
 const FAULTS: [Fault; 10] = [
     Fault {
         name: "a view that starts late",
@@ -236,7 +235,7 @@ fn no_fault_makes_an_old_answer_fresh_and_each_is_overcome() {
     );
 }
 
-/// What was read from the program, with the times since the videos began.
+/// Lines of the program, with times since the videos began.
 struct Said {
     lines: Vec<(f64, Value)>,
     began_s: f64,
@@ -266,7 +265,7 @@ impl Said {
     fn judge_ages(&self) {
         for (read_s, image_s, line) in self.fresh() {
             assert!(line["age_s"].as_f64().unwrap() <= FRESH_S, "{line}");
-            // What is in the pipe when its reader stops is read later.
+            // The stopped reader reads the pipe's content later.
             let is_unread = (UNREAD_S[0]..UNREAD_S[1] + 1.0).contains(&read_s);
             let age_s = read_s - image_s;
             assert!(
@@ -327,7 +326,7 @@ impl Said {
     }
 }
 
-/// A program from its start to its end, and its lines with the times at which they were read.
+/// A program from start to end; its lines with their reading times.
 struct Life {
     running: Running,
     lines: Receiver<(f64, Value)>,
@@ -384,7 +383,7 @@ impl Life {
 struct Films(Vec<(&'static str, PathBuf)>);
 
 impl Films {
-    /// Made of a recorded flight.
+    /// Makes the videos from a recorded flight.
     fn made(workshop: &Workshop) -> Self {
         let [left, right] = workshop.flight();
         let images = |seconds: f64| (5.0 * seconds) as u32;

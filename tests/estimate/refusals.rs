@@ -1,4 +1,4 @@
-//! Inputs and outputs that are refused, with what to do.
+//! Refused inputs and outputs, with remedies.
 
 use std::fs;
 use std::path::Path;

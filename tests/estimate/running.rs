@@ -40,7 +40,7 @@ impl Running {
         }
     }
 
-    /// Its output, for who reads it otherwise.
+    /// Takes the output, for a different reader.
     pub(crate) fn take_output(&mut self) -> BufReader<ChildStdout> {
         self.lines.take().unwrap()
     }
@@ -52,7 +52,7 @@ impl Running {
         serde_json::from_str(&line).unwrap()
     }
 
-    /// Reads on until both views have been in this state, and returns what it read.
+    /// Reads on until both views have been in this state; returns all lines.
     pub(crate) fn until_both(&mut self, state: &str) -> String {
         let mut missing: Vec<&str> = VIEWS.to_vec();
         let mut said = String::new();

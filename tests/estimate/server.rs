@@ -56,7 +56,7 @@ impl Server {
         line.trim().into()
     }
 
-    /// Waits until the videos are played, and returns the time of it, UTC seconds.
+    /// Waits until the videos are played; returns the UTC time, s.
     pub(crate) fn playing_s(&mut self) -> f64 {
         let line = self.line();
         line.strip_prefix("playing ").unwrap().parse().unwrap()

@@ -126,7 +126,7 @@ struct Sender {
 }
 
 impl Sender {
-    /// `sound`: options of its output. With it, images stop after twenty seconds.
+    /// `sound`: options for the audio output. With it, images stop after twenty seconds.
     fn start(folder: &Path, view: &str, video: &Path, sound: &[&str]) -> Self {
         let description = folder.join(format!("{view}.sdp"));
         let to = format!("rtp://127.0.0.1:{}", free_udp_port());

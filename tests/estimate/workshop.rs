@@ -1,4 +1,4 @@
-//! A corpus with detections and a run of a tiny training, which all tests share.
+//! A corpus with detections and a tiny training run, shared by all tests.
 
 use std::fs;
 use std::ops::Deref;
@@ -65,7 +65,7 @@ impl Workshop {
         }
     }
 
-    /// For a test in which time matters.
+    /// For tests that measure time.
     pub(crate) fn alone() -> Use<RwLockWriteGuard<'static, ()>> {
         let lock = MACHINE.write();
         Use {
@@ -103,7 +103,7 @@ impl Workshop {
         self.folder.path().join("run")
     }
 
-    /// Videos of the end of an approach, five images per second. Recorded once.
+    /// Videos from the end of an approach, five images per second. Recorded once.
     pub(crate) fn flight(&self) -> &'static [PathBuf; 2] {
         static FLIGHT: OnceLock<[PathBuf; 2]> = OnceLock::new();
         FLIGHT.get_or_init(|| {
@@ -152,7 +152,7 @@ fn done(arguments: &[&str]) {
     assert!(output.status.success(), "{}", said(&output));
 }
 
-/// The videos of a corpus's first scenario.
+/// Videos of the first scenario.
 pub(crate) fn videos(corpus: &Path) -> [PathBuf; 2] {
     let corpus = Corpus::open(corpus).unwrap();
     let scenarios = corpus.scenarios().unwrap();

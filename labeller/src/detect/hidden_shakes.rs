@@ -9,15 +9,13 @@ use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::health::{HealthState, ViewHealth};
 use glam::DVec2;
 
+use super::lags::INCONSISTENT_PX;
 use super::pictures::ViewTicks;
 
-/// Least standard deviation of `vertical_px`, and of the aircraft's places from smooth flight, of a camera that shakes, pixels. Tilt by air
-/// leaves rows 0.2 to 0.4, air without tilt 0.05; boxes scatter by 0.8.
-const SHAKES_PX: f64 = 1.0;
-/// Fewest ticks that tell.
-const MIN_COUNT: usize = 20;
-/// A view shakes if its places scatter by this part of those in the other view.
-const PART: f64 = 0.5;
+/// Minimum number of ticks.
+const MIN_TICKS: usize = 20;
+/// Minimum scatter of a shaking view's places, as a part of the scatter in the other view.
+const MIN_SCATTER_PART: f64 = 0.5;
 
 /// Names such cameras in rows whose direction is hidden. Where they looked in each image is not known. `reference`: the view that the
 /// others are compared with.
@@ -38,7 +36,7 @@ pub(super) fn add_hidden_shakes(
             row.view == view.id && pair.iter().any(|id| hidden.contains(&(id, row.tick)))
         });
         let off_px: Vec<f64> = off_px.filter_map(|row| row.vertical_px).collect();
-        if off_px.len() < MIN_COUNT || deviation_from_zero(off_px.into_iter()) < SHAKES_PX {
+        if off_px.len() < MIN_TICKS || deviation_from_zero(off_px.into_iter()) < INCONSISTENT_PX {
             continue;
         }
         let of_pair = views.iter().filter(|view| pair.contains(&view.id.as_str()));
@@ -49,7 +47,7 @@ pub(super) fn add_hidden_shakes(
         let most_px = scatter_px.iter().map(|(_, px)| *px).fold(0.0, f64::max);
         let shakes = scatter_px
             .into_iter()
-            .filter(|(_, px)| *px >= SHAKES_PX.max(PART * most_px));
+            .filter(|(_, px)| *px >= INCONSISTENT_PX.max(MIN_SCATTER_PART * most_px));
         shaking.extend(shakes.map(|(id, _)| id.to_owned()));
     }
     for row in health.iter_mut().filter(|row| is_hidden(row)) {
@@ -63,7 +61,7 @@ fn is_hidden(row: &ViewHealth) -> bool {
     row.state == HealthState::Unknown
 }
 
-/// Standard deviation of the places of a view's longest track from smooth flight, pixels.
+/// Scatter of the longest track around smooth flight, px.
 fn scatter_in(view: &ViewTicks, detections: &Detections) -> f64 {
     let times_s: BTreeMap<u32, f64> = (view.ticks.iter())
         .map(|tick| (tick.tick, tick.time_s))
@@ -90,13 +88,12 @@ mod tests {
 
     const TICKS: u32 = 60;
 
-    /// Displacement of an image by a shake of two pixels, at an image every two seconds.
+    /// Image displacement by a 2 px shake, with an image every two seconds.
     fn shake_px(tick: u32) -> f64 {
         2.0 * std::f64::consts::SQRT_2 * (2.4 * f64::from(tick)).sin()
     }
 
-    /// States of the views after a flight. `shakes`: parts of that shake, by view; `off`: of the contradiction of the rows, `state`: what
-    /// the ground tells.
+    /// View states after a flight. `shakes`: shake factors by view; `off`: factor of the row contradiction; `state`: state by the ground.
     fn states(shakes: [f64; 2], off: f64, state: HealthState) -> [Vec<HealthState>; 2] {
         let ids = ["left", "right"];
         let ticks = || {

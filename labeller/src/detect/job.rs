@@ -4,7 +4,7 @@
 pub(crate) mod record;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use dataset::corpus::ScenarioFolder;
@@ -18,13 +18,14 @@ use dataset::work::watch::Watch;
 use super::hidden_shakes::add_hidden_shakes;
 use super::lags::add_lags;
 use super::mode::ModeSettings;
-use super::pairs::Pairs;
 use super::pairs::fitted_cameras::FittedCameras;
+use super::pairs::{Pairs, lock};
 use super::pictures::ViewTicks;
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, Model};
 use crate::detector::{Detector, Device};
 use crate::error::{Error, Result};
+use crate::label::cameras;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
 use crate::view_health;
@@ -42,19 +43,16 @@ pub(super) struct ScenarioJob {
     stored: Option<Box<DetectionRecord>>,
     /// These detections, while the scenario is being processed.
     loaded: Mutex<Option<Arc<Detections>>>,
-    /// With several views.
+    /// `None` with a single view.
     pairs: Option<Pairs>,
-    /// By view, of `calibration.json`.
     cameras: Vec<Camera>,
-    /// Those that the views are registered with instead.
+    /// Used for the registration instead of `cameras`.
     fitted: Option<FittedCameras>,
-    /// Views that are not done yet.
     left: AtomicUsize,
-    /// One slot per view; empty until it is done.
+    /// Empty until the view is done.
     results: Mutex<Vec<Option<Result<ViewResult>>>>,
-    /// Empty until all views are done.
     finished: Mutex<Option<Result<f64>>>,
-    /// Search again what another process has searched meanwhile.
+    /// Repeats a search that a different process has finished meanwhile.
     force: bool,
     turn: Mutex<Turn>,
 }
@@ -64,20 +62,18 @@ enum Turn {
     NotBegun,
     /// Held until it is written.
     Mine(Option<Claim>),
-    /// Another process searches it, or has just done so.
+    /// A different process searches the scenario, or has just done so.
     Theirs,
 }
 
-/// Result for a scenario.
 pub(super) enum End {
     /// Everything is written.
     Done {
-        /// Time of the workers.
         seconds: f64,
     },
-    /// Another process searches it, or has just done so.
+    /// A different process searches the scenario, or has just done so.
     Elsewhere,
-    /// No worker had time for all of it.
+    /// No worker had time for the whole scenario.
     NotBegun,
     Failed(Error),
 }
@@ -88,14 +84,13 @@ struct ViewResult {
     seconds: f64,
 }
 
-/// One view of a scenario.
 pub(super) struct ViewJob<'a> {
     scenario: &'a ScenarioJob,
     index: usize,
 }
 
 impl ScenarioJob {
-    /// The remaining work of a scenario; `None` if it was done before.
+    /// A scenario's remaining work; `None` if it was done before.
     pub(super) fn plan(
         folder: ScenarioFolder,
         model: &Model,
@@ -106,7 +101,8 @@ impl ScenarioJob {
         let standing = if options.force {
             Standing::Missing
         } else {
-            DetectionRecord::standing(&scenario, model, &Searching::of(options), fitted)?
+            let searching = Searching::with(options.settings, options.modes);
+            DetectionRecord::standing(&scenario, model, &searching, fitted)?
         };
         let record = scenario.record()?;
         let stored = match standing {
@@ -136,7 +132,7 @@ impl ScenarioJob {
             );
             return Err(Error::scenario(&record.id, message));
         }
-        let cameras = cameras_of(&scenario, &record)?;
+        let cameras = cameras(&scenario, &record)?;
         let pairs = match fitted {
             Some(fitted) => pairs_of(
                 &record,
@@ -185,7 +181,6 @@ impl ScenarioJob {
         })
     }
 
-    /// Once the workers are done.
     pub(super) fn end(self) -> End {
         if matches!(*lock(&self.turn), Turn::Theirs) {
             return End::Elsewhere;
@@ -210,7 +205,7 @@ impl ScenarioJob {
         Ok(matches!(*turn, Turn::Mine(_)))
     }
 
-    /// True unless another process has searched it since it was planned.
+    /// True unless a different process has searched the scenario since it was planned.
     fn is_missing(&self) -> Result<bool> {
         if self.force {
             return Ok(true);
@@ -228,7 +223,7 @@ impl ScenarioJob {
         })
     }
 
-    /// Takes the result of a view; with the last one, writes tables and record.
+    /// Takes a view's result. The last view writes tables and record.
     fn take(&self, view: usize, result: Result<ViewResult>) {
         lock(&self.results)[view] = Some(result);
         if self.left.fetch_sub(1, Ordering::AcqRel) == 1 {
@@ -348,32 +343,13 @@ impl ScenarioJob {
     }
 }
 
-/// The cameras of the views.
-pub(super) fn cameras_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Vec<Camera>> {
-    let calibration = scenario.calibration()?;
-    let camera = |view: &String| {
-        let entry = calibration.cameras.get(view).ok_or_else(|| {
-            let message =
-                format!("calibration.json has no camera of view {view}; generate it again");
-            Error::scenario(&record.id, message)
-        })?;
-        Ok(entry.camera())
-    };
-    record.views.iter().map(camera).collect()
-}
-
 /// The registrations to make; `None` with one view.
 pub(super) fn pairs_of(record: &ScenarioRecord, cameras: &[Camera]) -> Option<Pairs> {
     let views = record.views.iter().cloned().zip(cameras.iter().copied());
     (record.views.len() > 1).then(|| Pairs::new(views.collect()))
 }
 
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl ViewJob<'_> {
-    /// Number of images of the view.
     pub(super) fn pictures(&self) -> u64 {
         self.ticks().ticks.len() as u64
     }

@@ -1,5 +1,5 @@
-//! The lag of each view's images behind the first view's, and the ticks at which both cannot show the same aircraft, from the
-//! registrations of a whole flight ([`crate::view_health::view_lag`]).
+//! Lag of each view's images behind the first view's, and ticks at which both cannot show the same aircraft, from the registrations of the
+//! whole flight ([`crate::view_health::view_lag`]).
 
 use std::collections::BTreeMap;
 
@@ -12,35 +12,32 @@ use dataset::tables::registrations::Registration;
 use glam::DVec2;
 
 use super::pictures::ViewTicks;
+use crate::view_health::MIN_OFF_PX;
 use crate::view_health::view_lag::{CommonSighting, ViewRelation};
 
-/// A direction that is less certain is not corrected, pixels.
-const MAX_TURN_SD_PX: f64 = 0.3;
-/// A larger lag, or a less certain one, was not measured: motion changes too much during it, milliseconds.
-const MAX_MS: f64 = 10_000.0;
-/// Two views do not show the same aircraft if rows contradict by so many pixels and standard deviations of the flight.
-const INCONSISTENT_PX: f64 = 1.0;
+/// Maximum lag, and maximum standard deviation of lags, ms. The motion changes too much during longer ones.
+const MAX_LAG_MS: f64 = 10_000.0;
+/// Minimum contradiction between the rows of views with different aircraft, px. Tilt by air leaves 0.2 to 0.4 px, air without tilt 0.05 px,
+/// and boxes scatter by 0.8 px.
+pub(super) const INCONSISTENT_PX: f64 = 1.0;
+/// Minimum contradiction in standard deviations of the flight.
 const INCONSISTENT_SD: f64 = 8.0;
-/// ... and by this part of the aircraft's width: the views see it from two sides.
+/// Minimum contradiction as a part of the aircraft's width, because the views see it from two sides.
 const INCONSISTENT_PART: f64 = 0.01;
-/// Pairs of tracks of fewer ticks than this part of the longest one's may be of something else, and do not tell how rows should be: where
-/// an aircraft flies along a line, a fit would bend to what is beside it.
+/// Minimum length of track pairs that show how rows should be, as a part of the longest. Shorter ones may belong to something else, and
+/// where an aircraft flies along a line, a fit would bend to them.
 const LONG_PART: f64 = 0.25;
-/// Rows that contradict by more are not told apart, pixels.
-const MAX_PX: f64 = 1_000.0;
+/// Maximum contradiction that is written, px.
+const MAX_VERTICAL_PX: f64 = 1_000.0;
 
-/// Evidence from one flight.
 struct Flight<'a> {
-    /// Identifiers and cameras of the views.
     views: Vec<(&'a str, &'a Camera)>,
     detections: &'a Detections,
     registrations: &'a [Registration],
-    /// Time of each tick, seconds.
     times_s: BTreeMap<u32, f64>,
 }
 
-/// An aircraft that two views see.
-struct Seen {
+struct TimedPlaces {
     tick: u32,
     time_s: f64,
     width_px: f64,
@@ -49,14 +46,13 @@ struct Seen {
 
 /// Evidence from a view, relative to the first one.
 #[derive(Default)]
-struct Compared {
+struct Comparison {
     lag: Option<ViewLag>,
-    /// By tick, pixels, and whether it is inconsistent.
+    /// Contradiction by tick, px, and true if it is inconsistent.
     vertical_px: BTreeMap<u32, (f64, bool)>,
 }
 
-/// Adds to the rows of a scenario the lag of each view and how far rows contradict, and names the ticks at which they do. `cameras`: of the
-/// views.
+/// Adds the lags of all views and the contradictions of their rows, and names inconsistent ticks.
 pub(super) fn add_lags(
     views: &[ViewTicks],
     cameras: &[Camera],
@@ -72,7 +68,7 @@ pub(super) fn add_lags(
         detections,
         registrations,
     };
-    let compared: BTreeMap<&str, Compared> = (flight.views.iter())
+    let compared: BTreeMap<&str, Comparison> = (flight.views.iter())
         .map(|(view, _)| (*view, flight.compared(view, health).unwrap_or_default()))
         .collect();
     for row in health {
@@ -90,12 +86,12 @@ pub(super) fn add_lags(
 
 impl Flight<'_> {
     /// `None` if both views saw the aircraft too rarely.
-    fn compared(&self, view: &str, health: &[ViewHealth]) -> Option<Compared> {
+    fn compared(&self, view: &str, health: &[ViewHealth]) -> Option<Comparison> {
         let rows: BTreeMap<(u32, &str), &ViewHealth> = (health.iter())
             .map(|row| ((row.tick, row.view.as_str()), row))
             .collect();
-        // The tracks of both views: one aircraft after another.
-        let mut seen: BTreeMap<[Option<u32>; 2], Vec<Seen>> = BTreeMap::new();
+        // One entry per aircraft: the tracks of both views.
+        let mut seen: BTreeMap<[Option<u32>; 2], Vec<TimedPlaces>> = BTreeMap::new();
         let mut reference = None;
         for row in self.registrations.iter().filter(|row| row.view == view) {
             let Ok(shift) = &row.result else { continue };
@@ -113,7 +109,7 @@ impl Flight<'_> {
             reference = Some(first);
             let time_s = *self.times_s.get(&row.tick)?;
             let of_tracks = seen.entry([in_first.track, in_second.track]);
-            of_tracks.or_default().push(Seen {
+            of_tracks.or_default().push(TimedPlaces {
                 tick: row.tick,
                 time_s,
                 width_px: in_second.pixel_box.width_px,
@@ -130,7 +126,7 @@ impl Flight<'_> {
             lag_ms: -1e3 * relation.offset.seconds,
             lag_sd_ms: (1e3 * relation.offset.sd_s).hypot(MIN_LAG_SD_MS),
         };
-        if lag.lag_ms.abs().max(lag.lag_sd_ms) > MAX_MS {
+        if lag.lag_ms.abs().max(lag.lag_sd_ms) > MAX_LAG_MS {
             return None;
         }
         let longest = of_tracks.iter().map(Vec::len).max().unwrap_or_default();
@@ -139,24 +135,26 @@ impl Flight<'_> {
             .filter(|all| all.len() as f64 >= LONG_PART * longest as f64);
         let of_long: Vec<_> = long.flat_map(|all| thinned(all)).collect();
         let Some(usual) = ViewRelation::robust(&of_long) else {
-            return Some(Compared {
+            return Some(Comparison {
                 lag: Some(lag),
                 vertical_px: BTreeMap::new(),
             });
         };
         let most_px = INCONSISTENT_PX.max(INCONSISTENT_SD * usual.sd_px);
-        let vertical = |(seen, sighting): &(&Seen, Sighted)| {
-            // A track of a few ticks has no motion, which matters only to a late view.
+        let vertical = |(seen, sighting): &(&TimedPlaces, Sighted)| {
+            // A track with few ticks has no motion, which matters only to a late view.
             let sighting = match sighting {
                 Sighted::Moving(sighting) => sighting,
                 Sighted::Short(sighting) if !lag.is_sure() => sighting,
                 Sighted::Short(_) => return None,
             };
-            let off_px = usual.off_px(sighting).clamp(-MAX_PX, MAX_PX);
+            let off_px = usual
+                .off_px(sighting)
+                .clamp(-MAX_VERTICAL_PX, MAX_VERTICAL_PX);
             let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
             Some((seen.tick, (off_px, contradicts)))
         };
-        Some(Compared {
+        Some(Comparison {
             lag: Some(lag),
             vertical_px: of_tracks.iter().flatten().filter_map(vertical).collect(),
         })
@@ -191,9 +189,7 @@ impl Flight<'_> {
             }
             HealthState::Frozen => None,
             HealthState::Moved | HealthState::Shaking => {
-                let turn = row
-                    .motion
-                    .filter(|turn| turn.shift_sd_px <= MAX_TURN_SD_PX)?;
+                let turn = row.motion.filter(|turn| turn.shift_sd_px <= MIN_OFF_PX)?;
                 Some(turn.usual_place(self.camera(&row.view)?, place_px))
             }
         }
@@ -203,16 +199,18 @@ impl Flight<'_> {
 /// A sighting, by whether its motion is known.
 enum Sighted {
     Moving(CommonSighting),
-    /// As if it stood still.
+    /// Motion taken as zero.
     Short(CommonSighting),
 }
 
-/// Sightings of one aircraft.
-fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, Sighted)> {
+fn sightings<'a>(
+    cameras: [&Camera; 2],
+    seen: &'a [TimedPlaces],
+) -> Vec<(&'a TimedPlaces, Sighted)> {
     let places: Vec<(f64, DVec2)> = (seen.iter())
         .map(|seen| (seen.time_s, seen.places_px[1]))
         .collect();
-    let sighting = |seen: &'a Seen| {
+    let sighting = |seen: &'a TimedPlaces| {
         let motion_px_s = motion_at(&places, seen.time_s).map(|motion| motion.per_s);
         let motion = motion_px_s.unwrap_or_default();
         let sighting = CommonSighting::of(cameras, seen.places_px, seen.width_px, motion)?;
@@ -225,8 +223,7 @@ fn sightings<'a>(cameras: [&Camera; 2], seen: &'a [Seen]) -> Vec<(&'a Seen, Sigh
     seen.iter().filter_map(sighting).collect()
 }
 
-/// Those that the fit needs.
-fn thinned(all: &[(&Seen, Sighted)]) -> Vec<CommonSighting> {
+fn thinned(all: &[(&TimedPlaces, Sighted)]) -> Vec<CommonSighting> {
     let mut last_s = f64::NEG_INFINITY;
     let mut kept = Vec::new();
     for (seen, sighting) in all {
@@ -251,7 +248,7 @@ mod tests {
     use super::super::pictures::ViewTick;
     use super::*;
 
-    /// Position in a view of an aircraft on the glide path, some time after it is 18 km away.
+    /// Pixel position on the glide path, `time_s` after it is 18 km away.
     fn place_px(camera: &Camera, time_s: f64) -> DVec2 {
         let runway = changi_02l();
         let along_m = 18_000.0 - 75.0 * time_s;
@@ -262,8 +259,7 @@ mod tests {
         camera.project(at.to_ecef()).unwrap()
     }
 
-    /// Health of both views, of which the right one is late; `dark`: ticks in which it repeats an image, `other`: in which it shows
-    /// another aircraft.
+    /// Health of both views; the right one is late. `dark`: ticks with a repeated image, `other`: ticks with a different aircraft.
     fn compared(
         late_s: f64,
         dark: std::ops::Range<u32>,

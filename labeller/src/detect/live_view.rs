@@ -9,14 +9,14 @@ use dataset::tables::registrations::NoShift;
 use super::mode::ModeSettings;
 use super::pairs::best_box::{best_counted_of, best_of};
 use super::pictures::image::{Image, patch};
-use super::sequence::{Sequence, Shown, Tracked};
+use super::sequence::{Sequence, Tracked, TrackedImage};
 use crate::detector::Detector;
 use crate::error::Result;
 use crate::registration::Patch;
 use crate::tiling::TilingSettings;
 use crate::view_health::CameraWatch;
 
-/// The search of one view, image by image.
+/// Search image by image.
 pub struct ViewSearch {
     detector: Box<dyn Detector + Send>,
     sequence: Sequence,
@@ -25,16 +25,16 @@ pub struct ViewSearch {
     last_s: Option<f64>,
 }
 
-/// Results of the search of an image.
+/// Results for one image.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Looked {
-    /// Its boxes, the best first.
+pub struct ImageFindings {
+    /// Boxes, best first.
     pub boxes: Vec<SeenBox>,
-    /// The surroundings of its best box, for the registration with another view.
+    /// Surroundings of the best box, for the registration with other views.
     pub patch: std::result::Result<Patch, NoShift>,
-    /// Way in which it was searched.
+    /// Search mode.
     pub mode: SearchMode,
-    /// Condition of the camera by the images so far.
+    /// Camera condition, by the images up to now.
     pub camera: HealthState,
 }
 
@@ -45,7 +45,7 @@ pub struct SeenBox {
     pub pixel_box: PixelBox,
     /// Confidence of the model.
     pub score: f64,
-    /// Number of its track in this view.
+    /// Track number within the view.
     pub track: u32,
     /// True if its track is confirmed at this moment and does not stand still, and the camera is well.
     pub counts: bool,
@@ -71,11 +71,11 @@ impl ViewSearch {
     ///
     /// # Errors
     /// The detector or the conversion of the image fails.
-    pub fn look(&mut self, image: &mut dyn Image, time_s: f64) -> Result<Looked> {
+    pub fn look(&mut self, image: &mut dyn Image, time_s: f64) -> Result<ImageFindings> {
         let time_s = self.last_s.map_or(time_s, |last_s| time_s.max(last_s));
         self.last_s = Some(time_s);
         let detector = &mut *self.detector;
-        let Shown { boxes, mode, .. } = self.sequence.look(detector, image, time_s)?;
+        let TrackedImage { boxes, mode, .. } = self.sequence.look(detector, image, time_s)?;
         let best = best_of(&boxes);
         let counted = best_counted_of(&boxes);
         let at = (self.images, time_s);
@@ -91,7 +91,7 @@ impl ViewSearch {
             track: found.track,
             counts: found.counts && state.is_well(),
         };
-        Ok(Looked {
+        Ok(ImageFindings {
             boxes: boxes.iter().map(seen).collect(),
             patch,
             mode,
@@ -109,13 +109,13 @@ mod tests {
     use dataset::work::watch::Silent;
     use testkit::short_corpus;
 
-    use super::super::job::cameras_of;
     use super::super::pictures::{Pictures, ViewTicks};
     use super::super::view_search::cpu_time::CpuClock;
     use super::super::{DetectOptions, Model, detect_with};
     use super::*;
-    use crate::live::register_views;
-    use crate::tiling::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
+    use crate::detect::register_views;
+    use crate::label::cameras;
+    use crate::tiling::tests::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
 
     const MODEL: &str = "0123456789abcdef";
     const SIZE_PX: [u32; 2] = [1280, 768];
@@ -124,7 +124,7 @@ mod tests {
         PixelBox::from_edges(left - 0.5, top - 0.5, left + 15.5, top + 7.5)
     }
 
-    /// An aircraft in all images of a camera, a lamp, and something faint that passes.
+    /// An aircraft in all images, a lamp, and something faint that passes.
     fn paint(view: &str, tick: u32, rgb: &mut [u8]) {
         rgb.fill(20);
         let from = if view == "left" { 100.0 } else { 630.0 };
@@ -161,7 +161,7 @@ mod tests {
         detect_with(&corpus, &model, &make, &options, &Silent).unwrap();
 
         let scenario = corpus.scenario("0001-a").open().unwrap();
-        let cameras = cameras_of(&scenario, &scenario.record().unwrap()).unwrap();
+        let cameras = cameras(&scenario, &scenario.record().unwrap()).unwrap();
         let (mut boxes, mut states, mut patches) = (Vec::new(), Vec::new(), Vec::new());
         for (view, camera) in ViewTicks::of(&scenario.frames().unwrap())
             .iter()
@@ -203,10 +203,8 @@ mod tests {
         let registered: Vec<Registration> = scenario.registrations(MODEL).unwrap().unwrap();
         for row in registered {
             let tick = row.tick as usize;
-            let found = register_views(
-                (&cameras[0], &patches[0][tick]),
-                (&cameras[1], &patches[1][tick]),
-            );
+            let patches = [0, 1].map(|view| &patches[view][tick]);
+            let found = register_views([&cameras[0], &cameras[1]], patches);
             assert_eq!(found, row.result, "tick {tick}");
         }
     }

@@ -1,11 +1,6 @@
-//! Modes of searching the images of a view one after another.
+//! Search modes for consecutive images.
 
 use serde::{Deserialize, Serialize};
-
-use crate::error::{Error, Result};
-
-/// The longest time between searches of whole images that can be set, seconds.
-const MAX_PERIOD_S: f64 = 3_600.0;
 
 /// Mode of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -13,7 +8,7 @@ const MAX_PERIOD_S: f64 = 3_600.0;
 pub enum Mode {
     /// Every image whole.
     Full,
-    /// Only around the aircraft that are followed; the whole image from time to time, and when one of them is lost.
+    /// Only around the followed aircraft; the whole image from time to time, and when one is lost.
     Tracked,
     /// Every image whole, but made as small as the model's usual input: for comparison.
     Scaled,
@@ -22,7 +17,7 @@ pub enum Mode {
     Auto,
 }
 
-/// Settings for searching the images of a view.
+/// Search settings for a view's images.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModeSettings {
@@ -39,19 +34,5 @@ impl Default for ModeSettings {
             mode: Mode::default(),
             full_search_s: 1.0,
         }
-    }
-}
-
-impl ModeSettings {
-    /// Checks all ranges.
-    pub fn check(&self) -> Result<()> {
-        if (0.0..=MAX_PERIOD_S).contains(&self.full_search_s) {
-            return Ok(());
-        }
-        Err(Error::Option {
-            name: "--full-every",
-            found: self.full_search_s.to_string(),
-            expected: "a time from 0 to 3600 s".into(),
-        })
     }
 }

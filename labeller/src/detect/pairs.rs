@@ -1,7 +1,7 @@
-//! Pairs the views of a tick, whichever worker decodes them: each view is registered with the reference view, the first one.
+//! Pairs the views at each tick, whichever worker decodes them: each view is registered with the reference view, the first one.
 //!
 //! A patch waits for its counterpart and is dropped with it. If both views are decoded at the same time, few patches wait; if one worker
-//! decodes one view after the other, all patches of a view wait, some kilobytes each.
+//! decodes the views in turn, a whole view's patches wait, some kilobytes each.
 
 pub(crate) mod best_box;
 pub(crate) mod fitted_cameras;
@@ -14,12 +14,12 @@ use dataset::corpus::detections::Detections;
 use dataset::geometry::camera::Camera;
 use dataset::tables::registrations::{NoShift, Registration, Shift};
 
-use crate::registration::{Expected, Patch, register};
+use crate::registration::{ExpectedDifference, Patch, register};
 
-/// Result of a view at a tick: the surroundings of its best box, if there is one.
-type Look = Arc<Result<Patch, NoShift>>;
+/// A view's best box at a tick, with its surroundings.
+type SharedPatch = Arc<Result<Patch, NoShift>>;
 
-/// The registrations of a scenario with several views.
+/// Registrations between several views.
 pub(super) struct Pairs {
     /// Identifiers and cameras of the views; the first is the reference.
     views: Vec<(String, Camera)>,
@@ -27,13 +27,11 @@ pub(super) struct Pairs {
     done: Mutex<Done>,
 }
 
-/// The views of a tick that are there.
+/// Arrived views at one tick.
 #[derive(Default)]
 struct Waiting {
-    reference: Option<Look>,
-    /// Views that came before the reference.
-    others: Vec<(usize, Look)>,
-    /// Views that were registered.
+    reference: Option<SharedPatch>,
+    others: Vec<(usize, SharedPatch)>,
     registered: usize,
 }
 
@@ -45,7 +43,7 @@ pub(super) struct Done {
 }
 
 impl Done {
-    /// Takes back the registrations of images of which no box was kept.
+    /// Takes back the registrations of images that keep no box.
     pub(super) fn without_boxes(mut self, detections: &Detections) -> Self {
         let boxes = detections.boxes.iter();
         let seen: HashSet<_> = boxes.map(|kept| (kept.tick, kept.view.as_str())).collect();
@@ -73,7 +71,7 @@ impl Pairs {
         &self.views[0].0
     }
 
-    /// Takes what a view shows at a tick, and registers all pairs that this completes.
+    /// Takes a view's patch at a tick, and registers all pairs that it completes.
     pub(super) fn take(&self, view: usize, tick: u32, look: Result<Patch, NoShift>) {
         let look = Arc::new(look);
         let (reference, others) = {
@@ -100,17 +98,15 @@ impl Pairs {
                 tick,
                 view: self.views[view].0.clone(),
                 reference: self.reference().to_owned(),
-                result: self.compare(&reference, view, &look),
+                result: register_views(
+                    [0, view].map(|index| &self.views[index].1),
+                    [&reference, &look],
+                ),
             };
             let mut done = lock(&self.done);
             done.registrations.push(registration);
             done.seconds += started.elapsed().as_secs_f64();
         }
-    }
-
-    fn compare(&self, reference: &Look, view: usize, look: &Look) -> Result<Shift, NoShift> {
-        let cameras = [0, view].map(|index| &self.views[index].1);
-        registered(cameras, [reference.as_ref(), look.as_ref()])
     }
 
     /// All registrations, by tick and then by view. Patches that still wait after a failure are dropped.
@@ -124,8 +120,11 @@ impl Pairs {
     }
 }
 
-/// The shift from the first view to the second, from the surroundings of their best boxes.
-pub(crate) fn registered(
+/// Measures the shift of the aircraft from the first view to the second, from the surroundings of their best boxes.
+///
+/// # Errors
+/// The reason why there is no shift.
+pub fn register_views(
     [reference, view]: [&Camera; 2],
     looks: [&Result<Patch, NoShift>; 2],
 ) -> Result<Shift, NoShift> {
@@ -135,10 +134,10 @@ pub(crate) fn registered(
         [Err(NoShift::NoBox), _] | [_, Err(NoShift::NoBox)] => return Err(NoShift::NoBox),
         [Err(reason), _] | [_, Err(reason)] => return Err(*reason),
     };
-    let expected = Expected::of(reference, view, from.centre_px(), to.centre_px());
+    let expected = ExpectedDifference::of(reference, view, from.centre_px(), to.centre_px());
     register(from, to, &expected)
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! The images of a view, one after another: decoded, and converted as far as they are looked at.
+//! A view's images in their order: decoded, and converted as far as needed.
 
 pub(crate) mod image;
 
@@ -7,7 +7,7 @@ use dataset::numbers::units::SimTime;
 use dataset::tables::frames::Frames;
 use dataset::video::{Luma, PicturePart, VideoReader};
 
-use super::view_search::cpu_time::{CpuClock, Stage};
+use super::view_search::cpu_time::CpuClock;
 use crate::detector::PictureView;
 use crate::error::{Error, Result};
 use image::Image;
@@ -15,7 +15,6 @@ use image::Image;
 /// A view and its ticks.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ViewTicks {
-    /// Identifier of the view.
     pub(crate) id: String,
     pub(crate) ticks: Vec<ViewTick>,
 }
@@ -25,12 +24,11 @@ pub(crate) struct ViewTicks {
 pub(crate) struct ViewTick {
     pub(crate) tick: u32,
     pub(crate) time_s: f64,
-    /// Its timestamp in the video.
     pub(crate) pts: i64,
 }
 
 impl ViewTicks {
-    /// Ticks of all views of a table.
+    /// Ticks of all views in a table.
     pub(crate) fn of(frames: &Frames) -> Vec<Self> {
         let views = frames.views.iter().enumerate();
         views
@@ -50,7 +48,7 @@ impl ViewTicks {
     }
 }
 
-/// The video of a view while it is searched.
+/// A view's video during the search.
 pub(super) struct Pictures<'a> {
     scenario: String,
     view: &'a str,
@@ -71,7 +69,7 @@ impl<'a> Pictures<'a> {
         Ok(Self {
             scenario: scenario.id(),
             view,
-            reader: clock.during(Stage::Decode, || scenario.open_video(view))?,
+            reader: clock.during(|cpu_s| &mut cpu_s.decode, || scenario.open_video(view))?,
             clock,
             whole: Vec::new(),
             is_converted: false,
@@ -79,7 +77,7 @@ impl<'a> Pictures<'a> {
         })
     }
 
-    /// Goes on to the image of a tick.
+    /// Goes on to a tick's image.
     pub(super) fn next(&mut self, expected: &ViewTick) -> Result<()> {
         self.is_converted = false;
         let found = self.decode()?;
@@ -107,7 +105,7 @@ impl<'a> Pictures<'a> {
 
     fn decode(&mut self) -> Result<Option<i64>> {
         let (clock, reader) = (self.clock, &mut self.reader);
-        Ok(clock.during(Stage::Decode, || reader.skip_frame())?)
+        Ok(clock.during(|cpu_s| &mut cpu_s.decode, || reader.skip_frame())?)
     }
 
     fn fault(&self, message: String) -> Error {
@@ -123,7 +121,10 @@ impl Image for Pictures<'_> {
     fn whole(&mut self) -> Result<PictureView<'_>> {
         if !self.is_converted {
             let (clock, reader) = (self.clock, &mut self.reader);
-            clock.during(Stage::Convert, || reader.convert(&mut self.whole))?;
+            clock.during(
+                |cpu_s| &mut cpu_s.convert,
+                || reader.convert(&mut self.whole),
+            )?;
             self.is_converted = true;
         }
         Ok(PictureView {
@@ -135,7 +136,10 @@ impl Image for Pictures<'_> {
 
     fn part(&mut self, part: PicturePart) -> Result<PictureView<'_>> {
         let (clock, reader) = (self.clock, &mut self.reader);
-        clock.during(Stage::Convert, || reader.convert_part(part, &mut self.part))?;
+        clock.during(
+            |cpu_s| &mut cpu_s.convert,
+            || reader.convert_part(part, &mut self.part),
+        )?;
         Ok(PictureView {
             rgb: &self.part,
             width_px: part.width_px,

@@ -14,25 +14,27 @@ use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
 use dataset::work::workers;
 
-use super::job::{cameras_of, lock, pairs_of};
+use super::job::pairs_of;
 use super::live_view::ViewSearch;
+use super::pairs::lock;
 use super::pictures::ViewTicks;
 use super::view_search::cpu_time::CpuTime;
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, MakeDetector, Model};
 use crate::detector::{Detector, ModelFile, OrtDetector};
 use crate::error::Result;
+use crate::label::cameras;
 use crate::registration::METHOD;
 use crate::tracking;
 
-/// A model and the way in which it searches.
+/// A model with its search settings.
 pub struct Searcher {
     file: ModelFile,
     model: Model,
     options: DetectOptions,
 }
 
-/// Results of the search of a scenario.
+/// Results for one scenario.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Findings {
     /// Boxes, and images without.
@@ -76,10 +78,10 @@ impl Searcher {
         blake3::hash(all.as_bytes()).to_string()
     }
 
-    /// Searches all views of a scenario, several at a time.
+    /// Searches all views in parallel.
     ///
     /// # Errors
-    /// A video does not have the images that it should have, the detector fails, or the caller stops it ([`crate::Error::Stopped`]).
+    /// A video lacks images or has extra ones, the detector fails, or the caller stops it ([`crate::Error::Stopped`]).
     pub fn search(
         &self,
         scenario: &OpenScenario,
@@ -93,7 +95,7 @@ impl Searcher {
         search_scenario(scenario, &make, &self.options, picture_done, watch)
     }
 
-    /// The search of a view without an end, with a session of the model of its own. `camera`: the view's.
+    /// An endless search with a separate model session. `camera`: the view's.
     pub fn view_search(&self, camera: &Camera) -> Result<ViewSearch> {
         let DetectOptions {
             settings, modes, ..
@@ -107,7 +109,7 @@ impl Searcher {
     }
 }
 
-/// Searches all views of a scenario with the detectors that `make` makes.
+/// Searches all views with detectors made by `make`.
 pub(super) fn search_scenario(
     scenario: &OpenScenario,
     make: MakeDetector<'_>,
@@ -117,7 +119,7 @@ pub(super) fn search_scenario(
 ) -> Result<Findings> {
     let views = ViewTicks::of(&scenario.frames()?);
     let record = scenario.record()?;
-    let pairs = pairs_of(&record, &cameras_of(scenario, &record)?);
+    let pairs = pairs_of(&record, &cameras(scenario, &record)?);
     let next = AtomicUsize::new(0);
     let results: Vec<_> = views.iter().map(|_| Mutex::new(None)).collect();
     let work = || -> Result<()> {
@@ -173,7 +175,7 @@ mod tests {
     use super::*;
     use crate::detect::{Mode, ModeSettings};
     use crate::error::Error;
-    use crate::tiling::blob_finder::{BlobFinder, paint_blob};
+    use crate::tiling::tests::blob_finder::{BlobFinder, paint_blob};
 
     const MODEL: &str = "0123456789abcdef";
     const WIDTH: u32 = 1280;

@@ -1,4 +1,4 @@
-//! Searches the images of a view one after another, each at the places that the previous ones suggest.
+//! Searches a view's consecutive images at the places that the previous ones suggest.
 //!
 //! Whole images are searched as described in [`crate::tiling`]. Between them, each tracked aircraft gets one window around its expected
 //! place, and the rest of the image is neither converted nor searched.
@@ -11,9 +11,10 @@ use super::mode::{Mode, ModeSettings};
 use super::pictures::image::Image;
 use crate::detector::{Detector, ScoredBox, Window, keep_best};
 use crate::error::Result;
+use crate::registration::EDGE_PX;
 use crate::tiling::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
-use crate::tracking::{Expected, Searched, Seen, Tracker};
+use crate::tracking::{ExpectedBox, FoundBox, SearchedParts, Tracker};
 
 /// After a loss the whole image is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
 /// in every other image.
@@ -22,12 +23,10 @@ const LOSS_PART: f64 = 0.25;
 const MIN_PERIOD: f64 = 5.0;
 /// An image that is due within this part of the time since the last one is due now.
 const DUE_PART: f64 = 0.5;
-/// An aircraft that may move further between two images, in lengths of its box, is looked for everywhere.
+/// Maximum motion of an aircraft between two images, in box lengths; a faster one is looked for everywhere.
 const MAX_LENGTHS: f64 = 1.0;
-/// A box this close to the border of its window may be cut off there, pixels.
-const BORDER_PX: f64 = 1.5;
 
-/// The search of a view. Its memory does not grow with the number of images.
+/// View search. Memory does not grow with the number of images.
 pub(super) struct Sequence {
     tiling: TilingSettings,
     modes: ModeSettings,
@@ -37,8 +36,8 @@ pub(super) struct Sequence {
     last_full_s: Option<f64>,
 }
 
-/// Results of the search of an image.
-struct Looked {
+/// Results for one image.
+struct SearchedImage {
     sightings: Vec<Sighting>,
     mode: SearchMode,
     /// The tracks that it was searched for, if it was not searched whole.
@@ -47,7 +46,7 @@ struct Looked {
     nothing: MissReason,
 }
 
-/// A box that belongs to a track, by what is known at its time.
+/// Tracked box, as known at its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Tracked {
     pub(super) pixel_box: PixelBox,
@@ -56,15 +55,13 @@ pub(super) struct Tracked {
     pub(super) track: u32,
     /// Too uncertain to count alone.
     pub(super) is_faint: bool,
-    /// Its track has had enough boxes.
     pub(super) is_confirmed: bool,
-    /// Its track counts.
     pub(super) counts: bool,
 }
 
-/// The boxes of an image.
+/// Boxes in one image.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Shown {
+pub(super) struct TrackedImage {
     pub(super) boxes: Vec<Tracked>,
     pub(super) mode: SearchMode,
     /// Reason to report if there is no box.
@@ -92,13 +89,12 @@ impl Sequence {
         self.tracker.now_s()
     }
 
-    /// Searches the next image.
     pub(super) fn look(
         &mut self,
         detector: &mut dyn Detector,
         picture: &mut dyn Image,
         time_s: f64,
-    ) -> Result<Shown> {
+    ) -> Result<TrackedImage> {
         let since_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
         self.tracker.advance(since_s);
         let looked = match self.modes.mode {
@@ -122,9 +118,9 @@ impl Sequence {
         picture: &mut dyn Image,
         now_s: f64,
         since_s: f64,
-    ) -> Result<Looked> {
+    ) -> Result<SearchedImage> {
         let expected = self.tracker.expected(since_s);
-        let is_fast = |expected: &Expected| expected.lengths_moved > MAX_LENGTHS;
+        let is_fast = |expected: &ExpectedBox| expected.lengths_moved > MAX_LENGTHS;
         let is_too_fast = self.modes.mode == Mode::Auto && expected.iter().any(is_fast);
         let has_passed = |period_s: f64| {
             self.last_full_s
@@ -146,9 +142,13 @@ impl Sequence {
         Ok(looked)
     }
 
-    fn everywhere(&self, detector: &mut dyn Detector, picture: &mut dyn Image) -> Result<Looked> {
+    fn everywhere(
+        &self,
+        detector: &mut dyn Detector,
+        picture: &mut dyn Image,
+    ) -> Result<SearchedImage> {
         let found = search_picture(detector, &picture.whole()?, &self.tiling)?;
-        Ok(Looked {
+        Ok(SearchedImage {
             sightings: found.sightings,
             mode: SearchMode::Full,
             around: None,
@@ -159,14 +159,18 @@ impl Sequence {
         })
     }
 
-    fn shrunk(&self, detector: &mut dyn Detector, picture: &mut dyn Image) -> Result<Looked> {
+    fn shrunk(
+        &self,
+        detector: &mut dyn Detector,
+        picture: &mut dyn Image,
+    ) -> Result<SearchedImage> {
         let window = shrunk_picture(picture.size_px(), detector.window_size());
         let found = detector.detect(&picture.whole()?, &[window], self.tiling.least_score())?;
         let sightings = found
             .into_iter()
             .flatten()
             .map(|found| Sighting::of(found, 0));
-        Ok(Looked {
+        Ok(SearchedImage {
             sightings: self.best(sightings.collect()),
             mode: SearchMode::Scaled,
             around: None,
@@ -174,13 +178,13 @@ impl Sequence {
         })
     }
 
-    /// In a window for each aircraft that is followed; the most promising ones if there are many.
+    /// Searches a window per followed aircraft; the most promising ones if there are many.
     fn around(
         &self,
         detector: &mut dyn Detector,
         picture: &mut dyn Image,
-        expected: &[Expected],
-    ) -> Result<Looked> {
+        expected: &[ExpectedBox],
+    ) -> Result<SearchedImage> {
         let expected = &expected[..expected.len().min(self.tiling.most_windows)];
         let mut sightings = Vec::new();
         for (crop, expected) in (0..).zip(expected) {
@@ -202,7 +206,7 @@ impl Sequence {
                 whole.filter(|found| is_whole(&found.pixel_box, window, shown_px, picture_px));
             sightings.extend(whole.map(|found| Sighting::of(found, crop)));
         }
-        Ok(Looked {
+        Ok(SearchedImage {
             sightings: self.best(sightings),
             mode: SearchMode::Tracked,
             nothing: match expected {
@@ -218,15 +222,15 @@ impl Sequence {
         keep_best(sightings, iou, most, Sighting::scored)
     }
 
-    /// The boxes of an image with the tracks to which they belong.
-    fn shown(&mut self, looked: Looked) -> Shown {
+    /// Assigns the boxes to tracks.
+    fn shown(&mut self, looked: SearchedImage) -> TrackedImage {
         let searched = match &looked.around {
-            None => Searched::Everywhere,
-            Some(tracks) => Searched::Around(tracks),
+            None => SearchedParts::Everywhere,
+            Some(tracks) => SearchedParts::Around(tracks),
         };
         let seen = self.seen(&looked.sightings);
         let tracks = self.tracker.take(&seen, searched);
-        let tracked = |((found, seen), track): ((&Sighting, &Seen), Option<u32>)| {
+        let tracked = |((found, seen), track): ((&Sighting, &FoundBox), Option<u32>)| {
             let track = track?;
             Some(Tracked {
                 pixel_box: found.pixel_box,
@@ -239,16 +243,15 @@ impl Sequence {
             })
         };
         let found = looked.sightings.iter().zip(&seen).zip(tracks);
-        Shown {
+        TrackedImage {
             boxes: found.filter_map(tracked).collect(),
             mode: looked.mode,
             nothing: looked.nothing,
         }
     }
 
-    /// The tracker's input for these sightings.
-    fn seen(&self, sightings: &[Sighting]) -> Vec<Seen> {
-        let seen = |sighting: &Sighting| Seen {
+    fn seen(&self, sightings: &[Sighting]) -> Vec<FoundBox> {
+        let seen = |sighting: &Sighting| FoundBox {
             pixel_box: sighting.pixel_box,
             is_faint: sighting.score < self.tiling.score,
         };
@@ -256,7 +259,7 @@ impl Sequence {
     }
 }
 
-/// The part of an image of this size that a window shows, and the same window in it.
+/// The image part that a window shows, and the window within this part.
 fn behind(window: Window, [width_px, height_px]: [u32; 2]) -> (PicturePart, Window) {
     let shown = |side_px: u32, start_px: u32, picture_px: u32| {
         let shown_px = side_px.saturating_mul(window.shrink);
@@ -287,8 +290,8 @@ fn is_whole(found: &PixelBox, window: Window, shown_px: [u32; 2], picture_px: [u
         .into_iter()
         .all(|(first, last, start, length, picture)| {
             let end = start + length;
-            (start == 0 || first >= f64::from(start) - 0.5 + BORDER_PX)
-                && (end == picture || last <= f64::from(end) - 0.5 - BORDER_PX)
+            (start == 0 || first >= f64::from(start) - 0.5 + EDGE_PX)
+                && (end == picture || last <= f64::from(end) - 0.5 - EDGE_PX)
         })
 }
 

@@ -13,13 +13,14 @@ use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::{NoShift, Registration};
 use dataset::work::watch::Silent;
-use testkit::short_corpus;
+use tempfile::TempDir;
+use testkit::short_corpus::{self, Painter};
 use testkit::watch::Calls;
 
 use super::job::record::DetectionRecord;
 use super::*;
 use crate::label::label_corpus;
-use crate::tiling::blob_finder::{BlobFinder, paint_blob};
+use crate::tiling::tests::blob_finder::{BlobFinder, paint_blob};
 
 /// The model's hash, as far as it is in names.
 const MODEL: &str = "0123456789abcdef";
@@ -43,20 +44,34 @@ fn blob(view: &str, tick: u32) -> PixelBox {
     PixelBox::from_edges(left - 0.5, 199.5, left + 15.5, 207.5)
 }
 
-fn corpus(root: &Path, ids: &[&str]) -> Corpus {
+/// A corpus with these scenarios, and its folder.
+fn corpus(ids: &[&str]) -> (Corpus, TempDir) {
     let paint = |view: &str, tick: u32, rgb: &mut [u8]| {
         rgb.fill(20);
         paint_blob(rgb, WIDTH, &blob(view, tick));
     };
-    short_corpus::write_with_videos(root, ids, WIDTH, HEIGHT, Some(&paint))
+    painted(ids, &paint)
+}
+
+fn painted(ids: &[&str], paint: Painter<'_>) -> (Corpus, TempDir) {
+    let root = tempfile::tempdir().unwrap();
+    let corpus = short_corpus::write_with_videos(root.path(), ids, WIDTH, HEIGHT, Some(paint));
+    (corpus, root)
+}
+
+fn blob_finder() -> Result<Box<dyn Detector>> {
+    Ok(Box::new(BlobFinder::default()))
+}
+
+fn record(folder: &ScenarioFolder) -> DetectionRecord {
+    read_json(&DetectionRecord::path(folder, MODEL), "record").unwrap()
 }
 
 fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {
-    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    detect_with(corpus, &model(), &make, options, &Silent).unwrap()
+    detect_with(corpus, &model(), &blob_finder, options, &Silent).unwrap()
 }
 
-/// The boxes of a scenario, or why they are refused.
+/// Stored boxes of a scenario, or the reason why they are refused.
 fn stored(folder: &ScenarioFolder) -> std::result::Result<Vec<Detection>, String> {
     let scenario = folder.open().unwrap();
     let detections = scenario.detections(MODEL);
@@ -72,15 +87,13 @@ fn two_workers() -> DetectOptions {
 
 #[test]
 fn decoded_videos_give_detections_at_their_ticks_and_views() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let steps = Mutex::new(Vec::new());
-    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
     let watch = Calls {
         advance: |done| steps.lock().unwrap().push(done),
         is_stopped: || false,
     };
-    let outcome = detect_with(&corpus, &model(), &make, &two_workers(), &watch).unwrap();
+    let outcome = detect_with(&corpus, &model(), &blob_finder, &two_workers(), &watch).unwrap();
     assert_eq!(outcome.detected, ["0001-a", "0002-b"]);
     assert_eq!(outcome.model_hash, MODEL);
     assert!(steps.lock().unwrap().iter().copied().eq(1..=12));
@@ -116,8 +129,7 @@ fn decoded_videos_give_detections_at_their_ticks_and_views() {
 
 #[test]
 fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     detect(&corpus, &two_workers());
     let again = detect(&corpus, &two_workers());
     assert_eq!((again.detected.len(), again.unchanged.len()), (0, 1));
@@ -126,23 +138,12 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
         score: 0.9,
         ..Default::default()
     };
-    assert_eq!(
-        detect(
-            &corpus,
-            &DetectOptions {
-                settings: other,
-                ..two_workers()
-            }
-        )
-        .detected
-        .len(),
-        1
-    );
-    let record: DetectionRecord = read_json(
-        &DetectionRecord::path(&corpus.scenario("0001-a"), MODEL),
-        "record",
-    )
-    .unwrap();
+    let mut options = DetectOptions {
+        settings: other,
+        ..two_workers()
+    };
+    assert_eq!(detect(&corpus, &options).detected.len(), 1);
+    let record = record(&corpus.scenario("0001-a"));
     assert_eq!(
         (
             record.provenance.detector.model.as_deref(),
@@ -152,25 +153,13 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
         ),
         (Some("blobs.onnx"), "cpu", other, 6)
     );
-    assert_eq!(
-        detect(
-            &corpus,
-            &DetectOptions {
-                settings: other,
-                force: true,
-                ..two_workers()
-            }
-        )
-        .detected
-        .len(),
-        1
-    );
+    options.force = true;
+    assert_eq!(detect(&corpus, &options).detected.len(), 1);
 }
 
 #[test]
 fn the_same_model_with_other_settings_has_detections_of_its_own() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     let with = |scale: Option<f32>| {
         let mut profile = ModelProfile::default();
         profile.input.scale = scale;
@@ -186,9 +175,8 @@ fn the_same_model_with_other_settings_has_detections_of_its_own() {
         onnx: b"blobs".to_vec(),
         profile: None,
     });
-    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
     let searched = |model: &Model| {
-        let outcome = detect_with(&corpus, model, &make, &two_workers(), &Silent).unwrap();
+        let outcome = detect_with(&corpus, model, &blob_finder, &two_workers(), &Silent).unwrap();
         (outcome.detected.len(), outcome.model_hash)
     };
     let hash = blake3::hash(b"blobs").to_string();
@@ -220,8 +208,7 @@ fn the_same_model_with_other_settings_has_detections_of_its_own() {
 
 #[test]
 fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     let folder = corpus.scenario("0001-a");
     type Spoil = fn(&mut Detection);
     let cases: [(Spoil, &str); 2] = [
@@ -236,8 +223,7 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
         let scenario = folder.open().unwrap();
         let mut found = scenario.detections(MODEL).unwrap();
         spoil(&mut found.boxes[0]);
-        let path = DetectionRecord::path(&folder, MODEL);
-        let record: DetectionRecord = read_json(&path, "record").unwrap();
+        let record = record(&folder);
         let made = |provenance| DetectionRecord {
             provenance,
             ..record
@@ -257,8 +243,7 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
 
 #[test]
 fn a_record_whose_model_is_not_the_one_of_its_name_is_refused() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     let folder = corpus.scenario("0001-a");
     for hash in [
         "",
@@ -279,8 +264,7 @@ fn a_record_whose_model_is_not_the_one_of_its_name_is_refused() {
 
 #[test]
 fn a_scenario_of_another_name_or_of_other_parameters_is_not_opened() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let (one, copy) = (corpus.scenario("0001-a"), corpus.scenario("0003-c"));
     fs::rename(one.root(), copy.root()).unwrap();
     let message = copy.open().unwrap_err().to_string();
@@ -298,8 +282,7 @@ fn a_scenario_of_another_name_or_of_other_parameters_is_not_opened() {
 
 #[test]
 fn detections_are_compared_with_labels_where_there_are_any() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     label_corpus(&corpus, &Silent).unwrap();
     // The painted blobs are nowhere near the aircraft: all detections are false, and the aircraft is never found.
     let outcome = detect(&corpus, &two_workers());
@@ -319,8 +302,7 @@ fn detections_are_compared_with_labels_where_there_are_any() {
 
 #[test]
 fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let folder = corpus.scenario("0001-a");
     let mut frames = folder.open().unwrap().frames().unwrap();
     frames.rows[2].views[1].pts += 1;
@@ -338,8 +320,7 @@ fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick(
 
 #[test]
 fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
     let result = detect_with(&corpus, &model(), &make, &two_workers(), &Silent);
     assert!(result.unwrap_err().to_string().contains("is not there"));
@@ -347,8 +328,7 @@ fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
 
 #[test]
 fn detections_of_videos_that_were_replaced_are_refused_until_they_are_made_again() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     detect(&corpus, &two_workers());
     let folder = corpus.scenario("0001-a");
     let [left, right] = ["left", "right"].map(|view| folder.video_path(view));
@@ -366,8 +346,7 @@ fn detections_of_videos_that_were_replaced_are_refused_until_they_are_made_again
 
 #[test]
 fn a_table_that_is_not_the_one_of_its_record_is_refused_and_made_again() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     detect(&corpus, &two_workers());
     let [one, other] = ["0001-a", "0002-b"].map(|id| corpus.scenario(id));
     let path = one.detections_path(MODEL);
@@ -382,8 +361,7 @@ fn a_table_that_is_not_the_one_of_its_record_is_refused_and_made_again() {
 
 #[test]
 fn a_video_that_is_not_what_was_sealed_is_not_searched() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let folder = corpus.scenario("0001-a");
     fs::copy(folder.video_path("left"), folder.video_path("right")).unwrap();
     let outcome = detect(&corpus, &two_workers());
@@ -397,8 +375,7 @@ fn a_video_that_is_not_what_was_sealed_is_not_searched() {
 
 #[test]
 fn detections_that_a_killed_process_decided_but_did_not_rename_are_read_and_settled() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     detect(&corpus, &two_workers());
     let folder = corpus.scenario("0001-a");
     let table = folder.detections_path(MODEL);
@@ -414,21 +391,18 @@ fn detections_that_a_killed_process_decided_but_did_not_rename_are_read_and_sett
     assert_eq!(stored(&folder).unwrap().len(), 6);
 }
 
-/// The registrations of a scenario.
 fn registered(folder: &ScenarioFolder) -> Vec<Registration> {
     let scenario = folder.open().unwrap();
     scenario.registrations(MODEL).unwrap().unwrap()
 }
 
-/// The condition of a scenario's cameras.
 fn health(folder: &ScenarioFolder) -> Option<Vec<ViewHealth>> {
     folder.open().unwrap().health(MODEL).unwrap()
 }
 
 #[test]
 fn every_picture_has_a_state_and_a_black_ground_an_unknown_one() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     let outcome = detect(&corpus, &two_workers());
     assert_eq!(outcome.unhealthy, []);
     assert_eq!(outcome.without_background, ["0001-a left", "0001-a right"]);
@@ -453,7 +427,7 @@ fn every_picture_has_a_state_and_a_black_ground_an_unknown_one() {
     assert_eq!((counted[0].view.as_str(), counted[0].shaking), ("left", 2));
 }
 
-/// Detects without a detector: what is there must be enough.
+/// Detects without a detector: stored results must suffice.
 fn detect_without(corpus: &Corpus) -> DetectOutcome {
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
     detect_with(corpus, &model(), &make, &two_workers(), &Silent).unwrap()
@@ -461,8 +435,7 @@ fn detect_without(corpus: &Corpus) -> DetectOutcome {
 
 #[test]
 fn every_view_is_registered_with_the_first_at_every_tick() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     let outcome = detect(&corpus, &two_workers());
     assert_eq!(
         (outcome.registrations.pairs, outcome.registrations.answered),
@@ -489,16 +462,13 @@ fn every_view_is_registered_with_the_first_at_every_tick() {
 
 #[test]
 fn a_tick_that_one_view_does_not_show_has_a_reason_and_no_shift() {
-    let temporary = tempfile::tempdir().unwrap();
     let paint = |view: &str, tick: u32, rgb: &mut [u8]| {
         rgb.fill(20);
         if view == "left" || tick != 1 {
             paint_blob(rgb, WIDTH, &blob(view, tick));
         }
     };
-    let ids = ["0001-a"];
-    let corpus =
-        short_corpus::write_with_videos(temporary.path(), &ids, WIDTH, HEIGHT, Some(&paint));
+    let (corpus, _root) = painted(&["0001-a"], &paint);
     let outcome = detect(&corpus, &two_workers());
     let results: Vec<_> = registered(&corpus.scenario("0001-a"))
         .into_iter()
@@ -519,18 +489,16 @@ fn a_tick_that_one_view_does_not_show_has_a_reason_and_no_shift() {
 
 #[test]
 fn detections_of_earlier_versions_are_registered_without_detecting_again() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     detect(&corpus, &two_workers());
     let folder = corpus.scenario("0001-a");
     let found = Detections::from(stored(&folder).unwrap());
     let before = registered(&folder);
-    let path = DetectionRecord::path(&folder, MODEL);
-    let record: DetectionRecord = read_json(&path, "record").unwrap();
+    let before_record = record(&folder);
     let made = |provenance| DetectionRecord {
         provenance,
         registration: None,
-        ..record.clone()
+        ..before_record.clone()
     };
     let tables = NewTables::unregistered(&found);
     let (claim, scenario) = (folder.claim().unwrap(), folder.open().unwrap());
@@ -545,15 +513,14 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     assert_eq!(stored(&folder).unwrap(), found.boxes);
     assert_eq!(registered(&folder), before);
     assert_eq!(health(&folder).map(|rows| rows.len()), Some(6));
-    let after: DetectionRecord = read_json(&path, "record").unwrap();
-    assert_eq!(after.seconds, record.seconds, "the detection took as long");
+    let seconds = [&before_record, &record(&folder)].map(|record| record.seconds);
+    assert_eq!(seconds[0], seconds[1], "the detection took as long");
     assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);
 }
 
 #[test]
 fn views_are_registered_again_with_fitted_cameras_and_nothing_is_searched() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
     let with = |cameras: BTreeMap<String, Camera>| {
         let options = DetectOptions {
@@ -584,7 +551,7 @@ fn views_are_registered_again_with_fitted_cameras_and_nothing_is_searched() {
     assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);
     assert_eq!(registered(&folder), after);
 
-    // Health of an earlier version is measured again, but not with other cameras unasked.
+    // Health of an earlier version is measured again, but never with unrequested cameras.
     let path = DetectionRecord::path(&folder, MODEL);
     let mut record: DetectionRecord = read_json(&path, "record").unwrap();
     record.health = None;
@@ -613,8 +580,7 @@ fn views_are_registered_again_with_fitted_cameras_and_nothing_is_searched() {
 
 #[test]
 fn registrations_that_are_damaged_are_refused_and_made_again() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let (corpus, _root) = corpus(&["0001-a"]);
     detect(&corpus, &two_workers());
     let folder = corpus.scenario("0001-a");
     let before = registered(&folder);
@@ -637,8 +603,7 @@ fn registrations_that_are_damaged_are_refused_and_made_again() {
 
 #[test]
 fn a_scenario_is_written_as_soon_as_its_last_view_is_done() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let one_worker = DetectOptions {
         workers: 1,
         ..Default::default()
@@ -653,15 +618,13 @@ fn a_scenario_is_written_as_soon_as_its_last_view_is_done() {
         },
         is_stopped: || false,
     };
-    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
+    detect_with(&corpus, &model(), &blob_finder, &one_worker, &watch).unwrap();
     assert_eq!(*there.lock().unwrap(), [false, true]);
 }
 
 #[test]
 fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b", "0003-c"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b", "0003-c"]);
     let one_worker = DetectOptions {
         workers: 1,
         ..Default::default()
@@ -672,8 +635,7 @@ fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
         advance: |done| searched.store(done as usize, Ordering::Relaxed),
         is_stopped: || searched.load(Ordering::Relaxed) >= 8,
     };
-    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    let stopped = detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
+    let stopped = detect_with(&corpus, &model(), &blob_finder, &one_worker, &watch).unwrap();
     assert_eq!(stopped.detected, ["0001-a"]);
     assert_eq!(stopped.left, ["0002-b", "0003-c"]);
     assert_eq!(stopped.failed, []);
@@ -684,9 +646,8 @@ fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
 
 #[test]
 fn two_runs_share_the_scenarios_and_both_end_when_all_are_searched() {
-    let temporary = tempfile::tempdir().unwrap();
     let ids = ["0001-a", "0002-b", "0003-c", "0004-d"];
-    let corpus = corpus(temporary.path(), &ids);
+    let (corpus, _root) = corpus(&ids);
     let held = corpus.scenario("0001-a").claim_search().unwrap();
     assert!(matches!(held, Claimed::Mine(_)));
     let (first, second) = thread::scope(|scope| {
@@ -709,8 +670,7 @@ fn two_runs_share_the_scenarios_and_both_end_when_all_are_searched() {
 
 #[test]
 fn a_part_of_the_scenarios_leaves_the_others_to_other_runs() {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let part = DetectOptions {
         only: Some(["0002-b".to_owned()].into()),
         ..two_workers()

@@ -1,7 +1,7 @@
-//! Searches one view of a scenario, from its video to the rows of the table.
+//! Searches one view of a scenario, from its video to table rows.
 //!
-//! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for images without any, the
-//! surroundings of the best box of each image for registration, and a breakdown of the processor time. No files are written.
+//! Input: the view's video and ticks, and a detector. Output: boxes with their tracks, reasons for images without any, the surroundings of
+//! each image's best box for registration, and a breakdown of the processor time. No files are written.
 
 pub(crate) mod cpu_time;
 mod timed;
@@ -17,7 +17,7 @@ use super::mode::ModeSettings;
 use super::pairs::best_box::{best_counted_of, best_of};
 use super::pictures::image::{Image, patch};
 use super::pictures::{Pictures, ViewTick, ViewTicks};
-use super::sequence::{Sequence, Shown, Tracked};
+use super::sequence::{Sequence, Tracked, TrackedImage};
 use crate::detector::Detector;
 use crate::error::Result;
 use crate::registration::Patch;
@@ -27,12 +27,11 @@ use crate::view_health::{CameraWatch, Look, judge};
 use cpu_time::{CpuClock, CpuTime};
 use timed::Timed;
 
-/// Source of the boxes of a view.
+/// Box source.
 pub(crate) enum Finder<'a> {
     /// A model looks for them.
     Model {
         detector: &'a mut dyn Detector,
-        /// Thresholds and windows of the search.
         tiling: &'a TilingSettings,
         modes: &'a ModeSettings,
     },
@@ -40,14 +39,12 @@ pub(crate) enum Finder<'a> {
     Known(&'a Detections),
 }
 
-/// An image that is done.
 pub(crate) struct PictureDone {
     pub(crate) tick: u32,
-    /// The surroundings of its best box.
     pub(crate) patch: std::result::Result<Patch, NoShift>,
 }
 
-/// Results of the search of a view.
+/// Results for one view.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct ViewFindings {
     pub(crate) detections: Detections,
@@ -55,13 +52,11 @@ pub(crate) struct ViewFindings {
     pub(crate) health: Vec<ViewHealth>,
     /// Windows that the model was run on.
     pub(crate) windows: u64,
-    /// Of the calling thread.
     pub(crate) cpu_s: CpuTime,
 }
 
 impl ViewFindings {
-    /// Merges the results of all views of a scenario, by tick; views keep their order within a tick, and boxes theirs (best first) within a
-    /// view.
+    /// Merges the results of all views by tick. Views keep their order within a tick, and boxes (best first) theirs within a view.
     pub(super) fn together(views: impl IntoIterator<Item = Self>) -> Self {
         let mut all = Self::default();
         for view in views {
@@ -78,11 +73,11 @@ impl ViewFindings {
     }
 }
 
-/// Searches a view; `picture_done` is called after every image, and its error ends the search. `watched`: the camera whose condition is
+/// Searches a view. `picture_done` is called after every image, and its error ends the search. `watched`: the camera whose condition is
 /// measured.
 ///
 /// # Errors
-/// The video does not have exactly the images of these ticks, or the detector fails.
+/// The video lacks images or has extra ones, or the detector fails.
 pub(crate) fn search_view(
     scenario: &OpenScenario,
     view: &ViewTicks,
@@ -149,7 +144,7 @@ pub(crate) fn search_view(
     })
 }
 
-/// Rows of a view whose images showed this.
+/// Health rows.
 fn health_of(
     view: &str,
     looks: &[(Look, HealthState)],
@@ -182,17 +177,17 @@ enum Source<'a> {
     Known(&'a Detections),
 }
 
-/// The search of a view's video, whose end is known.
+/// Whole-video search.
 struct Search<'a> {
     detector: Timed<'a>,
-    /// Least score of a box that is not faint.
+    /// Minimum score of clear boxes.
     score: f64,
     sequence: Sequence,
     hindsight: Hindsight,
 }
 
 impl Search<'_> {
-    /// Searches the next image. The confirmation of its boxes is not final yet, and faint ones may be dropped at the end.
+    /// Searches the next image. Confirmation is not final yet, and faint boxes may be dropped at the end.
     fn look(
         &mut self,
         pictures: &mut Pictures<'_>,
@@ -221,8 +216,8 @@ impl Search<'_> {
     }
 }
 
-/// Rows of the table for the results of an image.
-fn rows_of(shown: &Shown, view: &str, tick: u32) -> Detections {
+/// Table rows for one image.
+fn rows_of(shown: &TrackedImage, view: &str, tick: u32) -> Detections {
     let row = |seen: &Tracked| Detection {
         track: Some(seen.track),
         mode: shown.mode,
@@ -267,7 +262,6 @@ fn drop_faint(detections: &mut Detections, score: f64) {
     misses.sort_by_key(|miss| miss.tick);
 }
 
-/// The known detections of an image.
 fn of_picture(known: &Detections, view: &str, tick: u32) -> Detections {
     let Detections { boxes, misses } = known;
     let first = boxes.partition_point(|found| found.tick < tick);

@@ -1,10 +1,10 @@
-//! Where a model runs: on the processor, by ONNX Runtime itself or by OpenVINO, or on an accelerator through one of its other execution
-//! providers.
+//! Device that runs a model: the processor, used by ONNX Runtime itself or by OpenVINO, or an accelerator through one of the other
+//! execution providers.
 //!
-//! Only what the loaded library was built with can be asked for, and then it is used or the run fails: nothing falls back to the
-//! processor in silence. Operators that an accelerator lacks run on the processor, as ONNX Runtime assigns them.
+//! Only execution providers in the loaded library can be requested, and then they are used or the run fails: nothing falls back to the
+//! processor in silence. ONNX Runtime runs operators that an accelerator lacks on the processor.
 //!
-//! The device is recorded, but is not part of the identity of detections: it only changes rounding, OpenVINO in bfloat16 more than others.
+//! The device is recorded, but does not identify detections: it only changes rounding, OpenVINO in bfloat16 more than others.
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,7 +14,7 @@ use ort::ep::{
 };
 use serde::{Serialize, Serializer};
 
-use super::onnx_runtime::{LibraryError, Runtime};
+use super::onnx_runtime::{PATH_VARIABLE, Runtime};
 use crate::error::{Error, Result};
 
 /// A processor or an accelerator, e.g. `cpu` or `cuda:1`.
@@ -36,10 +36,10 @@ enum Provider {
     DirectMl,
 }
 
-/// Name of a provider, and a source of libraries that have it.
+/// Provider name, and advice for finding a library that has it.
 struct Facts {
     word: &'static str,
-    /// Whether several of its devices are numbered.
+    /// True if several devices are numbered.
     is_numbered: bool,
     advice: &'static str,
 }
@@ -91,7 +91,7 @@ impl Provider {
         }
     }
 
-    /// Whether the loaded library was built with it.
+    /// True if the loaded library has the provider.
     fn is_available(self) -> bool {
         let found = match self {
             Self::Cpu => return true,
@@ -112,8 +112,7 @@ impl Device {
         number: None,
     };
 
-    /// What a session is given besides ONNX Runtime's own operators, in the order of preference. `threads` are those of one run on the
-    /// processor.
+    /// Execution providers for a session besides ONNX Runtime's own, the preferred first. `threads`: for runs on the processor.
     pub(super) fn providers(
         self,
         runtime: &Runtime,
@@ -123,15 +122,15 @@ impl Device {
             let available = Provider::ALL.into_iter();
             let available = available.filter(|provider| provider.is_available());
             let available: Vec<_> = available.map(|provider| provider.facts().word).collect();
-            return Err(Error::Runtime(LibraryError::NoProvider {
-                device: self,
-                library: runtime.library.clone(),
-                available: available.join(", "),
-                advice: self.provider.facts().advice,
-            }));
+            return Err(Error::Runtime(format!(
+                "{} cannot run a model on {self}: it has only {}; {}; name its library with --onnx-runtime or {PATH_VARIABLE}",
+                runtime.library.display(),
+                available.join(", "),
+                self.provider.facts().advice
+            )));
         }
         let number = self.number.map(i32::from);
-        /// A provider, with the number of its device if there is one.
+        /// A provider with the device number, if given.
         macro_rules! numbered {
             ($provider:ty) => {{
                 let provider = <$provider>::default();
@@ -167,24 +166,23 @@ impl Device {
             .collect())
     }
 
-    /// Whether a session may plan its memory ahead. DirectML manages its own.
+    /// True if a session may plan its memory ahead. DirectML manages its own.
     pub(super) fn takes_memory_pattern(self) -> bool {
         self.provider != Provider::DirectMl
     }
 
-    /// Whether a model runs faster when the size of its windows is known before it is loaded.
+    /// True if models run faster with a window size that is known before loading.
     pub(super) fn prefers_known_shapes(self) -> bool {
         self.provider == Provider::OpenVino
     }
 
-    /// The error of a provider that the library has but that does not start.
+    /// The library has the provider, but it does not start.
     pub(super) fn fails(self, runtime: &Runtime, error: &dyn fmt::Display) -> Error {
-        Error::Runtime(LibraryError::ProviderFails {
-            device: self,
-            library: runtime.library.clone(),
-            message: error.to_string(),
-            advice: self.provider.facts().advice,
-        })
+        Error::Runtime(format!(
+            "{} cannot run a model on {self}: {error}; {}",
+            runtime.library.display(),
+            self.provider.facts().advice
+        ))
     }
 }
 
@@ -213,32 +211,10 @@ impl Serialize for Device {
     }
 }
 
-/// A text that names no device.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum UnknownDevice {
-    /// No provider is called so.
-    #[error(
-        "expected cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N from 0 on, e.g. cuda:1"
-    )]
-    Provider,
-    /// The part after the colon.
-    #[error("{found:?} is not a valid device index; expected 0 to {most}", most = u16::MAX)]
-    Number {
-        /// That part.
-        found: String,
-    },
-    /// The provider has one device.
-    #[error("{word} takes no number")]
-    Unnumbered {
-        /// The provider.
-        word: &'static str,
-    },
-}
-
 impl FromStr for Device {
-    type Err = UnknownDevice;
+    type Err = String;
 
-    fn from_str(text: &str) -> std::result::Result<Self, UnknownDevice> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let (word, number) = match text.split_once(':') {
             Some((word, number)) => (word, Some(number)),
             None => (text, None),
@@ -246,16 +222,19 @@ impl FromStr for Device {
         let provider = Provider::ALL
             .into_iter()
             .find(|provider| provider.facts().word == word)
-            .ok_or(UnknownDevice::Provider)?;
+            .ok_or(
+                "expected cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N from 0 on, e.g. cuda:1",
+            )?;
         let Facts {
             word, is_numbered, ..
         } = provider.facts();
         let number = number.map(|found| {
             if !is_numbered {
-                return Err(UnknownDevice::Unnumbered { word });
+                return Err(format!("{word} takes no number"));
             }
-            found.parse().map_err(|_| UnknownDevice::Number {
-                found: found.to_owned(),
+            found.parse().map_err(|_| {
+                let most = u16::MAX;
+                format!("{found:?} is not a valid device index; expected 0 to {most}")
             })
         });
         Ok(Self {

@@ -1,23 +1,26 @@
-//! The input of a model: sizes and number of its windows, checked before memory is allocated for them.
+//! Model input: sizes and number of windows, checked before memory is allocated.
 
-use dataset::work::memory::{self, TooMuchMemory};
+use std::fmt;
+
+use dataset::work::memory;
 use ort::session::Session;
 use ort::value::{TensorElementType, ValueType};
 
-use super::answer::{MAX_RUN_BYTES, numbers_of};
+use super::answer::{MAX_RUN_BYTES, numbers_of, too_large};
 use super::profile::ModelProfile;
+use crate::error::ModelFault;
 
-/// Planes of a window: red, green, blue.
+/// Planes per window: red, green, blue.
 pub(super) const CHANNELS: usize = 3;
-/// Windows of a model that seems to leave their size open but takes one size only, pixels.
+/// Window side for models that seem to leave their size open but take one size only, px.
 const USUAL_WINDOW_PX: u32 = 640;
-/// The sides of a window are multiples of this if the model leaves its size open: the coarsest stride of YOLO-like models, pixels.
+/// Divisor of window sides for models that leave the size open, px: the coarsest stride of YOLO-like models.
 const STRIDE_PX: u32 = 32;
 /// A smaller window has no cell of the coarsest stride, pixels.
 const MIN_WINDOW_PX: u32 = STRIDE_PX;
-/// Larger than the sides of any camera's images, pixels.
+/// Maximum window side, px; camera images are smaller.
 const MAX_WINDOW_PX: u32 = 4_096;
-/// Copies of a window's pixels in memory: where they are gathered, and at least one inside the model.
+/// Copies of the pixels in memory: the gathered window, and at least one inside the model.
 const COPIES: usize = 2;
 /// Windows in one run.
 const MAX_BATCH: usize = 256;
@@ -49,7 +52,6 @@ pub enum WindowSize {
 }
 
 impl WindowSize {
-    /// Squares.
     pub(crate) fn square(side_px: u32) -> Self {
         Self::Fixed {
             width_px: side_px,
@@ -69,8 +71,8 @@ impl WindowSize {
     }
 }
 
-impl std::fmt::Display for WindowSize {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Display for WindowSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Fixed {
                 width_px,
@@ -83,65 +85,30 @@ impl std::fmt::Display for WindowSize {
     }
 }
 
-/// The input of a model.
+/// Model input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Input {
     pub(super) size: WindowSize,
     pub(super) batch: Batch,
 }
 
-/// Reasons why a model's input or output cannot be used.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(super) enum InputFault {
-    #[error(
-        "has {} inputs ({}), expected one; export it without the postprocessor that takes the size of images, so that its outputs are boxes \
-         and scores, and say layout = \"boxes-and-scores\" in its settings (docs/detectors.md)", names.len(), names.join(", ")
-    )]
-    Inputs { names: Vec<String> },
-    #[error("input {name:?} is {found}, expected floats of the shape [batch, 3, height, width]")]
-    Form { name: String, found: String },
-    #[error(
-        "input {name:?} takes windows of {found} px, expected {MIN_WINDOW_PX} to {MAX_WINDOW_PX}"
-    )]
-    WindowSize { name: String, found: i64 },
-    #[error(
-        "its settings say input.size_px = {found}, expected {MIN_WINDOW_PX} to {MAX_WINDOW_PX}"
-    )]
-    ProfileSize { found: u32 },
-    #[error("its settings say input.size_px = {said}, but input {name:?} takes only {size}")]
-    OtherSize {
-        said: u32,
-        name: String,
-        size: WindowSize,
-    },
-    #[error("input {name:?} takes {batch} {size} in a run, expected at most {most}")]
-    BatchSize {
-        name: String,
-        batch: i64,
-        size: WindowSize,
-        most: usize,
-    },
-    #[error(
-        "output {name:?} has the shape {shape:?}, more than {MAX_RUN_BYTES} bytes; expected a few thousand candidates a window"
-    )]
-    Output { name: String, shape: Vec<i64> },
-    #[error(transparent)]
-    Memory(#[from] TooMuchMemory),
-}
-
 impl Input {
-    /// Of a loaded model, with at most `batch` windows per run if it leaves that open, and sides that are multiples of `stride_px` if it
-    /// leaves them open and its metadata says so.
+    /// Input of the loaded model. If the model leaves them open, `batch` limits the windows per run, and `stride_px` (from the metadata)
+    /// divides the sides.
     pub(super) fn of(
         session: &Session,
         profile: &ModelProfile,
         stride_px: Option<u32>,
         batch: usize,
-    ) -> Result<Self, InputFault> {
+    ) -> Result<Self, ModelFault> {
         let [input] = session.inputs() else {
-            let names = session.inputs().iter();
-            let names = names.map(|input| input.name().to_owned()).collect();
-            return Err(InputFault::Inputs { names });
+            let names: Vec<&str> = session.inputs().iter().map(|input| input.name()).collect();
+            return Err(ModelFault::new(format!(
+                "has {} inputs ({}), expected one; export it without the postprocessor that takes the size of images, so that its outputs \
+                 are boxes and scores, and say layout = \"boxes-and-scores\" in its settings (docs/detectors.md)",
+                names.len(),
+                names.join(", ")
+            )));
         };
         for output in session.outputs() {
             if let ValueType::Tensor { shape, .. } = output.dtype() {
@@ -157,46 +124,37 @@ impl Input {
                 let said_px = profile.input.size_px;
                 Self::of_shape(input.name(), shape, said_px, stride_px, batch)?.in_memory()
             }
-            other => Err(InputFault::Form {
-                name: input.name().to_owned(),
-                found: other.to_string(),
-            }),
+            other => Err(other_form(input.name(), other)),
         }
     }
 
-    /// From the shape of a model's input, in which a negative length is open.
+    /// Negative lengths of the shape are open.
     fn of_shape(
         name: &str,
         shape: &[i64],
         size_of_profile_px: Option<u32>,
         stride_px: Option<u32>,
         batch: usize,
-    ) -> Result<Self, InputFault> {
-        let name = || name.to_owned();
+    ) -> Result<Self, ModelFault> {
         let &[fixed_batch, channels, height, width] = shape else {
-            let found = format!("of the shape {shape:?}");
-            return Err(InputFault::Form {
-                name: name(),
-                found,
-            });
+            return Err(other_form(name, &format_args!("of the shape {shape:?}")));
         };
         if channels != CHANNELS as i64 {
-            let found = format!("of the shape {shape:?}");
-            return Err(InputFault::Form {
-                name: name(),
-                found,
-            });
+            return Err(other_form(name, &format_args!("of the shape {shape:?}")));
         }
         let sizes = MIN_WINDOW_PX..=MAX_WINDOW_PX;
         if let Some(found) = size_of_profile_px.filter(|size| !sizes.contains(size)) {
-            return Err(InputFault::ProfileSize { found });
+            return Err(ModelFault::new(format!(
+                "its settings say input.size_px = {found}, expected {MIN_WINDOW_PX} to {MAX_WINDOW_PX}"
+            )));
         }
         let fixed = |length: i64| {
             let length_px = u32::try_from(length).ok();
             let within = length_px.filter(|length_px| sizes.contains(length_px));
-            within.ok_or_else(|| InputFault::WindowSize {
-                name: name(),
-                found: length,
+            within.ok_or_else(|| {
+                ModelFault::new(format!(
+                    "input {name:?} takes windows of {length} px, expected {MIN_WINDOW_PX} to {MAX_WINDOW_PX}"
+                ))
             })
         };
         let size = match (width < 0, height < 0, size_of_profile_px) {
@@ -215,29 +173,24 @@ impl Input {
         if let Some(said) = size_of_profile_px
             && size != WindowSize::square(said)
         {
-            return Err(InputFault::OtherSize {
-                said,
-                name: name(),
-                size,
-            });
+            return Err(ModelFault::new(format!(
+                "its settings say input.size_px = {said}, but input {name:?} takes only {size}"
+            )));
         }
         let most = most_windows(size.usual_px());
         let batch = match usize::try_from(fixed_batch) {
             Err(_) => Batch::UpTo(batch.clamp(1, most)),
             Ok(fixed) if (1..=most).contains(&fixed) => Batch::Exactly(fixed),
             Ok(_) => {
-                return Err(InputFault::BatchSize {
-                    name: name(),
-                    batch: fixed_batch,
-                    size,
-                    most,
-                });
+                return Err(ModelFault::new(format!(
+                    "input {name:?} takes {fixed_batch} {size} in a run, expected at most {most}"
+                )));
             }
         };
         Ok(Self { size, batch })
     }
 
-    /// The same input, with the usual size instead of any.
+    /// Replaces the open size by the usual one.
     pub(super) fn of_usual_size(self) -> Self {
         let [width_px, height_px] = self.size.usual_px();
         let size = WindowSize::Fixed {
@@ -247,8 +200,8 @@ impl Input {
         Self { size, ..self }
     }
 
-    /// With as many windows per run as fit into memory, if that is open.
-    fn in_memory(self) -> Result<Self, InputFault> {
+    /// Limits an open number of windows per run to the available memory.
+    fn in_memory(self) -> Result<Self, ModelFault> {
         let Self { size, batch } = self;
         let window_bytes = (numbers_in(size.usual_px()) * size_of::<f32>() * COPIES) as u64;
         let (windows, batch) = match batch {
@@ -262,33 +215,39 @@ impl Input {
             }
         };
         let what = format!("a run of {windows} {size}");
-        memory::check(what, windows as u64 * window_bytes)?;
+        memory::check(what, windows as u64 * window_bytes).map_err(ModelFault::new)?;
         Ok(Self { size, batch })
     }
 }
 
-/// Elements of one window.
+/// The input has a different type or number of dimensions.
+fn other_form(name: &str, found: &dyn fmt::Display) -> ModelFault {
+    ModelFault::new(format!(
+        "input {name:?} is {found}, expected floats of the shape [batch, 3, height, width]"
+    ))
+}
+
 pub(super) fn numbers_in([width_px, height_px]: [u32; 2]) -> usize {
     CHANNELS * width_px as usize * height_px as usize
 }
 
-/// Number of windows that fit into the memory of one run.
+/// Number of windows that fit into a run's memory.
 pub(super) fn most_windows(size_px: [u32; 2]) -> usize {
     (MAX_RUN_BYTES / (numbers_in(size_px) * size_of::<f32>())).min(MAX_BATCH)
 }
 
 /// Rejects an output that would not fit into memory, as far as the model declares its size.
-fn check_output(name: &str, shape: &[i64]) -> Result<(), InputFault> {
+fn check_output(name: &str, shape: &[i64]) -> Result<(), ModelFault> {
     let said: Vec<usize> = shape
         .iter()
         .filter_map(|&length| usize::try_from(length).ok())
         .collect();
     match numbers_of(&said) {
         Some(_) => Ok(()),
-        None => Err(InputFault::Output {
-            name: name.to_owned(),
-            shape: shape.to_vec(),
-        }),
+        None => Err(ModelFault::new(format!(
+            "output {name:?} {}",
+            too_large(&shape)
+        ))),
     }
 }
 
@@ -296,7 +255,7 @@ fn check_output(name: &str, shape: &[i64]) -> Result<(), InputFault> {
 mod tests {
     use super::*;
 
-    fn of(shape: &[i64], size_of_profile_px: Option<u32>) -> Result<Input, InputFault> {
+    fn of(shape: &[i64], size_of_profile_px: Option<u32>) -> Result<Input, ModelFault> {
         Input::of_shape("pictures", shape, size_of_profile_px, None, 6)
     }
 

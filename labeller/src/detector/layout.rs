@@ -23,15 +23,16 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::ScoredBox;
-use super::answer::{Answer, AnswerFault};
+use super::answer::Answer;
 use super::profile::{BoxForm, BoxOrigin, BoxUnit, ScoreForm};
+use crate::error::ModelFault;
 use dataset::tables::pixel_box::PixelBox;
 use meaning::Meaning;
 
 const STRIDES: [usize; 3] = [8, 16, 32];
-/// Those of models for images of 1,280 pixels.
+/// Strides of models for 1,280 px images.
 const STRIDES_OF_LARGE: [usize; 4] = [8, 16, 32, 64];
-/// Those of further models with anchors, which settings name: for small objects, and small models.
+/// Further strides of models with anchors, for small objects and of small models. Only settings choose them.
 const STRIDES_OF_OTHERS: [&[usize]; 3] = [&[4, 8, 16, 32], &[4, 8, 16, 32, 64], &[16, 32]];
 /// The stride of this project's own detector.
 const OWN_STRIDE: usize = 8;
@@ -71,12 +72,11 @@ pub(super) struct Decoding {
     /// Number of the aircraft among the classes.
     pub(super) class: usize,
     pub(super) origin: BoxOrigin,
-    /// Width and height.
     pub(super) window_px: [u32; 2],
     pub(super) score_floor: f64,
 }
 
-/// A cell of a grid.
+/// Grid cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
     pub(super) stride_px: f32,
@@ -84,7 +84,7 @@ pub(super) struct Cell {
     pub(super) line: f32,
 }
 
-/// All cells of a model with one candidate a cell, in the order of its rows.
+/// All cells in row order, for models with one candidate per cell.
 pub(super) fn cells_in_order(window_px: [u32; 2]) -> impl Iterator<Item = Cell> {
     STRIDES.into_iter().flat_map(move |stride_px| {
         let [columns, rows] = grid(window_px, stride_px);
@@ -96,7 +96,7 @@ pub(super) fn cells_in_order(window_px: [u32; 2]) -> impl Iterator<Item = Cell> 
     })
 }
 
-/// Columns and rows of the grid of a stride.
+/// Columns and rows of a stride's grid.
 fn grid([width_px, height_px]: [u32; 2], stride: usize) -> [usize; 2] {
     [width_px, height_px].map(|side_px| side_px as usize / stride)
 }
@@ -107,15 +107,15 @@ fn cells(window_px: [u32; 2], strides: &[usize]) -> usize {
 }
 
 impl fmt::Display for Layout {
-    /// As in the settings.
+    /// Name as in the settings.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.serialize(f)
     }
 }
 
 impl Layout {
-    /// The layout that the shape of a single output belongs to, if any, for windows of this width and height. `has_objectness` is
-    /// false if the candidates are known to have none; `named` is the number of classes that the model names.
+    /// Guesses the layout from a single output, for windows of this width and height. `has_objectness`: false if the candidates are known
+    /// to have none; `named`: number of classes that the model names.
     pub fn of_shape(
         shape: &[usize],
         window_px: [u32; 2],
@@ -149,7 +149,7 @@ impl Layout {
         }
     }
 
-    /// Whether an output of this shape can have this layout.
+    /// True if an output of this shape can have this layout.
     pub(super) fn fits(self, shape: &[usize], window_px: [u32; 2]) -> bool {
         let of_grids = || {
             let usual = [STRIDES.as_slice(), &STRIDES_OF_LARGE];
@@ -210,12 +210,12 @@ impl Layout {
         }
     }
 
-    /// Whether its models take images as YOLOX does.
+    /// True if the models take images like YOLOX.
     pub(super) fn is_of_yolox(self) -> bool {
         matches!(self, Self::Yolox | Self::YoloxDecoded)
     }
 
-    /// The numbers of a box in models of this layout.
+    /// Usual box numbers.
     pub(super) fn usual_form(self) -> BoxForm {
         match self {
             Self::Corners | Self::BatchCorners | Self::EfficientNms => BoxForm::Corners,
@@ -232,21 +232,23 @@ impl Layout {
     }
 }
 
+/// The output does not fit its layout.
+fn misfit(shape: &[usize], expected: &str, windows: usize, layout: Layout) -> ModelFault {
+    ModelFault::new(format!(
+        "has the shape {shape:?}, expected {expected} for {windows} windows (layout {layout})"
+    ))
+}
+
 impl Decoding {
     /// Boxes of each of `windows` windows. A window without a candidate has none.
     pub(super) fn decode(
         &self,
         answer: Answer<'_>,
         windows: usize,
-    ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
+    ) -> Result<Vec<Vec<ScoredBox>>, ModelFault> {
         let layout = self.meaning.layout;
         let shape = answer.shape();
-        let misfit = |expected| AnswerFault::Misfit {
-            shape: shape.to_vec(),
-            expected,
-            windows,
-            layout,
-        };
+        let misfit = |expected| misfit(shape, expected, windows, layout);
         if !layout.fits(shape, self.window_px) {
             return Err(misfit(layout.shape()));
         }
@@ -262,10 +264,10 @@ impl Decoding {
         if let Some(classes) = layout.classes(shape)
             && self.class >= classes
         {
-            return Err(AnswerFault::FewClasses {
-                classes,
-                class: self.class,
-            });
+            return Err(ModelFault::new(format!(
+                "has {classes} classes, expected more than {}, the number of the aircraft",
+                self.class
+            )));
         }
         let boxes = |of_window: &[f32]| match layout {
             Layout::Columns => self.columns(of_window, columns),
@@ -340,7 +342,7 @@ impl Decoding {
         &self,
         numbers: &[f32],
         windows: usize,
-    ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
+    ) -> Result<Vec<Vec<ScoredBox>>, ModelFault> {
         let mut found = vec![Vec::new(); windows];
         let rows = || numbers.chunks_exact(7);
         // YOLO-NAS has them in the other order. Classes are whole numbers; scores may be exactly 1, but a box of score 0 is never returned.
@@ -361,10 +363,9 @@ impl Decoding {
             let window = row[0];
             if window < 0.0 || window.fract() != 0.0 {
                 let most = windows.saturating_sub(1);
-                return Err(AnswerFault::NoSuchWindow {
-                    found: window,
-                    most,
-                });
+                return Err(ModelFault::new(format!(
+                    "has a box of window {window}, expected 0 to {most}"
+                )));
             }
             // Windows beyond the requested ones only fill a fixed batch: they are empty.
             if let Some(boxes) = found.get_mut(window as usize)
@@ -384,7 +385,7 @@ impl Decoding {
         }
     }
 
-    /// A box from the four numbers of a candidate.
+    /// Box from a candidate's four numbers.
     fn boxed(&self, numbers: [f32; 4], score: f32) -> Option<ScoredBox> {
         let [width, height] = match self.meaning.unit {
             BoxUnit::Pixels => [1.0; 2],
@@ -411,7 +412,7 @@ impl Decoding {
             BoxOrigin::PixelCenter => 0.0,
             BoxOrigin::PixelCorner => -0.5,
         };
-        // What is that far away, or that large, is no box but an overflow that happens to be finite.
+        // Larger or more distant boxes come from overflows that happen to be finite.
         let most_px = 4.0 * f64::from(self.window_px[0].max(self.window_px[1]));
         let is_near = [cx, cy].iter().all(|at_px| at_px.abs() <= most_px);
         let is_size = |px: f64| px > 0.0 && px <= most_px;

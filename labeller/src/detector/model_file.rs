@@ -9,10 +9,10 @@ use dataset::files::outside_file::{self, FileKind};
 use super::profile::ModelProfile;
 use crate::error::{Error, Result};
 
-/// The content of a model's files.
+/// Content of the model's files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
-    /// Its path.
+    /// Model path.
     pub path: PathBuf,
     /// The ONNX file.
     pub onnx: Vec<u8>,
@@ -41,6 +41,15 @@ impl ModelFile {
         })
     }
 
+    /// The model's settings: from the file next to it, else from its metadata, else none.
+    pub(super) fn settings(&self, metadata: Option<&str>) -> Result<ModelProfile> {
+        match (&self.profile, metadata) {
+            (Some(profile), _) => Ok(profile.clone()),
+            (None, Some(text)) => ModelProfile::of_metadata(text, &self.path),
+            (None, None) => Ok(ModelProfile::default()),
+        }
+    }
+
     /// Identifies its detections.
     pub fn identity(&self) -> ModelIdentity {
         let file_name = self.path.file_name().unwrap_or_default();
@@ -51,7 +60,7 @@ impl ModelFile {
         }
     }
 
-    /// Path of a model's settings.
+    /// Path of the model's settings.
     pub fn profile_path(model: &Path) -> PathBuf {
         let mut beside = model.as_os_str().to_owned();
         beside.push(".toml");

@@ -9,18 +9,18 @@ use ort::value::TensorRef;
 use super::onnx_runtime;
 use crate::error::{Error, Result};
 
-/// An input of a model.
+/// Model input.
 #[derive(Debug, Clone, Copy)]
 pub struct NumberInput<'a> {
-    /// Its name.
+    /// Input name.
     pub name: &'a str,
-    /// Its shape.
+    /// Input shape.
     pub shape: [usize; 3],
-    /// Its numbers, row by row.
+    /// Numbers, row by row.
     pub numbers: &'a [f64],
 }
 
-/// Runs a model once, on the CPU, and returns the numbers of its first output. `name` is the model's in errors; `library` as in
+/// Runs a model once on the CPU, and returns the numbers of the first output. `name`: the model in errors; `library`: see
 /// [`super::OrtOptions`].
 pub fn run_numbers(
     name: &Path,

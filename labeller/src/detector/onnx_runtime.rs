@@ -15,103 +15,20 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use ort::environment::Environment;
 
-use super::device::Device;
 use crate::error::{Error, Result};
 
 /// Environment variable that disables ONNX Runtime's telemetry when it is `1`. Set it before loading the library.
 pub const NO_TELEMETRY_VARIABLE: &str = "ORT_DISABLE_TELEMETRY";
-const PATH_VARIABLE: &str = "ORT_DYLIB_PATH";
+pub(super) const PATH_VARIABLE: &str = "ORT_DYLIB_PATH";
 /// Relative to the program's folder.
 const FOLDER_OF_INSTALLATION: &str = "../lib/dtd";
 
-/// Reasons why ONNX Runtime cannot be loaded.
-#[derive(Debug, thiserror::Error)]
-pub enum LibraryError {
-    /// A relative path, which depends on the working folder.
-    #[error("{} is {}, expected an absolute path", place, path.display())]
-    Relative {
-        /// The source of the path.
-        place: &'static str,
-        /// The path.
-        path: PathBuf,
-    },
-    /// There is no file.
-    #[error("no library at {} ({place}): {source}; run `bash scripts/setup-build.sh` in the repository, or name the library with --onnx-runtime or {PATH_VARIABLE}", path.display())]
-    Missing {
-        /// The source of the path.
-        place: &'static str,
-        /// The expected path.
-        path: PathBuf,
-        /// The error on reading it.
-        r#source: io::Error,
-    },
-    /// It is a folder, a device or a pipe.
-    #[error("{} ({place}) is not a regular file", path.display())]
-    NoFile {
-        /// The source of the path.
-        place: &'static str,
-        /// The path.
-        path: PathBuf,
-    },
-    /// Another user could have put it there.
-    #[error("refusing to load {} ({place}): {} is world-writable; run `chmod o-w` on it, or name another library", path.display(), writable.display())]
-    WritableByAll {
-        /// The source of the path.
-        place: &'static str,
-        /// The library.
-        path: PathBuf,
-        /// The file or folder that is world-writable.
-        writable: PathBuf,
-    },
-    /// Its telemetry is not disabled.
-    #[error(
-        "refusing to load ONNX Runtime: its telemetry is not disabled; set {NO_TELEMETRY_VARIABLE} to 1"
-    )]
-    WouldReport,
-    /// It cannot be loaded or started.
-    #[error("cannot load {}: {message}", path.display())]
-    Broken {
-        /// The library.
-        path: PathBuf,
-        /// The loader's error.
-        message: String,
-    },
-    /// It was built without the execution provider of the requested device.
-    #[error(
-        "{} cannot run a model on {device}: it has only {available}; {advice}; name its library with --onnx-runtime or {PATH_VARIABLE}", library.display()
-    )]
-    NoProvider {
-        /// The requested device.
-        device: Device,
-        /// The library.
-        library: PathBuf,
-        /// Devices that it has.
-        available: String,
-        /// The builds that have it.
-        advice: &'static str,
-    },
-    /// The execution provider of the requested device does not start.
-    #[error("{} cannot run a model on {device}: {message}; {advice}", library.display())]
-    ProviderFails {
-        /// The requested device.
-        device: Device,
-        /// The library.
-        library: PathBuf,
-        /// ONNX Runtime's error.
-        message: String,
-        /// Its requirements.
-        advice: &'static str,
-    },
-}
-
-/// ONNX Runtime, loaded and started.
 pub(super) struct Runtime {
     pub(super) environment: Environment,
-    /// The path it was loaded from.
     pub(super) library: PathBuf,
 }
 
-/// The library and the environment in which all sessions run. `chosen` applies to the first call, which loads the library.
+/// Loads the library, and starts the environment of all sessions. `chosen` applies to the first call.
 pub(super) fn runtime(chosen: Option<&Path>) -> Result<&'static Runtime> {
     static STARTED: OnceLock<Runtime> = OnceLock::new();
     static STARTING: Mutex<()> = Mutex::new(());
@@ -121,14 +38,13 @@ pub(super) fn runtime(chosen: Option<&Path>) -> Result<&'static Runtime> {
         return Ok(runtime);
     }
     if env::var_os(NO_TELEMETRY_VARIABLE).as_deref() != Some(OsStr::new("1")) {
-        return Err(Error::Runtime(LibraryError::WouldReport));
+        return Err(Error::Runtime(format!(
+            "refusing to load ONNX Runtime: its telemetry is not disabled; set {NO_TELEMETRY_VARIABLE} to 1"
+        )));
     }
-    let library = library(chosen).map_err(Error::Runtime)?;
+    let library = library(chosen)?;
     let broken = |error: &dyn std::fmt::Display| {
-        Error::Runtime(LibraryError::Broken {
-            path: library.clone(),
-            message: error.to_string(),
-        })
+        Error::Runtime(format!("cannot load {}: {error}", library.display()))
     };
     let environment = ort::init_from(&library)
         .map_err(|error| broken(&error))?
@@ -144,7 +60,7 @@ pub(super) fn runtime(chosen: Option<&Path>) -> Result<&'static Runtime> {
 }
 
 /// Path of the library, with all links resolved.
-fn library(chosen: Option<&Path>) -> std::result::Result<PathBuf, LibraryError> {
+fn library(chosen: Option<&Path>) -> Result<PathBuf> {
     if let Some(path) = chosen {
         return checked(path, "--onnx-runtime");
     }
@@ -153,32 +69,40 @@ fn library(chosen: Option<&Path>) -> std::result::Result<PathBuf, LibraryError> 
     }
     const PLACE: &str = "the installation's own";
     let file = format!("{}onnxruntime{}", consts::DLL_PREFIX, consts::DLL_SUFFIX);
-    let program = env::current_exe().map_err(|source| LibraryError::Missing {
-        place: PLACE,
-        path: PathBuf::from(FOLDER_OF_INSTALLATION).join(&file),
-        source,
+    let program = env::current_exe().map_err(|error| {
+        missing(
+            &Path::new(FOLDER_OF_INSTALLATION).join(&file),
+            PLACE,
+            &error,
+        )
     })?;
     let folder = program.parent().unwrap_or(Path::new("/"));
     checked(&folder.join(FOLDER_OF_INSTALLATION).join(file), PLACE)
 }
 
+fn missing(path: &Path, place: &str, error: &io::Error) -> Error {
+    Error::Runtime(format!(
+        "no library at {} ({place}): {error}; run `bash scripts/setup-build.sh` in the repository, or name the library with \
+         --onnx-runtime or {PATH_VARIABLE}",
+        path.display()
+    ))
+}
+
 /// The file behind a path, if only its owners can have put it there.
-fn checked(path: &Path, place: &'static str) -> std::result::Result<PathBuf, LibraryError> {
-    let path_owned = || path.to_owned();
+fn checked(path: &Path, place: &str) -> Result<PathBuf> {
     if !path.is_absolute() {
-        return Err(LibraryError::Relative {
-            place,
-            path: path_owned(),
-        });
+        return Err(Error::Runtime(format!(
+            "{place} is {}, expected an absolute path",
+            path.display()
+        )));
     }
-    let missing = |source| LibraryError::Missing {
-        place,
-        path: path_owned(),
-        source,
-    };
+    let missing = |error| missing(path, place, &error);
     let found = path.canonicalize().map_err(missing)?;
     if !found.metadata().map_err(missing)?.is_file() {
-        return Err(LibraryError::NoFile { place, path: found });
+        return Err(Error::Runtime(format!(
+            "{} ({place}) is not a regular file",
+            found.display()
+        )));
     }
     // The folder of the path as well: a link in it may be replaced.
     let folder = match path.parent() {
@@ -190,17 +114,17 @@ fn checked(path: &Path, place: &'static str) -> std::result::Result<PathBuf, Lib
         .chain(folder.ancestors())
         .find(|place| is_writable_by_all(place));
     match writable {
-        Some(writable) => Err(LibraryError::WritableByAll {
-            place,
-            path: found.clone(),
-            writable: writable.to_owned(),
-        }),
+        Some(writable) => Err(Error::Runtime(format!(
+            "refusing to load {} ({place}): {} is world-writable; run `chmod o-w` on it, or name another library",
+            found.display(),
+            writable.display()
+        ))),
         None => Ok(found),
     }
 }
 
-/// Whether every user can change a file, or replace a name in a folder. In a folder with the sticky bit, such as /tmp, only a
-/// name's owner can.
+/// True if every user can change a file, or replace a name in a folder. In a folder with the sticky bit, such as /tmp, only a name's owner
+/// can.
 #[cfg(unix)]
 fn is_writable_by_all(place: &Path) -> bool {
     use std::os::unix::fs::PermissionsExt;

@@ -10,27 +10,27 @@ use ort::value::TensorRef;
 
 use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
-use super::layout::meaning::{Known, Meaning};
+use super::layout::meaning::{Meaning, ProbedModel};
 use super::layout::{Decoding, Layout};
 use super::model_file::ModelFile;
-use super::outputs::{BoxOutputs, Expected, OutputsFault};
+use super::outputs::{BoxOutputs, KnownModel};
 use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
 use super::profile::aircraft_class::Classes;
 use super::profile::metadata::ModelMetadata;
 use super::window::{PictureView, Window};
 use super::{Detector, ScoredBox};
-use crate::error::{Error, Result};
-use ort_output::{ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words, read_answer};
+use crate::error::{Error, ModelFault, Result};
+use ort_output::{boxes_in, forms_of, inputs_in_words, outputs_in_words, read_answer};
 use sessions::Sessions;
 
-/// A window that tells whether a model takes any size: small, and not square. In units of what its sides must be multiples of.
+/// Probe window for models that may take any size, in units of the stride: small, and not square.
 const PROBE_MULTIPLES: [u32; 2] = [5, 4];
 
 /// Options for running a model.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OrtOptions {
-    /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own. Applies to the first model of a process.
+    /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own. Only the first model of a process decides.
     pub library: Option<PathBuf>,
     /// The device that runs the model.
     pub device: Device,
@@ -48,12 +48,11 @@ pub struct OrtDetector {
     metadata: ModelMetadata,
     input: Input,
     output: Output,
-    /// The windows of one run, reused.
     planes: Vec<f32>,
     found: Plausibility,
 }
 
-/// Form of a model's answers.
+/// Form of the answers.
 #[derive(Debug, Clone, Copy)]
 struct Output {
     boxes: BoxOutputs,
@@ -80,7 +79,7 @@ impl OrtDetector {
             );
             return Err(Error::model(path, message));
         }
-        let profile = ModelProfile::find(model, metadata.profile.as_deref())?;
+        let profile = model.settings(metadata.profile.as_deref())?;
         let input =
             Input::of(session, &profile, metadata.stride_px, options.batch).map_err(|fault| {
                 Error::model(path, format!("{fault}; {}", inputs_in_words(session)))
@@ -110,8 +109,8 @@ impl OrtDetector {
         Ok(detector)
     }
 
-    /// Runs the model on blank windows of a size, finds out how it answers (from the settings, else from names, shapes and numbers of
-    /// its outputs), and reads the answer, so that a mismatch shows before the first image.
+    /// Runs the model on blank windows, finds out how it answers (from the settings, else from names, shapes and numbers of its outputs),
+    /// and reads the answer, so that a mismatch shows before the first image.
     fn probe(&mut self, size_px: [u32; 2]) -> Result<()> {
         let windows = match self.input.batch {
             Batch::Exactly(windows) => windows,
@@ -119,7 +118,7 @@ impl OrtDetector {
         };
         self.planes.resize(windows * numbers_in(size_px), 0.0);
         let inputs = inputs_in_words(self.sessions.any());
-        let expected = Expected {
+        let expected = KnownModel {
             said: self.profile.layout,
             output: self.profile.output.clone(),
             named: self.metadata.named_classes(),
@@ -130,13 +129,12 @@ impl OrtDetector {
         let (profile, metadata) = (self.profile.clone(), self.metadata.clone());
         self.output = self.run(windows, size_px, |outputs| {
             let forms = forms_of(outputs);
-            let shapes = || format!("{inputs}; {}", outputs_in_words(outputs));
-            let (boxes, layout) = BoxOutputs::of(&forms, &expected).map_err(|fault| {
-                let shapes = shapes();
-                ReadFault::Outputs { fault, shapes }
-            })?;
+            let with_shapes = |fault: ModelFault| {
+                ModelFault::new(format!("{fault}; {inputs}; {}", outputs_in_words(outputs)))
+            };
+            let (boxes, layout) = BoxOutputs::of(&forms, &expected).map_err(with_shapes)?;
             let (meaning, count) = read_answer(outputs, boxes, |answer| {
-                let known = Known {
+                let known = ProbedModel {
                     window_px: size_px,
                     profile: &profile,
                     head: metadata.head.as_deref(),
@@ -147,19 +145,17 @@ impl OrtDetector {
             })?;
             let says_form = profile.box_form.is_some() || profile.box_unit.is_some();
             if meaning.layout == Layout::Yolox && says_form {
-                let fault = OutputsFault::FormOfCells;
-                let shapes = shapes();
-                return Err(ReadFault::Outputs { fault, shapes });
+                return Err(with_shapes(ModelFault::new(
+                    "its settings say box_form or box_unit, but its layout is yolox, whose boxes are relative to their cells; remove them, \
+                     or name another layout",
+                )));
             }
             let classes = Classes {
                 said: profile.aircraft_class,
                 names: metadata.names.as_ref(),
                 count,
             };
-            let class = classes.aircraft().map_err(|fault| {
-                let shapes = shapes();
-                ReadFault::Classes { fault, shapes }
-            })?;
+            let class = classes.aircraft().map_err(with_shapes)?;
             Ok(Output {
                 boxes,
                 meaning,
@@ -170,8 +166,8 @@ impl OrtDetector {
         Ok(())
     }
 
-    /// Runs the model on the first `run` windows in `planes`, which all have this width and height, and reads the boxes in the first
-    /// `windows` of them.
+    /// Runs the model on the first `run` windows in `planes`, which all have this width and height, and reads the boxes of the first
+    /// `windows`.
     fn boxes_in(
         &mut self,
         run: usize,
@@ -201,7 +197,7 @@ impl OrtDetector {
         &mut self,
         windows: usize,
         size_px: [u32; 2],
-        read: impl FnOnce(&SessionOutputs<'_>) -> std::result::Result<T, ReadFault>,
+        read: impl FnOnce(&SessionOutputs<'_>) -> std::result::Result<T, ModelFault>,
     ) -> Result<T> {
         let path = &self.path;
         let fault = |e: ort::Error| Error::model(path, format!("ONNX Runtime cannot run it: {e}"));

@@ -1,10 +1,11 @@
-//! Finds the outputs of a model that hold the boxes, and their layout, from the names, types and shapes of actual outputs.
+//! Finds the outputs with the boxes and their layout, from the names, types and shapes of actual outputs.
 //!
 //! Settings, metadata and shapes that contradict each other are an error, never a guess.
 
 use super::layout::Layout;
 use super::layout::boxes_and_scores::PairOutputs;
 use super::layout::efficient_nms::{NmsOutputs, OutputForm};
+use crate::error::ModelFault;
 
 /// Dimensions of the raw heads that some exporters of YOLOv5 and v7 leave as further outputs.
 const HEAD_RANK: usize = 5;
@@ -22,61 +23,25 @@ pub(super) enum BoxOutputs {
     BoxesAndScores(PairOutputs),
 }
 
-/// Reasons why no output can be read.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(super) enum OutputsFault {
-    #[error(
-        "its outputs have none of the known layouts{hint}; name a layout in {settings}, or export the model with decoded boxes (docs/detectors.md)"
-    )]
-    Unknown {
-        hint: &'static str,
-        settings: String,
-    },
-    #[error("its settings say output = {said:?}, but its outputs are {}", names.join(", "))]
-    NoSuchOutput { said: String, names: Vec<String> },
-    #[error(
-        "its settings say output = {said:?}, but layout = \"efficient-nms\", which is read from four outputs; remove one of the two"
-    )]
-    OneOfFour { said: String },
-    #[error(
-        "its settings say box_form or box_unit, but its layout is yolox, whose boxes are relative to their cells; remove them, or name another \
-         layout"
-    )]
-    FormOfCells,
-    #[error("its settings say layout = \"{said}\", which is {}, but no output is so for windows of {width_px}x{height_px} px", said.shape())]
-    Contradiction {
-        said: Layout,
-        width_px: u32,
-        height_px: u32,
-    },
-    #[error("its outputs {} all have the layout {layout}, expected one; name one in its settings, e.g. output = {:?}, or export it without \
-        the others", names.join(", "), names[0])]
-    Several { names: Vec<String>, layout: Layout },
-}
-
-/// Knowledge of a model before its outputs.
-pub(super) struct Expected {
-    /// The settings' layout.
+/// Model properties besides the outputs.
+pub(super) struct KnownModel {
     pub(super) said: Option<Layout>,
     /// The settings' name of the output with the boxes.
     pub(super) output: Option<String>,
     /// Number of classes that the metadata names.
     pub(super) named: Option<usize>,
-    /// Width and height.
     pub(super) window_px: [u32; 2],
     /// False if the candidates are known to have none.
     pub(super) has_objectness: bool,
-    /// Path of the file for settings.
     pub(super) settings: String,
 }
 
 impl BoxOutputs {
-    /// Finds them.
     pub(super) fn of(
         outputs: &[OutputForm],
-        expected: &Expected,
-    ) -> Result<(Self, Layout), OutputsFault> {
-        let &Expected {
+        expected: &KnownModel,
+    ) -> Result<(Self, Layout), ModelFault> {
+        let &KnownModel {
             said,
             window_px,
             has_objectness,
@@ -87,10 +52,11 @@ impl BoxOutputs {
         if let Some(name) = named_output
             && outputs.iter().all(|output| output.name != name)
         {
-            return Err(OutputsFault::NoSuchOutput {
-                said: name.to_owned(),
-                names: outputs.iter().map(|output| output.name.clone()).collect(),
-            });
+            let names: Vec<&str> = outputs.iter().map(|output| output.name.as_str()).collect();
+            return Err(ModelFault::new(format!(
+                "its settings say output = {name:?}, but its outputs are {}",
+                names.join(", ")
+            )));
         }
         let is_said = |layout| said.is_none_or(|said| said == layout);
         if said == Some(Layout::BoxesAndScores)
@@ -104,9 +70,12 @@ impl BoxOutputs {
             match named_output {
                 None => return Ok((Self::EfficientNms(found), Layout::EfficientNms)),
                 Some(name) if said.is_some() => {
-                    return Err(OutputsFault::OneOfFour { said: name.into() });
+                    return Err(ModelFault::new(format!(
+                        "its settings say output = {name:?}, but layout = \"efficient-nms\", which is read from four outputs; remove one of \
+                         the two"
+                    )));
                 }
-                // Another output is to be read.
+                // A different output is to be read.
                 Some(_) => {}
             }
         }
@@ -125,7 +94,7 @@ impl BoxOutputs {
             .enumerate()
             .filter_map(|(index, output)| Some((index, layout_of(output)?)))
             .collect();
-        // Beside boxes, masks or landmarks mean another task; raw heads, the same boxes again.
+        // Masks or landmarks beside the boxes mean a different task; raw heads are the same boxes again.
         let is_other =
             |output: &OutputForm| output.shape.len() != HEAD_RANK && layout_of(output).is_none();
         match found[..] {
@@ -134,24 +103,30 @@ impl BoxOutputs {
             {
                 Ok((Self::One(index), layout))
             }
-            [(_, layout), _, ..] => Err(OutputsFault::Several {
-                names: found
-                    .iter()
-                    .map(|&(index, _)| outputs[index].name.clone())
-                    .collect(),
-                layout,
-            }),
-            _ => Err(match said {
-                Some(said) => OutputsFault::Contradiction {
-                    said,
-                    width_px: window_px[0],
-                    height_px: window_px[1],
-                },
-                None => OutputsFault::Unknown {
-                    hint: hint_of(outputs),
-                    settings: expected.settings.clone(),
-                },
-            }),
+            [(_, layout), _, ..] => {
+                let names = found.iter().map(|&(index, _)| outputs[index].name.as_str());
+                let names: Vec<&str> = names.collect();
+                Err(ModelFault::new(format!(
+                    "its outputs {} all have the layout {layout}, expected one; name one in its settings, e.g. output = {:?}, or export it \
+                     without the others",
+                    names.join(", "),
+                    names[0]
+                )))
+            }
+            _ => Err(ModelFault::new(match said {
+                Some(said) => format!(
+                    "its settings say layout = \"{said}\", which is {}, but no output is so for windows of {}x{} px",
+                    said.shape(),
+                    window_px[0],
+                    window_px[1]
+                ),
+                None => format!(
+                    "its outputs have none of the known layouts{}; name a layout in {}, or export the model with decoded boxes \
+                     (docs/detectors.md)",
+                    hint_of(outputs),
+                    expected.settings
+                ),
+            })),
         }
     }
 }
@@ -178,7 +153,7 @@ fn hint_of(outputs: &[OutputForm]) -> &'static str {
     }
 }
 
-/// Whether they are edges and score of final boxes, and their classes.
+/// True for edges and scores of final boxes with their classes.
 fn is_of_mmdeploy(outputs: &[OutputForm]) -> bool {
     let has = |is_it: &dyn Fn(&OutputForm) -> bool| outputs.iter().any(is_it);
     has(&|output| matches!(output.shape[..], [_, _, 5]))
@@ -198,7 +173,7 @@ mod tests {
     }
 
     fn found(said: Option<Layout>, outputs: &[OutputForm]) -> Result<(BoxOutputs, Layout), String> {
-        let expected = Expected {
+        let expected = KnownModel {
             said,
             output: None,
             named: None,

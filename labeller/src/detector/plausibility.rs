@@ -1,5 +1,5 @@
-//! Whether the boxes of a model can be aircraft at all. A model whose numbers are read in the wrong unit or order answers with boxes
-//! below a pixel, or outside its window, and nothing else would show it.
+//! Plausibility check for boxes. Numbers that are read in the wrong unit or order give boxes below a pixel, or outside the window,
+//! and nothing else would show it.
 
 use std::sync::Once;
 
@@ -13,7 +13,6 @@ pub(super) struct Plausibility {
 }
 
 impl Plausibility {
-    /// Counts the boxes of a window.
     pub(super) fn add(&mut self, boxes: &[ScoredBox], [width_px, height_px]: [u32; 2]) {
         for ScoredBox { pixel_box, .. } in boxes {
             let is_inside = (-0.5..f64::from(width_px)).contains(&pixel_box.cx_px)

@@ -26,7 +26,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
-use super::model_file::ModelFile;
 use crate::error::{Error, Result};
 
 /// Name of the metadata property of a model that contains its settings.
@@ -149,7 +148,7 @@ impl InputProfile {
         *self == Self::default()
     }
 
-    /// Subtracts the means from the planes of a window, and divides them by the standard deviations.
+    /// Subtracts the means and divides by the standard deviations.
     pub(super) fn standardize(&self, planes: &mut [f32]) {
         if self.mean.is_none() && self.std.is_none() {
             return;
@@ -183,17 +182,11 @@ impl ModelProfile {
         }
     }
 
-    /// The settings of a model: from the file next to it, else from its metadata, else none.
-    pub(super) fn find(file: &ModelFile, metadata: Option<&str>) -> Result<Self> {
-        if let Some(profile) = &file.profile {
-            return Ok(profile.clone());
-        }
-        let Some(text) = metadata else {
-            return Ok(Self::default());
-        };
+    /// Reads the settings in a model's metadata.
+    pub(super) fn of_metadata(text: &str, model: &Path) -> Result<Self> {
         let fault = |message: String| {
             let message = format!("its metadata property {METADATA_KEY} {message}");
-            Error::model(&file.path, message)
+            Error::model(model, message)
         };
         let profile: Self = serde_json::from_str(text)
             .map_err(|error| fault(format!("has no settings: {error}")))?;
@@ -287,6 +280,7 @@ impl ModelProfile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::detector::model_file::ModelFile;
 
     const BESIDE: &str = "net.onnx.toml";
 
@@ -305,17 +299,15 @@ mod tests {
     #[test]
     fn a_file_beside_the_model_goes_before_its_metadata() {
         let metadata = Some(r#"{"input": {"scale": 1.0}}"#);
-        let found = |beside| ModelProfile::find(&model(beside), metadata).unwrap();
+        let found = |beside| model(beside).settings(metadata).unwrap();
         assert_eq!(found(None).scale(Layout::Rows), 1.0);
         let profile = found(Some("input = {scale = 0.5, order = 'bgr'}"));
         assert_eq!(
             (profile.scale(Layout::Rows), profile.order(Layout::Rows)),
             (0.5, ChannelOrder::Bgr)
         );
-        assert_eq!(
-            ModelProfile::find(&model(None), None).unwrap(),
-            ModelProfile::default()
-        );
+        let none = model(None).settings(None).unwrap();
+        assert_eq!(none, ModelProfile::default());
     }
 
     #[test]
@@ -364,7 +356,7 @@ mod tests {
             (r#"{"input": {"scale": -1.0}}"#, "input.scale = -1"),
             ("layout = 'yolox'", "has no settings"),
         ] {
-            let said = ModelProfile::find(&model(None), Some(text));
+            let said = model(None).settings(Some(text));
             let said = said.unwrap_err().to_string();
             assert!(
                 said.contains(word) && said.contains("net.onnx") && said.contains(METADATA_KEY),

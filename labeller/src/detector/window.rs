@@ -1,11 +1,11 @@
-//! Images and the windows that are cut out of them.
+//! Images and their windows.
 
 use dataset::tables::pixel_box::PixelBox;
 
 use super::ScoredBox;
 use super::profile::ChannelOrder;
 
-/// Grey level of a window outside the image; YOLO models are trained with this border.
+/// Grey level outside the image; YOLO models are trained with this border.
 const PADDING: u8 = 114;
 
 /// An 8-bit RGB image, rows from top to bottom without gaps.
@@ -19,7 +19,7 @@ pub struct PictureView<'a> {
     pub height_px: u32,
 }
 
-/// A part of an image as a model sees it. It may extend past the right and bottom edges of the image.
+/// Image part as the model sees it. It may extend past the right and bottom edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
     /// Column of the image's left-most pixels in it.
@@ -90,7 +90,7 @@ impl Window {
         }
     }
 
-    /// The means of a row of squares of `shrink` pixels, as far as they lie inside the image.
+    /// Means over squares with side `shrink` in one row, clipped to the image.
     fn mean_line(
         self,
         picture: &PictureView<'_>,

@@ -1,6 +1,6 @@
-//! Geodesic labels of a flight: distance and time to touchdown at every tick.
+//! Geodesic labels: distance and time to touchdown at every tick.
 //!
-//! Input: the ticks of `frames.parquet`, the touchdown target and the landing course. Output: one [`TickLabels`] per tick.
+//! Input: the ticks of `frames.parquet`, the touchdown target and the landing course. Output: [`TickLabels`] per tick.
 
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::RunwayCoordinates;
@@ -32,7 +32,7 @@ pub(crate) fn labels_of(
         .collect()
 }
 
-/// The time at which the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. There is no
+/// Time at which the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. There is no
 /// extrapolation: missing if the recording starts past the target or ends before it.
 fn passing_time_s(ticks: &[TickRow], coordinates: &[RunwayCoordinates]) -> Option<f64> {
     let after = coordinates.iter().position(|at| at.along_track_m <= 0.0)?;

@@ -1,4 +1,4 @@
-//! Confirmed boxes that are not the aircraft, by scenario and view, for the warning of a search of a labelled corpus.
+//! Confirmed boxes that are not the aircraft, by scenario and view, for a warning after the search of a labelled corpus.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::matching::Match;
 use crate::matching::statistics::TruthInSight;
 
-/// The confirmed boxes of a view that do not touch the ground-truth box of their image.
+/// A view's confirmed boxes that do not touch the image's ground-truth box.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FalseBoxes {
     /// The scenario.
@@ -21,7 +21,7 @@ pub struct FalseBoxes {
     pub boxes: u64,
     /// Number of tracks that they belong to.
     pub tracks: usize,
-    /// Tick of the first box of the track with the most of them.
+    /// First tick of the largest track.
     pub tick: u32,
     /// Middle of the boxes of this track, pixels to the right...
     pub cx_px: f64,
@@ -30,7 +30,7 @@ pub struct FalseBoxes {
 }
 
 impl FalseBoxes {
-    /// The false boxes of a scenario, by view; none if all confirmed boxes touch the aircraft.
+    /// False boxes by view; none if all confirmed boxes touch the aircraft.
     pub(crate) fn of(
         scenario: &str,
         detections: &[Detection],
@@ -71,64 +71,5 @@ impl FalseBoxes {
             })
         };
         views.into_iter().filter_map(of_view).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use dataset::conditions::sight::Sight;
-    use dataset::tables::pixel_box::TruthBox;
-
-    use super::*;
-
-    fn at(cx_px: f64) -> PixelBox {
-        PixelBox {
-            cx_px,
-            cy_px: 100.0,
-            width_px: 20.0,
-            height_px: 8.0,
-        }
-    }
-
-    fn seen(tick: u32, view: &str, cx_px: f64, track: u32) -> Detection {
-        Detection {
-            track: Some(track),
-            ..Detection::untracked(tick, view, at(cx_px), 0.9, 0)
-        }
-    }
-
-    #[test]
-    fn confirmed_boxes_beside_the_aircraft_are_told_by_view_with_the_place_of_the_largest_track() {
-        let truth = |tick: u32| TruthInSight {
-            truth: TruthBox {
-                tick,
-                view: "left".into(),
-                class: "aircraft".into(),
-                pixel_box: at(100.0),
-                visible_fraction: 1.0,
-                truncation: 0.0,
-                transmission: 1.0,
-            },
-            sight: Sight::Open,
-        };
-        let truth = [truth(0), truth(1), truth(2)];
-        let detections = [
-            seen(0, "left", 105.0, 0),
-            seen(0, "left", 700.0, 1),
-            seen(1, "left", 500.0, 2),
-            seen(1, "right", 100.0, 0), // no truth there
-            seen(2, "left", 501.0, 2),
-            Detection {
-                confirmed: false,
-                ..seen(2, "left", 800.0, 3)
-            },
-        ];
-        let found = FalseBoxes::of("0001-a", &detections, &truth);
-        let told: Vec<_> = found
-            .iter()
-            .map(|of| (of.view.as_str(), of.boxes, of.tracks, of.tick, of.cx_px))
-            .collect();
-        assert_eq!(told, [("left", 3, 2, 1, 501.0), ("right", 1, 1, 1, 100.0)]);
-        assert_eq!(FalseBoxes::of("0001-a", &detections[..1], &truth), []);
     }
 }

@@ -12,15 +12,15 @@ use crate::matching::Match;
 pub struct DetectionCounts {
     /// Number of images.
     pub pictures: u64,
-    /// Detections in all of them.
+    /// Detections in all images.
     pub detections: u64,
-    /// Of these, those that count.
+    /// Confirmed detections.
     pub confirmed: u64,
-    /// Comparison of these with the truth, where there are labels.
+    /// Comparison of the confirmed detections with labels, if there are any.
     pub against_truth: Option<TruthCounts>,
 }
 
-/// A ground-truth box, and what is between it and the camera.
+/// Ground-truth box with its visibility.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct TruthInSight {
     pub(crate) truth: TruthBox,
@@ -36,7 +36,7 @@ pub struct TruthCounts {
     pub hidden_by_haze: u64,
     /// The rest: it is in or above clouds.
     pub maybe_hidden_by_cloud: u64,
-    /// Number of the images with the aircraft in sight that have a detection of it ([`Match::Hit`]).
+    /// Images with the aircraft in sight and a detection that hits it ([`Match::Hit`]).
     pub found: u64,
     /// Detections that do not touch a ground-truth box, in all images.
     pub false_detections: u64,
@@ -62,7 +62,7 @@ impl DetectionCounts {
         }
     }
 
-    /// Adds the counts of another scenario.
+    /// Adds further counts.
     pub fn add(&mut self, other: &Self) {
         self.pictures += other.pictures;
         self.detections += other.detections;
@@ -148,108 +148,5 @@ impl TruthCounts {
     /// Mean distance of the centres of found aircraft, pixels.
     pub fn mean_center_error_px(&self) -> Option<f64> {
         (self.found > 0).then(|| self.sum_center_error_px / self.found as f64)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use dataset::tables::pixel_box::PixelBox;
-
-    fn at(cx_px: f64) -> PixelBox {
-        PixelBox {
-            cx_px,
-            cy_px: 100.0,
-            width_px: 20.0,
-            height_px: 8.0,
-        }
-    }
-
-    fn real(tick: u32, view: &str, visible_fraction: f64) -> TruthInSight {
-        let truth = TruthBox {
-            tick,
-            view: view.into(),
-            class: "aircraft".into(),
-            pixel_box: at(100.0),
-            visible_fraction,
-            truncation: 0.0,
-            transmission: 1.0,
-        };
-        TruthInSight {
-            truth,
-            sight: Sight::Open,
-        }
-    }
-
-    fn seen(tick: u32, view: &str, cx_px: f64, score: f64) -> Detection {
-        Detection::untracked(tick, view, at(cx_px), score, 0)
-    }
-
-    #[test]
-    fn found_missed_and_false_are_counted_by_view_and_tick() {
-        let truth = [
-            real(0, "left", 1.0),
-            real(0, "right", 1.0),
-            real(1, "left", 1.0),
-            real(2, "left", 0.2),
-        ];
-        let detections = [
-            seen(0, "left", 103.0, 0.9),
-            seen(0, "left", 500.0, 0.4), // false, but not the best
-            seen(1, "left", 500.0, 0.9), // false, and the best: found nevertheless
-            seen(1, "left", 100.0, 0.5),
-            seen(1, "right", 100.0, 0.5), // no truth there: false
-            seen(2, "left", 100.0, 0.5),  // hardly visible: neither expected nor false
-            Detection {
-                confirmed: false, // does not count
-                ..seen(2, "left", 500.0, 0.9)
-            },
-        ];
-        let counts = DetectionCounts::of(6, &detections, Some(&truth));
-        let truth = counts.against_truth.unwrap();
-        assert_eq!(
-            (truth.expected, truth.found, truth.false_detections),
-            (3, 2, 3)
-        );
-        assert_eq!(truth.sum_center_offset_px, [3.0, 0.0]);
-        assert_eq!(truth.detection_rate(), Some(2.0 / 3.0));
-    }
-
-    #[test]
-    fn an_aircraft_that_fog_or_clouds_hide_is_neither_found_nor_missed() {
-        let behind = |tick: u32, sight: Sight| TruthInSight {
-            sight,
-            ..real(tick, "left", 1.0)
-        };
-        let truth = [
-            behind(0, Sight::Haze),
-            behind(1, Sight::Haze),
-            behind(2, Sight::Cloud),
-            behind(3, Sight::Open),
-        ];
-        let detections = [
-            seen(1, "left", 100.0, 0.9), // its lights in the haze: not false
-            seen(3, "left", 100.0, 0.9),
-        ];
-        let counts = DetectionCounts::of(4, &detections, Some(&truth));
-        let counts = counts.against_truth.unwrap();
-        assert_eq!((counts.expected, counts.found), (1, 1));
-        assert_eq!(
-            (counts.hidden_by_haze, counts.maybe_hidden_by_cloud),
-            (2, 1)
-        );
-        assert_eq!(counts.false_detections, 0);
-    }
-
-    #[test]
-    fn scenarios_without_labels_leave_the_truth_missing() {
-        let mut sum = DetectionCounts::of(2, &[seen(0, "left", 1.0, 0.9)], None);
-        sum.add(&DetectionCounts::of(2, &[], None));
-        assert_eq!(
-            (sum.pictures, sum.detections, sum.against_truth),
-            (4, 1, None)
-        );
-        assert_eq!(sum.confirmed, 1);
-        assert_eq!(TruthCounts::default().detection_rate(), None);
     }
 }

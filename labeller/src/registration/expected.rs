@@ -4,23 +4,21 @@ use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{self, Ray};
 use glam::{DMat2, DVec2, DVec3};
 
-/// Rays that meet closer than this meet nowhere: the boxes are not of one aircraft.
+/// Minimum distance where rays meet, m; otherwise the boxes do not show the same aircraft.
 const MIN_RANGE_M: f64 = 10.0;
-/// And farther away they are parallel.
-const MAX_RANGE_M: f64 = 500_000.0;
 /// Steps of the numerical derivatives, metres.
 const STEP_M: f64 = 1.0;
 
 /// The difference of two views near the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Expected {
-    /// Small displacements in the view of what faces the cameras, from those in the reference view: scale and rotation.
+pub(crate) struct ExpectedDifference {
+    /// Maps small displacements from the reference view to this view, for surfaces that face the cameras: scale and rotation.
     pub(super) view_from_reference: DMat2,
-    /// Change of the shift per metre by which something is closer to the cameras.
+    /// Change of the shift per metre towards the cameras.
     pub(super) depth_px_per_m: DVec2,
 }
 
-impl Expected {
+impl ExpectedDifference {
     /// Shift alone.
     pub(crate) const SHIFT_ALONE: Self = Self {
         view_from_reference: DMat2::IDENTITY,
@@ -74,6 +72,6 @@ fn meeting_point_m(
         Ray::through(view, view_px),
     ];
     let point_m = rays::meeting_point_m(&rays)?;
-    let plausible = |ray: &Ray| (MIN_RANGE_M..=MAX_RANGE_M).contains(&ray.along_m(point_m));
+    let plausible = |ray: &Ray| ray.along_m(point_m) >= MIN_RANGE_M;
     rays.iter().all(plausible).then_some(point_m)
 }

@@ -20,10 +20,10 @@ const SWING_PX: f64 = 0.05;
 const MAX_STEP_PX: f64 = 1.0;
 /// A pixel whose residual has this many standard deviations gets half the weight.
 const CAUCHY: f64 = 6.0;
-/// Least standard deviation of what fits, grey levels.
-const MIN_SD: f64 = 0.3;
+/// Minimum standard deviation of the residuals, grey levels.
+const MIN_RESIDUAL_SD: f64 = 0.3;
 /// Pixels that are compared for each whole-pixel shift.
-const COARSE_PIXELS: f64 = 1_000.0;
+const COARSE_PIXELS: usize = 1_000;
 /// The correlation of neighbouring residuals: blur and compression reach this far.
 const REACH: usize = 3;
 
@@ -38,7 +38,6 @@ pub(super) struct Fit {
     pub(super) scale: f64,
     /// Contrast in the view over that in the reference.
     pub(super) gain: f64,
-    /// Correlation of both.
     pub(super) correlation: f64,
 }
 
@@ -90,7 +89,7 @@ impl<'a> Template<'a> {
 
 /// A pixel of the template and where it falls in the view.
 struct Pair {
-    /// From the centre of the reference's box, mapped to the view.
+    /// Offset from the centre of the reference's box, mapped to the view.
     offset: DVec2,
     template: f64,
     view: f64,
@@ -192,8 +191,8 @@ fn coarse(template: &Template<'_>, view: &Cleaned) -> Option<DVec2> {
     let reach = view.search(SEARCH_PX).ceil() as i64;
     let first = DVec2::new(template.columns.start as f64, template.rows.start as f64);
     let size = DVec2::new(template.columns.len() as f64, template.rows.len() as f64);
-    // Every pixel of a small aircraft, and about as many of a large one.
-    let stride = (template.len() as f64 / COARSE_PIXELS).sqrt().ceil() as usize;
+    // Every pixel for small aircraft, and about as many for large ones.
+    let stride = (template.len() as f64 / COARSE_PIXELS as f64).sqrt().ceil() as usize;
     let some_columns = template.columns.len().div_ceil(stride);
     let some: Vec<f64> = template
         .rows
@@ -228,9 +227,9 @@ fn coarse(template: &Template<'_>, view: &Cleaned) -> Option<DVec2> {
     best.map(|(_, at)| at)
 }
 
-/// Every n-th pixel of the lines of an image as slices, wherever they begin.
+/// Every n-th pixel of image lines as slices with any start.
 struct StridedLines {
-    /// Line by line, first the pixels 0, n, 2n .. of a line, then 1, n + 1, 2n + 1 ..
+    /// Line by line, first the pixels 0, n, 2n .., then 1, n + 1, 2n + 1 ..
     values: Vec<f64>,
     width: usize,
     stride: usize,
@@ -290,7 +289,6 @@ impl Pair {
     }
 }
 
-/// By the unknowns.
 fn derivatives(pair: &Pair) -> [f64; UNKNOWNS] {
     [pair.slope.x, pair.slope.y, -pair.template, -1.0]
 }
@@ -307,7 +305,7 @@ fn level(pairs: &[Pair]) -> Option<(f64, f64)> {
 
 fn weigh(pairs: &[Pair], gain: f64, offset: f64, weights: &mut Vec<f64>) {
     let residuals = || pairs.iter().map(|pair| pair.residual(gain, offset));
-    let sd = deviation_from_zero(residuals()).max(MIN_SD);
+    let sd = deviation_from_zero(residuals()).max(MIN_RESIDUAL_SD);
     weights.clear();
     weights.extend(residuals().map(|residual| 1.0 / (1.0 + (residual / (CAUCHY * sd)).powi(2))));
 }
@@ -354,7 +352,7 @@ fn scatter(
     Some(variance.max(DVec2::ZERO).map(f64::sqrt))
 }
 
-/// The sum of each value of an image and its neighbours within [`REACH`], in Bartlett's window; values outside are 0.
+/// Sum over each value's neighbours within [`REACH`], in Bartlett's window; values outside are 0.
 fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
     let height = values.len() / width;
     let sums = |values: &[DVec2], step: usize, length: usize| {
@@ -402,7 +400,7 @@ impl<'a> Likeness<'a> {
         }
     }
 
-    /// Of an image with as many pixels, line by line; 0 if one of the two is constant.
+    /// Correlation with an equally large image, line by line; 0 if either is constant.
     fn of<'b>(&self, lines: impl Iterator<Item = &'b [f64]>) -> f64 {
         // Sums of every fourth pixel do not wait for each other.
         const LANES: usize = 4;
@@ -440,7 +438,7 @@ fn correlation(pairs: &[Pair]) -> f64 {
     pearson(pairs.iter().map(|pair| (pair.template, pair.view)))
 }
 
-/// Correlation of pairs of values; 0 if one of them is constant.
+/// Pearson correlation; 0 if either variable is constant.
 fn pearson(values: impl Iterator<Item = (f64, f64)>) -> f64 {
     let [mut n, mut a, mut b, mut aa, mut bb, mut ab] = [0.0; 6];
     for (x, y) in values {

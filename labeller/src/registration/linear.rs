@@ -31,7 +31,7 @@ pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Op
     Some(b)
 }
 
-/// The inverse of a symmetric matrix; `None` if it is singular.
+/// Inverse of symmetric matrices; `None` if it is singular.
 pub(super) fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
     let mut inverse = [[0.0; N]; N];
     for (k, row) in inverse.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! The surroundings of a box, cut out of an image, and what remains of them without the background.
+//! A box's surroundings, with and without background.
 
 use std::iter::repeat_n;
 
@@ -12,32 +12,30 @@ use super::linear::Normal;
 use super::{MIN_CONTRAST, SEARCH_PART};
 use crate::detector::PictureView;
 
-/// Pixels around the box, besides [`MARGIN_PART`] of its longer side: the aircraft's edge, the ring that shows the background, and
-/// room to search.
+/// Margin around the box, px, besides the length-dependent parts for glow and search: the aircraft's edge, the background ring and room to
+/// search.
 const MARGIN_PX: f64 = 26.0;
-const MARGIN_PART: f64 = 0.2;
 /// A box whose edge is closer to the image's edge than this may be cut off.
-const EDGE_PX: f64 = 1.5;
-/// Larger aircraft are looked at with coarser pixels: there, perspective limits the accuracy.
+pub(crate) const EDGE_PX: f64 = 1.5;
+/// Maximum box size in full resolution, px: for larger aircraft, perspective limits the accuracy.
 const MAX_BOX_PX: f64 = 192.0;
 /// Grey levels are stored in steps of 1/256.
 const STEPS_PER_GREY: f64 = 256.0;
 
-/// The surroundings of a box in an image: luma, not yet without the background. Small, because it waits for the other view.
+/// Luma around a box, background included. Small, because it waits for the other view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
-    /// Of the aircraft, in the image.
     pixel_box: PixelBox,
     /// Centre of the first pixel, in the image.
     origin_px: DVec2,
-    /// Pixels of the image along a side of a pixel of the patch.
+    /// Image pixels per patch pixel, along a side.
     bin: usize,
     width: usize,
     luma: Vec<u16>,
 }
 
 impl Patch {
-    /// The part of an image of this width and height that shows the surroundings of a box.
+    /// The image part around a box, for an image of this width and height.
     ///
     /// # Errors
     /// The image's edge cuts off the aircraft.
@@ -54,7 +52,7 @@ impl Patch {
             return Err(NoShift::Edge);
         }
         let longer = pixel_box.width_px.max(pixel_box.height_px);
-        let margin = bin_of(pixel_box) as f64 * MARGIN_PX + MARGIN_PART * longer;
+        let margin = bin_of(pixel_box) as f64 * MARGIN_PX + (GLOW_PART + SEARCH_PART) * longer;
         let start = |edge: f64| (edge - margin).max(0.0) as u32;
         let end = |edge: f64, length: u32| ((edge + margin).max(0.0) as u32).min(length);
         Ok(PicturePart {
@@ -65,7 +63,7 @@ impl Patch {
         })
     }
 
-    /// The surroundings of a box, from the pixels of that part.
+    /// Makes the patch from the part's pixels.
     pub(crate) fn of(pixels: &PictureView<'_>, part: PicturePart, pixel_box: PixelBox) -> Self {
         let bin = bin_of(pixel_box);
         let width = part.width_px as usize / bin;
@@ -94,7 +92,6 @@ impl Patch {
         }
     }
 
-    /// Pixels of the image along a side of a pixel of the patch.
     pub(super) fn bin(&self) -> usize {
         self.bin
     }
@@ -104,7 +101,7 @@ impl Patch {
         DVec2::new(self.pixel_box.cx_px, self.pixel_box.cy_px)
     }
 
-    /// The same with pixels of this size, if they are smaller now.
+    /// Shrinks the patch to this bin, if its own is smaller.
     pub(super) fn binned(&self, bin: usize) -> Self {
         let by = bin / self.bin;
         if by < 2 {
@@ -136,8 +133,7 @@ impl Patch {
     }
 }
 
-/// Pixels of the image along a side of a pixel of the patch: a power of two, so that the patches of two views can have pixels of the
-/// same size.
+/// Image pixels per patch pixel, along a side: a power of two, so that the patches of two views can have equal pixels.
 fn bin_of(pixel_box: PixelBox) -> usize {
     let longer = pixel_box.width_px.max(pixel_box.height_px);
     ((longer / MAX_BOX_PX).ceil() as usize).next_power_of_two()
@@ -157,34 +153,32 @@ pub(super) struct Cleaned {
     values: Vec<f64>,
     /// Standard deviation of the background, grey levels.
     pub(super) noise: f64,
-    /// Centre of the box.
     pub(super) centre: DVec2,
-    /// Size of the box.
     pub(super) size: DVec2,
     origin_px: DVec2,
     bin: usize,
 }
 
-/// The aircraft's glow and blur reach this far out of its box: pixels, and a part of its width.
+/// Reach of the aircraft's glow and blur outside the box: pixels, and a part of the box's width.
 const GLOW_PX: f64 = 5.0;
 /// See [`GLOW_PX`].
 const GLOW_PART: f64 = 0.1;
 /// Width of the ring that shows the background.
 const RING_PX: f64 = 14.0;
-/// Standard deviation of the blur of equal images: just enough that the interpolation does not depend on the fraction of a pixel.
+/// Standard deviation of the blur for equally large images: just enough that the interpolation does not depend on the subpixel position.
 pub(super) const BLUR_PX: f64 = 0.8;
 /// Standard deviations over which a blur reaches.
 const BLUR_REACH: f64 = 4.0;
-/// Noise is never less: 8-bit images, in which neighbours are rounded alike.
+/// Minimum noise, grey levels: neighbours in 8-bit images are rounded alike.
 const MIN_NOISE: f64 = 0.15;
 /// Rounds of reweighting of the background.
 const ROUNDS: usize = 4;
 
 impl Cleaned {
-    /// Removes the background and blurs by a standard deviation.
+    /// Removes the background and blurs.
     ///
     /// # Errors
-    /// The aircraft does not stand out from it, or there is too little of it.
+    /// The aircraft does not stand out from the background, or too little background is visible.
     pub(super) fn of(patch: &Patch, blur_px: f64) -> Result<Self, NoShift> {
         let step = patch.bin as f64;
         let raw: Vec<f64> = patch
@@ -206,7 +200,7 @@ impl Cleaned {
         Ok(cleaned)
     }
 
-    /// Pixels of the image along a side of a pixel.
+    /// Image pixels per pixel.
     pub(super) fn step_px(&self) -> f64 {
         self.bin as f64
     }
@@ -216,7 +210,7 @@ impl Cleaned {
         self.origin_px + self.centre * self.step_px()
     }
 
-    /// Search radius around the centre of its box.
+    /// Search radius around the box centre.
     pub(super) fn search(&self, at_least: f64) -> f64 {
         at_least + SEARCH_PART * self.size.x
     }
@@ -225,7 +219,6 @@ impl Cleaned {
         self.values[row * self.width + column]
     }
 
-    /// All pixels, row by row.
     pub(super) fn values(&self) -> &[f64] {
         &self.values
     }

@@ -6,16 +6,15 @@ use dataset::video::PicturePart;
 use glam::{DMat2, DVec2};
 
 use super::patch::blurred;
-use super::{Expected, Patch, register};
+use super::{ExpectedDifference, Patch, register};
 use crate::detector::PictureView;
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 200;
 
-/// Properties of a drawn view.
+/// A drawn view's properties.
 #[derive(Clone, Copy)]
 struct Scene {
-    /// Centre of the aircraft.
     at: DVec2,
     /// Size of the aircraft, 1 is 24 px wide.
     size: f64,
@@ -87,9 +86,9 @@ impl Scene {
         )
     }
 
-    /// The pixels of a part of the image.
+    /// Draws an image part.
     fn draw(&self, part: PicturePart) -> Vec<u8> {
-        // The lens mixes in what is around it.
+        // The lens mixes in the surroundings.
         let reach = (5.0 * self.lens_px).ceil() as u32;
         let drawn = |start: u32, length: u32, end: u32| {
             start.saturating_sub(reach)..(start + length + reach).min(end)
@@ -126,7 +125,7 @@ impl Scene {
         rgb
     }
 
-    /// The surroundings of a box that is off by so much.
+    /// Surroundings with this box error.
     fn patch(&self, box_off: DVec2) -> Result<Patch, NoShift> {
         let mut pixel_box = self.box_around();
         pixel_box.cx_px += box_off.x;
@@ -145,7 +144,7 @@ impl Scene {
 fn compare(
     reference: Scene,
     view: Scene,
-    expected: &Expected,
+    expected: &ExpectedDifference,
     off: DVec2,
 ) -> Result<Shift, NoShift> {
     let (from, to) = (reference.patch(DVec2::new(0.4, -0.3))?, view.patch(off)?);
@@ -156,18 +155,17 @@ fn same(reference: Scene, view: Scene) -> Result<Shift, NoShift> {
     compare(
         reference,
         view,
-        &Expected::SHIFT_ALONE,
+        &ExpectedDifference::SHIFT_ALONE,
         DVec2::new(-0.6, 0.5),
     )
 }
 
-/// The error of a shift.
 fn error(reference: Scene, view: Scene, shift: &Shift) -> DVec2 {
     // Scale and rotation leave the centre of the aircraft where it is.
     DVec2::new(shift.dx_px, shift.dy_px) - (view.at - reference.at)
 }
 
-/// The same aircraft a few pixels away, with other noise.
+/// The same aircraft a few pixels away, with different noise.
 fn moved(reference: Scene, by: DVec2) -> Scene {
     Scene {
         at: reference.at + by,
@@ -176,7 +174,7 @@ fn moved(reference: Scene, by: DVec2) -> Scene {
     }
 }
 
-/// Shifts of all fractions of a pixel.
+/// Shifts with all subpixel positions.
 fn shifts() -> impl Iterator<Item = DVec2> {
     (0..24).map(|k| {
         let k = f64::from(k);
@@ -189,7 +187,7 @@ fn root_mean_square(errors: &[DVec2]) -> DVec2 {
     (sum / errors.len() as f64).map(f64::sqrt)
 }
 
-/// Registers a scene with all shifts of it; the errors, and each over its stated standard deviation.
+/// Registers a scene with all shifts; returns the errors, and their ratios to the stated standard deviations.
 fn errors_of(scene: Scene, change: impl Fn(Scene) -> Scene) -> (Vec<DVec2>, Vec<DVec2>) {
     let answers = (0..).zip(shifts()).map(|(k, by)| {
         let reference = Scene { seed: k, ..scene };
@@ -292,9 +290,9 @@ fn scale_and_rotation_that_the_cameras_expect_are_taken_out_and_others_are_repor
             contrast: 0.8 * SKY.contrast,
             ..moved(reference, by)
         };
-        let expected = Expected {
+        let expected = ExpectedDifference {
             view_from_reference: DMat2::from_diagonal(DVec2::splat(size)),
-            ..Expected::SHIFT_ALONE
+            ..ExpectedDifference::SHIFT_ALONE
         };
         // With a box that is not centred on the aircraft, the followed point moves with the scale.
         let off = DVec2::new(0.4, -0.3) * (size - 1.0);
@@ -319,7 +317,7 @@ fn a_box_that_is_off_by_several_pixels_gives_the_same_shift() {
     let view = moved(SKY, DVec2::new(7.4, 2.2));
     for off in [(0.0, 0.0), (5.0, -3.0), (-6.0, 4.0), (4.0, 5.0)] {
         let off = DVec2::from(off);
-        let shift = compare(SKY, view, &Expected::SHIFT_ALONE, off).unwrap();
+        let shift = compare(SKY, view, &ExpectedDifference::SHIFT_ALONE, off).unwrap();
         let wrong = error(SKY, view, &shift);
         assert!(wrong.abs().max_element() < 0.15, "off by {off}: {wrong}");
     }

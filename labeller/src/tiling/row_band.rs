@@ -1,4 +1,4 @@
-//! The rows of the images in which aircraft are looked for: approaches cross a narrow band of them.
+//! Image rows to search: approaches cross a narrow band.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -12,14 +12,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 
-/// Share of a band's height that is added above and below it: flights of the other sides differ a little.
+/// Margin above and below a band, as a part of its height: flights of the other sides differ a little.
 const MARGIN: f64 = 0.1;
 /// Wider aircraft are found as well in an image at half its scale, pixels.
 const SMALL_PX: f64 = 48.0;
-/// Part of an aircraft that may be outside the image for its width to be its own.
+/// Maximum outside part for an uncut width.
 const CUT_OFF: f64 = 0.01;
 
-/// Rows of an image.
+/// Image rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RowBand {
@@ -29,7 +29,7 @@ pub struct RowBand {
     pub bottom_px: u32,
 }
 
-/// Rows in which to look for aircraft of two sizes.
+/// Row bands for aircraft of two sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SearchBands {
     /// For those that need the image as it is.
@@ -39,12 +39,12 @@ pub struct SearchBands {
 }
 
 impl SearchBands {
-    /// The rows in which the ground-truth boxes of the training side lie, in any view, with a margin; `None` if that side has no labels.
+    /// The rows of the training side's ground-truth boxes in all views, with a margin; `None` if that side has no labels.
     ///
     /// # Errors
-    /// The split, or a scenario of the training side, cannot be read.
+    /// The split, or a training scenario, cannot be read.
     pub fn of_training_side(corpus: &Corpus) -> Result<Option<Self>> {
-        let mut seen = Seen::default();
+        let mut seen = RowsBySize::default();
         let splits = corpus.splits()?;
         let training: BTreeSet<&str> = splits.side(Side::Train).collect();
         for scenario in corpus.scenarios()? {
@@ -60,14 +60,13 @@ impl SearchBands {
     }
 }
 
-/// Rows in which aircraft of the two sizes were found.
 #[derive(Default)]
-struct Seen {
-    small: Rows,
-    large: Rows,
+struct RowsBySize {
+    small: Option<[f64; 2]>,
+    large: Option<[f64; 2]>,
 }
 
-impl Seen {
+impl RowsBySize {
     fn add(&mut self, real: &TruthBox) {
         // Narrow because cut off: still large.
         let is_small = real.pixel_box.width_px < SMALL_PX && real.truncation < CUT_OFF;
@@ -76,42 +75,30 @@ impl Seen {
         } else {
             &mut self.large
         };
-        rows.add(real.pixel_box.edges());
+        let [_, top, _, bottom] = real.pixel_box.edges();
+        let [first, last] = rows.unwrap_or([top, bottom]);
+        *rows = Some([first.min(top), last.max(bottom)]);
     }
 
     fn bands(self) -> Option<SearchBands> {
-        match [self.small, self.large].map(Rows::band) {
+        match [self.small, self.large].map(|rows| rows.map(with_margin)) {
             [Some(small), large] => Some(SearchBands { small, large }),
             [None, only] => only.map(|small| SearchBands { small, large: None }),
         }
     }
 }
 
-/// Rows that boxes take.
-#[derive(Default)]
-struct Rows(Option<[f64; 2]>);
-
-impl Rows {
-    fn add(&mut self, [_, top, _, bottom]: [f64; 4]) {
-        self.0 = Some(match self.0 {
-            Some(seen) => [seen[0].min(top), seen[1].max(bottom)],
-            None => [top, bottom],
-        });
-    }
-
-    fn band(self) -> Option<RowBand> {
-        self.0.map(|[top, bottom]| {
-            let margin_px = MARGIN * (bottom - top);
-            RowBand {
-                top_px: (top - margin_px).max(0.0) as u32,
-                bottom_px: (bottom + margin_px).ceil() as u32,
-            }
-        })
+/// The band of rows that boxes take, with its margin.
+fn with_margin([top, bottom]: [f64; 2]) -> RowBand {
+    let margin_px = MARGIN * (bottom - top);
+    RowBand {
+        top_px: (top - margin_px).max(0.0) as u32,
+        bottom_px: (bottom + margin_px).ceil() as u32,
     }
 }
 
 impl RowBand {
-    /// As far as it is inside an image of this height.
+    /// The band's part inside an image of this height.
     pub(crate) fn within(band: Option<Self>, height_px: u32) -> Range<u32> {
         let Self { top_px, bottom_px } = band.unwrap_or(Self {
             top_px: 0,
@@ -128,15 +115,10 @@ impl fmt::Display for RowBand {
     }
 }
 
-/// A text that names no rows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("expected TOP:BOTTOM, two rows with the upper one first")]
-pub struct NoRows;
-
 impl FromStr for RowBand {
-    type Err = NoRows;
+    type Err = &'static str;
 
-    fn from_str(text: &str) -> std::result::Result<Self, NoRows> {
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
         let rows = text.split_once(':').and_then(|(top, bottom)| {
             Some(Self {
                 top_px: top.parse().ok()?,
@@ -144,7 +126,7 @@ impl FromStr for RowBand {
             })
         });
         rows.filter(|rows| rows.top_px < rows.bottom_px)
-            .ok_or(NoRows)
+            .ok_or("expected TOP:BOTTOM, two rows with the upper one first")
     }
 }
 
@@ -197,7 +179,7 @@ mod tests {
     #[test]
     fn large_aircraft_and_those_cut_off_by_the_border_are_in_a_band_of_their_own() {
         let bands = |boxes: &[(f64, f64, f64)]| {
-            let mut seen = Seen::default();
+            let mut seen = RowsBySize::default();
             for &(cy_px, width_px, truncation) in boxes {
                 seen.add(&TruthBox {
                     tick: 0,

@@ -1,8 +1,8 @@
-//! Windows of an image that a detector searches.
+//! Windows for a detector.
 //!
-//! Input: sizes of the image and of the windows that the model takes. Output: [`Window`]s. A model that takes any size sees the
-//! whole image at once, and the surroundings of an aircraft in a crop just large enough; one of a fixed size sees tiles (six of 640
-//! pixels for 1920x1280, as in the paper), and an aircraft in the middle of a window as large as a tile.
+//! Input: the sizes of the image and of the model's windows. Output: [`Window`]s. A model that takes any size sees the whole image at once,
+//! and each aircraft in a crop just large enough; a fixed-size model sees tiles (six of 640 pixels for 1920x1280, as in the paper), and
+//! each aircraft in the middle of a tile-sized window.
 
 use std::ops::Range;
 
@@ -11,19 +11,17 @@ use dataset::tables::pixel_box::PixelBox;
 use crate::detector::{Window, WindowSize};
 use crate::tiling::row_band::RowBand;
 
-/// Sides of the crops around an aircraft, if the model takes any: from the smallest in which a few pixels have surroundings to the
-/// largest that is still cheap, pixels.
+/// Sides of crops around an aircraft for models that take any size, px: a few pixels need surroundings, and larger crops cost too much.
 const CROP_PX: Range<f64> = 160.0..256.0;
-/// Part of a window's side that an aircraft may fill; a larger one is shrunk.
+/// Maximum part of a window's side that an aircraft fills; larger ones are shrunk.
 const MAX_SHARE: f64 = 0.65;
 
-/// The windows of the first pass over these rows of an image of this width and height, row by row: tiles, or a single one if the model
-/// takes any size and no tile size is requested. They may extend past the image at the right and at the bottom.
+/// First-pass windows over a band, row by row: tiles, or a single window if the model takes any size and no tile size is
+/// requested. They may extend past the image at the right and at the bottom.
 pub(crate) fn first_windows(
     [width_px, height_px]: [u32; 2],
     size: WindowSize,
     tile_px: Option<u32>,
-    overlap_px: u32,
     band: Option<RowBand>,
     shrink: u32,
 ) -> Vec<Window> {
@@ -43,9 +41,8 @@ pub(crate) fn first_windows(
         }
     };
     let [shown_wide_px, shown_high_px] = tile.map(|side_px| side_px * shrink);
-    let overlap_px = overlap_px * shrink;
-    let lefts = starts(0..width_px, shown_wide_px, overlap_px, width_px);
-    let tops = starts(rows, shown_high_px, overlap_px, height_px);
+    let lefts = starts(0..width_px, shown_wide_px, width_px);
+    let tops = starts(rows, shown_high_px, height_px);
     let window = |left_px, top_px| Window {
         left_px,
         top_px,
@@ -59,7 +56,7 @@ pub(crate) fn first_windows(
 }
 
 /// Starts of the tiles that cover a range. A single tile is moved inside the image if it fits.
-fn starts(covered: Range<u32>, tile_px: u32, overlap_px: u32, picture_px: u32) -> Vec<u32> {
+fn starts(covered: Range<u32>, tile_px: u32, picture_px: u32) -> Vec<u32> {
     let length_px = covered.end - covered.start;
     if length_px == 0 {
         return Vec::new();
@@ -67,10 +64,9 @@ fn starts(covered: Range<u32>, tile_px: u32, overlap_px: u32, picture_px: u32) -
     if length_px <= tile_px {
         return vec![covered.start.min(picture_px.saturating_sub(tile_px))];
     }
-    let step_px = tile_px.saturating_sub(overlap_px).max(1);
-    let steps = (length_px - tile_px).div_ceil(step_px);
-    (0..=steps)
-        .map(|step| covered.start + step * step_px)
+    let tiles = length_px.div_ceil(tile_px);
+    (0..tiles)
+        .map(|tile| covered.start + tile * tile_px)
         .collect()
 }
 
@@ -141,9 +137,8 @@ mod tests {
             .collect()
     }
 
-    fn tiles(picture_px: [u32; 2], tile_px: u32, overlap_px: u32) -> Vec<Window> {
-        let size = WindowSize::square(tile_px);
-        first_windows(picture_px, size, None, overlap_px, None, 1)
+    fn tiles(picture_px: [u32; 2], tile_px: u32) -> Vec<Window> {
+        first_windows(picture_px, WindowSize::square(tile_px), None, None, 1)
     }
 
     fn aircraft(cx_px: f64, cy_px: f64, width_px: f64) -> PixelBox {
@@ -158,7 +153,7 @@ mod tests {
     #[test]
     fn a_full_frame_is_six_tiles_row_by_row() {
         assert_eq!(
-            corners(&tiles(PICTURE, 640, 0)),
+            corners(&tiles(PICTURE, 640)),
             [
                 (0, 0),
                 (640, 0),
@@ -168,21 +163,14 @@ mod tests {
                 (1280, 640)
             ]
         );
-        assert_eq!(tiles([1_920, 1_080], 640, 0).len(), 6);
-        assert_eq!(tiles(PICTURE, 416, 0).len(), 20);
-    }
-
-    #[test]
-    fn overlapping_tiles_cover_the_picture_too() {
-        let columns = |overlap_px| corners(&tiles([1_920, 640], 640, overlap_px));
-        assert_eq!(columns(128), [(0, 0), (512, 0), (1_024, 0), (1_536, 0)]);
-        assert_eq!(columns(0).len(), 3);
+        assert_eq!(tiles([1_920, 1_080], 640).len(), 6);
+        assert_eq!(tiles(PICTURE, 416).len(), 20);
     }
 
     #[test]
     fn a_model_of_any_size_sees_the_whole_picture_or_the_rows_that_are_asked_for_at_once() {
         let whole = |height_px, band| {
-            let windows = first_windows([1_920, height_px], ANY, None, 0, band, 1);
+            let windows = first_windows([1_920, height_px], ANY, None, band, 1);
             let rows = windows.iter().map(|w| (w.top_px, w.height_px));
             rows.collect::<Vec<_>>()
         };
@@ -192,7 +180,7 @@ mod tests {
         assert_eq!(whole(1_280, band(300, 700)), [(300, 416)]);
         assert_eq!(whole(1_280, band(1_100, 5_000)), [(1_088, 192)]);
         assert_eq!(whole(1_280, band(2_000, 5_000)), []);
-        let tiled = first_windows(PICTURE, ANY, Some(640), 0, band(300, 700), 1);
+        let tiled = first_windows(PICTURE, ANY, Some(640), band(300, 700), 1);
         assert_eq!(corners(&tiled), [(0, 300), (640, 300), (1_280, 300)]);
     }
 
@@ -202,7 +190,7 @@ mod tests {
             top_px: 370,
             bottom_px: 1_057,
         });
-        let at_half = |size| first_windows(PICTURE, size, None, 0, band, 2);
+        let at_half = |size| first_windows(PICTURE, size, None, band, 2);
         let whole = at_half(ANY);
         let shown = (whole[0].top_px, whole[0].width_px, whole[0].height_px);
         assert_eq!(

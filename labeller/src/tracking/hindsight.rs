@@ -1,36 +1,35 @@
-//! Selection of the tracks of a whole video that are aircraft, once all of its boxes are known.
+//! Selects a whole video's tracks that are aircraft, once all boxes are known.
 //!
-//! Input: the boxes of the [`Tracker`](super::Tracker) with their tracks. Output: true for each track that counts. Things that stand still
-//! at the end, or pass where something stood, are known only then.
+//! Input: the boxes of the [`Tracker`](super::Tracker) with their tracks. Output: true for each track that counts. Only then is it known
+//! which tracks stand still at the end, or pass where something stood.
 
 use dataset::tables::pixel_box::PixelBox;
 
 use super::lamps::Places;
 use super::standing::{TimedBox, is_mostly_at, is_same_thing, place_if_still, stands_still, stays};
-use super::{HITS, MIN_S};
+use super::{HITS, MIN_TRACK_S};
 
-/// In a video that is shorter than twice [`MIN_S`], a track that lasts for this part of it counts.
-const MIN_PART: f64 = 0.5;
+/// Minimum track duration in a video shorter than twice [`MIN_TRACK_S`], as a part of the video.
+const MIN_VIDEO_PART: f64 = 0.5;
 
-/// All boxes of a view's tracks.
+/// Boxes of all tracks in a view.
 #[derive(Debug)]
 pub(crate) struct Hindsight {
     hits: usize,
-    /// By number of the track.
     tracks: Vec<Whole>,
     /// Times of the first and of the last image.
     began_s: Option<f64>,
     now_s: f64,
 }
 
-/// A box with what the tracker made of it.
+/// A box with the tracker's results.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TrackedBox {
     pub(crate) track: u32,
     pub(crate) pixel_box: PixelBox,
     /// Too uncertain to count alone.
     pub(crate) is_faint: bool,
-    /// Its track had enough boxes by then.
+    /// Its track was confirmed by then.
     pub(crate) is_confirmed: bool,
 }
 
@@ -71,7 +70,7 @@ impl Hindsight {
     /// For each track, by number, true if it counts when all images are done.
     pub(crate) fn counting(&self) -> Vec<bool> {
         let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
-        let shortest_s = MIN_S.min(MIN_PART * video_s);
+        let shortest_s = MIN_TRACK_S.min(MIN_VIDEO_PART * video_s);
         let tracks = &self.tracks;
         let still: Vec<_> = tracks
             .iter()
@@ -117,7 +116,7 @@ impl Whole {
         }
     }
 
-    /// From the first of the boxes that confirmed it to its last clear one.
+    /// Time from the first confirming box to the last clear one, s.
     fn clear_for_s(&self) -> f64 {
         match (self.confirmed_s, self.clear.last()) {
             (Some(first_s), Some((last_s, _))) => last_s - first_s,

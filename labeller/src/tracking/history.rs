@@ -1,26 +1,23 @@
 //! The boxes that a track remembers while it is followed.
 //!
-//! A lamp is found for hours and an approach for ten minutes at most, so boxes are forgotten: of what stands still sooner, as its place
+//! A lamp is found for hours and an approach for ten minutes at most, so boxes are forgotten; a still track forgets sooner, as its place
 //! does not change.
 
-use super::Seen;
+use super::FoundBox;
 use super::standing::{MAX_STILL_S, TimedBox, has_stood_still, lasted_s, place_if_still};
 
-/// Boxes of so many seconds are kept: when there are more, the older half is forgotten.
+/// Time span of the remembered boxes, s. When it is reached, the older half is forgotten.
 const KEPT_S: f64 = 600.0;
-/// Boxes of what stands still are kept for so many seconds: when there are more, the older half is forgotten.
-const KEPT_STILL_S: f64 = 240.0;
 /// Tracks that stand still are looked for so often, seconds, by as many clear boxes per second.
 const JUDGED_EACH_S: f64 = 1.0;
 const JUDGED_BOXES_PER_S: f64 = 5.0;
 
-/// Boxes of a track, and what follows from them.
+/// A track's remembered boxes, and conclusions from them.
 #[derive(Debug, Default)]
 pub(super) struct History {
     boxes: Vec<TimedBox>,
     /// Some of the clear ones, whose sizes can be relied on.
     clear: Vec<TimedBox>,
-    /// Times of the last clear boxes.
     clear_s: [Option<f64>; 3],
     /// Time of the first of the clear boxes that confirmed it.
     confirmed_s: Option<f64>,
@@ -29,7 +26,7 @@ pub(super) struct History {
 }
 
 impl History {
-    pub(super) fn push(&mut self, now_s: f64, seen: &Seen) {
+    pub(super) fn push(&mut self, now_s: f64, seen: &FoundBox) {
         self.boxes.push((now_s, seen.pixel_box));
         if !seen.is_faint {
             let [_, second, third] = self.clear_s;
@@ -48,9 +45,10 @@ impl History {
     fn judge(&mut self) {
         self.is_still =
             lasted_s(&self.clear) >= MAX_STILL_S && place_if_still(&self.clear).is_some();
-        let stays = has_stood_still(&self.boxes, KEPT_STILL_S);
+        let still_s = 4.0 * MAX_STILL_S;
+        let stays = has_stood_still(&self.boxes, still_s);
         for boxes in [&mut self.boxes, &mut self.clear] {
-            let kept_s = if stays { KEPT_STILL_S } else { KEPT_S };
+            let kept_s = if stays { still_s } else { KEPT_S };
             if lasted_s(boxes) >= kept_s {
                 let last_s = boxes.last().map_or(0.0, |(at_s, _)| *at_s);
                 let old = boxes.partition_point(|(at_s, _)| *at_s < last_s - kept_s / 2.0);
@@ -66,7 +64,7 @@ impl History {
         self.confirmed_s = self.confirmed_s.or(first_s);
     }
 
-    /// Its boxes, as far as they are remembered, by time.
+    /// Remembered boxes, by time.
     pub(super) fn boxes(&self) -> &[TimedBox] {
         &self.boxes
     }
@@ -84,7 +82,7 @@ impl History {
         self.is_still
     }
 
-    /// From the first of the boxes that confirmed it to its last clear one, seconds; negative if it is not confirmed.
+    /// Time from the first confirming box to the last clear one, s; negative if the track is not confirmed.
     pub(super) fn clear_for_s(&self) -> f64 {
         match (self.confirmed_s, self.clear_s[2]) {
             (Some(first_s), Some(last_s)) => last_s - first_s,
@@ -99,14 +97,14 @@ mod tests {
 
     use super::*;
 
-    fn seen(cx_px: f64) -> Seen {
+    fn seen(cx_px: f64) -> FoundBox {
         let pixel_box = PixelBox {
             cx_px,
             cy_px: 500.0,
             width_px: 30.0,
             height_px: 10.0,
         };
-        Seen {
+        FoundBox {
             pixel_box,
             is_faint: false,
         }

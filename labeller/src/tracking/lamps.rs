@@ -1,15 +1,11 @@
 //! Places where several tracks were seen again and again: lamps that are found now and then, so that none of their tracks lasts.
 
-use super::standing::{MAX_STILL_S, TimedBox};
+use super::standing::{MAX_MOVED_BY_CHANCE_PX, MAX_STILL_S, TimedBox};
 
-/// Boxes of one thing that stands are within this distance, pixels: a head-on arrival at 13 NM leaves such a circle in a minute
-/// ([`super::standing`]).
-const SAME_PLACE_PX: f64 = 1.5;
-/// Fewest boxes of other tracks at the place of a lamp, and the least time from the first to the last, seconds.
-const MIN_COUNT: usize = 5;
-const MIN_S: f64 = 2.0 * MAX_STILL_S;
+/// Minimum number of boxes of other tracks at a lamp. Twice [`MAX_STILL_S`] pass from the first to the last.
+const MIN_BOXES: usize = 5;
 
-/// All boxes of a view by their place.
+/// A view's boxes, by place.
 pub(super) struct Places {
     /// Ascending columns.
     boxes: Vec<Placed>,
@@ -38,21 +34,22 @@ impl Places {
         Self { boxes }
     }
 
-    /// True if most boxes of a track are at lamps of other tracks: with two seconds between the images, it went from one to the next.
+    /// True if a track's boxes are mostly at other tracks' lamps: with two seconds between the images, it jumped between them.
     pub(super) fn is_from_lamp_to_lamp(&self, track: usize, boxes: &[TimedBox]) -> bool {
         let at_lamps = boxes.iter().filter(|(_, seen)| {
             let at = |px: f64| self.boxes.partition_point(|placed| placed.cx_px < px);
-            let near = &self.boxes[at(seen.cx_px - SAME_PLACE_PX)..at(seen.cx_px + SAME_PLACE_PX)];
+            let near = &self.boxes
+                [at(seen.cx_px - MAX_MOVED_BY_CHANCE_PX)..at(seen.cx_px + MAX_MOVED_BY_CHANCE_PX)];
             let here = near.iter().filter(|placed| {
                 let (right, down) = (placed.cx_px - seen.cx_px, placed.cy_px - seen.cy_px);
-                placed.track != track && right.hypot(down) < SAME_PLACE_PX
+                placed.track != track && right.hypot(down) < MAX_MOVED_BY_CHANCE_PX
             });
             let times = here.fold((0, f64::INFINITY, f64::NEG_INFINITY), |times, placed| {
                 let (count, first_s, last_s) = times;
                 (count + 1, placed.at_s.min(first_s), placed.at_s.max(last_s))
             });
             let (count, first_s, last_s) = times;
-            count >= MIN_COUNT && last_s - first_s >= MIN_S
+            count >= MIN_BOXES && last_s - first_s >= 2.0 * MAX_STILL_S
         });
         2 * at_lamps.count() > boxes.len()
     }

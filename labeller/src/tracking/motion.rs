@@ -1,26 +1,25 @@
-//! Prediction of a tracked aircraft's box: a Kalman filter with constant rates for its centre and size.
+//! Predicts a tracked aircraft's box: a Kalman filter with constant rates for its centre and size.
 //!
-//! The four numbers of a box are filtered independently. Motion between two images grows with the aircraft's size in the image: at 10
-//! NM it drifts by fractions of a pixel per second, before touchdown by several of its lengths. So all noise is stated in lengths of the
-//! box, and its effect follows from the time between the images: 30 FPS and 0.3 FPS need no different settings.
+//! The four box numbers are filtered independently. Motion between two images grows with the aircraft's size in the image: at 10 NM it
+//! drifts by fractions of a pixel per second, before touchdown by several lengths. So all noise is stated in box lengths, and its effect
+//! follows from the time between the images: 30 FPS and 0.3 FPS need no different settings.
 
 use dataset::tables::pixel_box::PixelBox;
 
-/// Error of a box's centre: pixels, and a part of the box's length.
+/// Error of the centre: pixels, and box lengths.
 const CENTRE_ERROR: (f64, f64) = (0.5, 0.03);
-/// Error of its width and height.
+/// Error of width and height.
 const SIZE_ERROR: (f64, f64) = (1.0, 0.10);
-/// Standard deviation of the velocity of a new aircraft, pixels and lengths per second: a crossing flight at 10 NM moves by half its
-/// length.
+/// Initial standard deviation of velocity, pixels and lengths per second: a crossing flight at 10 NM moves by half its length.
 const NEW_VELOCITY: (f64, f64) = (3.0, 0.6);
-/// The same for the growth of its sides.
+/// Initial standard deviation of growth.
 const NEW_GROWTH: (f64, f64) = (0.5, 0.15);
 /// Standard deviation of the change of velocity within a second.
 const ACCELERATION: (f64, f64) = (0.2, 0.10);
-/// The same for growth.
+/// Standard deviation of the change of growth within a second.
 const GROWTH_CHANGE: (f64, f64) = (0.1, 0.03);
 
-/// Centre, width and height of a box with their rates.
+/// Centre, width and height with their rates.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Motion {
     /// Centre right and down, width, height.
@@ -37,7 +36,7 @@ struct Filtered {
     rate_variance: f64,
 }
 
-/// The square of a standard deviation that is the sum of a part in pixels and one in lengths of the box.
+/// Squared standard deviation with a part in pixels and one in box lengths.
 fn variance((px, lengths): (f64, f64), length_px: f64) -> f64 {
     (px + lengths * length_px).powi(2)
 }
@@ -63,7 +62,7 @@ fn variances(centre: (f64, f64), size: (f64, f64), length_px: f64) -> [f64; 4] {
 }
 
 impl Motion {
-    /// Of an aircraft that was never seen before.
+    /// A new aircraft.
     pub(super) fn starting_at(seen: &PixelBox) -> Self {
         let length_px = length_px(seen);
         let errors = variances(CENTRE_ERROR, SIZE_ERROR, length_px);
@@ -80,7 +79,6 @@ impl Motion {
         }
     }
 
-    /// So many seconds later.
     pub(super) fn advance(&mut self, seconds: f64) {
         let changes = variances(ACCELERATION, GROWTH_CHANGE, length_px(&self.expected()));
         for (number, change) in self.numbers.iter_mut().zip(changes) {
@@ -97,7 +95,6 @@ impl Motion {
         }
     }
 
-    /// The box that is expected now.
     pub(super) fn expected(&self) -> PixelBox {
         let [cx_px, cy_px, width_px, height_px] = self.numbers.map(|number| number.value);
         PixelBox {
@@ -116,7 +113,7 @@ impl Motion {
         (expected + 2.0 * error) * seconds / length_px(&self.expected())
     }
 
-    /// Squared Mahalanobis distance of a box from the expected one: about 4 for a box of this aircraft.
+    /// Squared Mahalanobis distance from the expected box: about 4 for the same aircraft.
     pub(super) fn distance(&self, seen: &PixelBox) -> f64 {
         let errors = variances(CENTRE_ERROR, SIZE_ERROR, length_px(seen));
         let measured = numbers_of(seen).into_iter().zip(errors);

@@ -1,8 +1,8 @@
-//! Decides from the boxes of a track whether it stands still, as lamps and masts do, and whether a box is at another place.
+//! Decides from a track's boxes whether it stands still, as lamps and masts do, and whether a box has left the place.
 //!
 //! A thing is still if its place stays the same within about a pixel for a minute, whatever its width does: in rain the boxes of a lamp
-//! grow and shrink by half. Larger things may also stay within a part of their length, unless they grow. An aircraft always moves more:
-//! a flight straight at a mast on the 3 degree glide path moves least. It falls by
+//! grow and shrink by half. Larger things may also stay within a part of their length, unless they grow. An aircraft always moves more: a
+//! flight straight at a mast on the 3 degree glide path moves least. It falls by
 //!
 //! ```text
 //! (b tan 3 deg + h) / d^2 - (1 - k) / 2R      radians per metre flown
@@ -11,8 +11,9 @@
 //! for a mast of height `h`, `b` beyond the target, at the distance `d`; the second term is the curvature of the Earth and of light. With
 //! the rig `wide-baseline` (b 1,500 m, h 10 m, focal length 10,973 px) at 13 NM, that is 1.9 px in the 40 s between the middles of the
 //! first and the last third of a minute, at a ground speed of 60 m/s, and 2.8 px at 82 m/s; at 10 NM it is 4.6 and 6.7 px. Flights that
-//! land on the runway beside the masts move by 13 px (at 60 m/s) across the image, level flights by 35 px down it.
+//! land on the runway beside the masts move by 13 px (at 60 m/s) across the image, level flights by 35 px down.
 
+use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use dataset::numbers::spread::Spread;
@@ -21,36 +22,30 @@ use dataset::tables::pixel_box::PixelBox;
 /// A box with its time, seconds.
 pub(super) type TimedBox = (f64, PixelBox);
 
-/// From here on what stands still is not an arriving aircraft, seconds.
+/// Minimum duration of a still track that is no arriving aircraft, s.
 pub(super) const MAX_STILL_S: f64 = 60.0;
-/// Growth from the middle of a track's first third to the middle of its last third. An aircraft at 13 NM grows by a tenth in 40 s...
+/// Minimum growth between the middles of the first and the last third. An aircraft at 13 NM grows by a tenth in 40 s...
 const MIN_GROWTH: f64 = 0.05;
-/// ... and does so beyond chance, in standard errors: the widths of a lamp that is found now and then differ by half...
+/// ... and does so beyond chance, in standard errors: the widths of a rarely found lamp differ by half...
 const SURE_GROWTH: f64 = 2.0;
 /// ... and in a shorter time too little to be measured, seconds...
 pub(super) const GROWTH_SHOWS_S: f64 = 20.0;
-/// ... and things beside each other whose lengths have another ratio are not one thing...
+/// Length ratio of boxes beside each other that may be one thing.
 const ALIKE: Range<f64> = 0.8..1.25;
-/// ... and one that moves across the image does so by more than this part of its length.
+/// Minimum motion across the image, in box lengths.
 const MIN_MOVED_LENGTHS: f64 = 0.25;
-/// Distance between the medians of a track's first and last third that is none, pixels: half of the least motion of an aircraft...
+/// Minimum distance between the medians of the first and the last third, px: half the least motion of aircraft...
 const MIN_MOVED_PX: f64 = 1.0;
 /// ... or as large as this, if chance explains it, which leaves a fifth of that motion.
-const MAX_MOVED_BY_CHANCE_PX: f64 = 1.5;
-/// Beyond this number of standard errors chance does not explain it.
+pub(super) const MAX_MOVED_BY_CHANCE_PX: f64 = 1.5;
+/// Standard errors that chance explains.
 const SURE_MOVE: f64 = 3.0;
-/// A track that may hop has had so many boxes at its place...
+/// Minimum number of boxes at a place...
 const MIN_BOXES_OF_A_PLACE: usize = 5;
 /// ... over this part of [`GROWTH_SHOWS_S`].
-const MIN_PART: f64 = 0.75;
-/// A box farther away from its place than this is at another one, pixels...
-const MIN_HOP_PX: f64 = 3.0;
-/// ... if that is also so many standard deviations of the last boxes.
-const SURE_HOP: f64 = 6.0;
-/// Standard deviation of the centre of a lamp's box: the least that is assumed, because a few boxes may agree by chance, pixels.
+const MIN_PLACE_PART: f64 = 0.75;
+/// Minimum standard deviation of lamp box centres, px, because a few boxes may agree by chance.
 const MIN_CENTRE_DEVIATION_PX: f64 = 0.3;
-/// Ratio of the standard errors of median and mean, for normal errors: the square root of pi / 2.
-const MEDIAN_ERROR: f64 = 1.2533;
 
 /// The time from the first to the last box.
 pub(super) fn lasted_s(boxes: &[TimedBox]) -> f64 {
@@ -60,15 +55,14 @@ pub(super) fn lasted_s(boxes: &[TimedBox]) -> f64 {
     }
 }
 
-/// True if a track has been seen for at least this time and has not moved by a part of its length. Growth is not checked, because the
-/// sizes of faint boxes are unreliable. Boxes by time.
+/// True if a track was seen for at least `seconds` and has hardly moved, measured by its length. Growth is not checked, because the sizes
+/// of faint boxes are unreliable. Boxes by time.
 pub(super) fn has_stood_still(boxes: &[TimedBox], seconds: f64) -> bool {
     lasted_s(boxes) >= seconds && !has_moved(&ends(boxes))
 }
 
-/// True for objects such as masts, most of whose boxes stood still for a minute, also after a hop: with two seconds between the images, a
-/// young track may go from one lamp of a row to the next. An object that is found only now and then has several tracks at its place. Boxes
-/// by time.
+/// True for objects such as masts, whose boxes mostly stood still for a minute, also after a hop: with two seconds between the images, a
+/// young track may hop along a row of lamps. A rarely found object has several tracks at its place. Boxes by time.
 pub(super) fn stands_still(boxes: &[TimedBox]) -> bool {
     let is_long = |boxes: &[TimedBox]| lasted_s(boxes) >= MAX_STILL_S;
     let still = || {
@@ -88,7 +82,7 @@ pub(super) struct Stay {
     lasted_s: f64,
 }
 
-/// The places at which a track stayed. Boxes by time.
+/// Places at which a track stayed. Boxes by time.
 pub(super) fn stays(boxes: &[TimedBox]) -> impl Iterator<Item = Stay> {
     between_hops(boxes)
         .into_iter()
@@ -114,14 +108,14 @@ pub(super) fn is_mostly_at(stays: &[Stay], boxes: &[TimedBox]) -> bool {
     2 * boxes.iter().filter(is_at_one).count() > boxes.len()
 }
 
-/// The parts of a track between its hops. A single box off the place is no hop.
+/// Splits a track at its hops. A single distant box is no hop.
 fn between_hops(boxes: &[TimedBox]) -> Vec<&[TimedBox]> {
     let mut stays = Vec::new();
     let mut begin = 0;
     for at in 1..boxes.len() {
         let recent = at.saturating_sub(MIN_BOXES_OF_A_PLACE).max(begin);
         let place = Middle::of(&boxes[recent..at]);
-        let is_off = |(_, seen): &TimedBox| place.distance_px(seen) > MIN_HOP_PX;
+        let is_off = |(_, seen): &TimedBox| place.distance_px(seen) > 2.0 * MAX_MOVED_BY_CHANCE_PX;
         if is_off(&boxes[at]) && boxes.get(at + 1).is_none_or(is_off) {
             stays.push(&boxes[begin..at]);
             begin = at;
@@ -131,7 +125,7 @@ fn between_hops(boxes: &[TimedBox]) -> Vec<&[TimedBox]> {
     stays
 }
 
-/// Its mean box, if it stayed at one place, or neither moved nor grew. Boxes by time.
+/// The mean box, if the track stayed at one place, or neither moved nor grew. Boxes by time.
 pub(super) fn place_if_still(boxes: &[TimedBox]) -> Option<PixelBox> {
     if boxes.is_empty() {
         return None;
@@ -145,53 +139,52 @@ pub(super) fn place_if_still(boxes: &[TimedBox]) -> Option<PixelBox> {
     (is_still || keeps_its_place(boxes)).then(|| mean(boxes))
 }
 
-/// True if the mean boxes of two tracks may be of one thing: at the same place, whatever their widths, or close to each other and alike.
+/// True if two tracks may show the same thing: mean boxes at the same place, whatever their widths, or close to each other and alike.
 pub(super) fn is_same_thing(one: &PixelBox, other: &PixelBox) -> bool {
     let ratio = other.width_px / one.width_px.max(1.0);
     let apart_px = distance_px(one, other);
     apart_px < MAX_MOVED_BY_CHANCE_PX || apart_px < moved_px(one) && ALIKE.contains(&ratio)
 }
 
-/// True if a box is at another place than a track that has just stood still for a while. What stands has no speed, so the filter, which
-/// expects the manoeuvres of an aircraft, would let a track hop from one edge of a cloud to the next.
+/// True if a box is off a track that has just stood still for a while. Still things have no speed, so the filter, which
+/// expects manoeuvres, would let a track hop along the edges of clouds.
 pub(super) fn hops(boxes: &[TimedBox], to: &PixelBox) -> bool {
     let last_s = boxes.last().map_or(0.0, |(at_s, _)| *at_s);
     let recent = &boxes[boxes.partition_point(|(at_s, _)| *at_s < last_s - GROWTH_SHOWS_S)..];
-    if recent.len() < MIN_BOXES_OF_A_PLACE || lasted_s(recent) < MIN_PART * GROWTH_SHOWS_S {
+    if recent.len() < MIN_BOXES_OF_A_PLACE || lasted_s(recent) < MIN_PLACE_PART * GROWTH_SHOWS_S {
         return false;
     }
     let [_, place] = Middle::of_thirds(recent);
-    place.distance_px(to) > MIN_HOP_PX.max(SURE_HOP * place.deviation_px) && keeps_its_place(recent)
+    // Both boxes may be off by chance.
+    let hop_px = 2.0 * MAX_MOVED_BY_CHANCE_PX.max(SURE_MOVE * place.deviation_px);
+    place.distance_px(to) > hop_px && keeps_its_place(recent)
 }
 
-/// True if the place of a track is the same in the first and the last third of its time, within about a pixel.
+/// True if the place is the same in the first and the last third, within about a pixel.
 fn keeps_its_place(boxes: &[TimedBox]) -> bool {
     let [before, after] = Middle::of_thirds(boxes);
     let deviation_px = before.deviation_px.max(after.deviation_px);
-    let error = MEDIAN_ERROR * (1.0 / before.boxes + 1.0 / after.boxes).sqrt();
+    // Medians of normal errors scatter by that much more than means.
+    let error = FRAC_PI_2.sqrt() * (1.0 / before.boxes + 1.0 / after.boxes).sqrt();
     let chance_px = SURE_MOVE * error * deviation_px.max(MIN_CENTRE_DEVIATION_PX);
     (after.cx_px - before.cx_px).hypot(after.cy_px - before.cy_px)
         < chance_px.clamp(MIN_MOVED_PX, MAX_MOVED_BY_CHANCE_PX)
 }
 
-/// The place of some boxes, pixels.
 struct Middle {
-    /// Medians of their centres.
     cx_px: f64,
     cy_px: f64,
     /// Robust standard deviation of the centres, the larger one of both directions.
     deviation_px: f64,
-    /// Number of boxes.
     boxes: f64,
 }
 
 impl Middle {
-    /// Of the first and the last third of a track that has boxes.
+    /// Medians of the first and the last third.
     fn of_thirds(boxes: &[TimedBox]) -> [Self; 2] {
         thirds(boxes).map(Self::of)
     }
 
-    /// Of at least one box.
     fn of(boxes: &[TimedBox]) -> Self {
         let axes: [fn(&PixelBox) -> f64; 2] = [|seen| seen.cx_px, |seen| seen.cy_px];
         let [right, down] = axes.map(|centre| {
@@ -211,7 +204,7 @@ impl Middle {
     }
 }
 
-/// The boxes of the first and of the last third of its time.
+/// Boxes of the first and the last third of the time.
 fn thirds(boxes: &[TimedBox]) -> [&[TimedBox]; 2] {
     let third_s = lasted_s(boxes) / 3.0;
     let [first_s, last_s] =
@@ -221,12 +214,12 @@ fn thirds(boxes: &[TimedBox]) -> [&[TimedBox]; 2] {
     [&boxes[..end], &boxes[begin..]]
 }
 
-/// The middles of the first and the last third of its time.
+/// Mean boxes of the first and the last third.
 fn ends(boxes: &[TimedBox]) -> [PixelBox; 2] {
     thirds(boxes).map(mean)
 }
 
-/// Standard error of the difference of the mean widths of two thirds of these boxes.
+/// Standard error of the difference between the thirds' mean widths.
 fn growth_error_px(boxes: &[TimedBox]) -> f64 {
     let middle_px = mean(boxes).width_px;
     let squares = boxes
@@ -245,7 +238,7 @@ fn distance_px(a: &PixelBox, b: &PixelBox) -> f64 {
     (a.cx_px - b.cx_px).hypot(a.cy_px - b.cy_px)
 }
 
-/// Least movement of the middle of a box of this length that counts as moved.
+/// Minimum movement that counts as moved, px.
 fn moved_px(of: &PixelBox) -> f64 {
     MIN_MOVED_LENGTHS * of.width_px
 }

@@ -28,35 +28,35 @@ fn shaken(exact: PixelBox, seed: u32, step: u32) -> PixelBox {
     }
 }
 
-fn clear(pixel_box: PixelBox) -> Seen {
-    Seen {
+fn clear(pixel_box: PixelBox) -> FoundBox {
+    FoundBox {
         pixel_box,
         is_faint: false,
     }
 }
 
-fn faint(pixel_box: PixelBox) -> Seen {
-    Seen {
+fn faint(pixel_box: PixelBox) -> FoundBox {
+    FoundBox {
         pixel_box,
         is_faint: true,
     }
 }
 
-/// The tracks of the boxes of each image, all of them clear, and which tracks count.
+/// Tracks of clear boxes, by image, and the tracks that count.
 fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let all_clear = |boxes: &Vec<PixelBox>| boxes.iter().copied().map(clear).collect();
     let pictures: Vec<_> = pictures.iter().map(all_clear).collect();
     track_seen(period_s, &pictures)
 }
 
-fn track_seen(period_s: f64, pictures: &[Vec<Seen>]) -> (Vec<Vec<u32>>, Vec<bool>) {
+fn track_seen(period_s: f64, pictures: &[Vec<FoundBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let mut tracker = Tracker::of_pictures(pictures.len());
     let mut hindsight = Hindsight::of_pictures(pictures.len());
     let tracks = pictures
         .iter()
         .map(|boxes| {
             tracker.advance(period_s);
-            let tracks = tracker.take(boxes, Searched::Everywhere);
+            let tracks = tracker.take(boxes, SearchedParts::Everywhere);
             let tracked = boxes.iter().zip(&tracks).filter_map(|(seen, track)| {
                 let track = (*track)?;
                 Some(TrackedBox {
@@ -209,16 +209,16 @@ fn a_track_that_was_not_looked_for_does_not_end() {
     let mut tracker = Tracker::of_pictures(100);
     for _ in 0..3 {
         tracker.advance(0.1);
-        tracker.take(&[clear(at(300.0, 400.0, 24.0))], Searched::Everywhere);
+        tracker.take(&[clear(at(300.0, 400.0, 24.0))], SearchedParts::Everywhere);
     }
     for _ in 0..40 {
         tracker.advance(0.1);
-        tracker.take(&[], Searched::Around(&[]));
+        tracker.take(&[], SearchedParts::Around(&[]));
     }
     assert_eq!(tracker.expected(0.1).len(), 1);
     for _ in 0..40 {
         tracker.advance(0.1);
-        tracker.take(&[], Searched::Around(&[0]));
+        tracker.take(&[], SearchedParts::Around(&[0]));
     }
     assert_eq!(tracker.expected(0.1), []);
 }
@@ -230,12 +230,12 @@ fn a_confirmed_aircraft_that_was_just_seen_is_missed_at_once_and_only_once() {
     for step in 0..4 {
         tracker.advance(0.1);
         assert_eq!(tracker.loses_any(&[]), step == 3);
-        tracker.take(&[here], Searched::Everywhere);
+        tracker.take(&[here], SearchedParts::Everywhere);
     }
     tracker.advance(0.1);
     assert!(tracker.loses_any(&[clear(at(900.0, 400.0, 24.0))]));
     assert!(!tracker.loses_any(&[here]));
-    tracker.take(&[], Searched::Everywhere);
+    tracker.take(&[], SearchedParts::Everywhere);
     tracker.advance(0.1);
     assert!(!tracker.loses_any(&[]));
 }
@@ -285,8 +285,8 @@ fn a_lamp_that_is_found_for_some_seconds_again_and_again_is_one_thing_that_stand
     assert_eq!(track(1.0, &elsewhere).1, [true, true, true]);
 }
 
-/// An aircraft that crosses the image, one image per second: clear in some of them.
-fn crossing(is_clear: impl Fn(u32) -> bool) -> Vec<Vec<Seen>> {
+/// An aircraft that crosses the image, one image per second, clear in some.
+fn crossing(is_clear: impl Fn(u32) -> bool) -> Vec<Vec<FoundBox>> {
     let seen = |second: u32| {
         let here = shaken(at(300.0 + 3.0 * f64::from(second), 400.0, 24.0), 1, second);
         vec![if is_clear(second) {
@@ -406,15 +406,18 @@ fn a_faint_box_in_a_window_begins_nothing() {
     let here = at(300.0, 400.0, 24.0);
     tracker.advance(1.0);
     assert_eq!(
-        tracker.take(&[clear(here)], Searched::Everywhere),
+        tracker.take(&[clear(here)], SearchedParts::Everywhere),
         [Some(0)]
     );
     tracker.advance(1.0);
     let beside = faint(at(340.0, 420.0, 12.0));
     let seen = [clear(here), beside];
-    assert_eq!(tracker.take(&seen, Searched::Around(&[0])), [Some(0), None]);
     assert_eq!(
-        tracker.take(&seen, Searched::Everywhere),
+        tracker.take(&seen, SearchedParts::Around(&[0])),
+        [Some(0), None]
+    );
+    assert_eq!(
+        tracker.take(&seen, SearchedParts::Everywhere),
         [Some(0), Some(1)]
     );
 }
@@ -425,24 +428,24 @@ fn nothing_is_followed_that_was_only_faint() {
     for picture in crossing(|second| second == 4).iter().take(6) {
         let is_first = tracker.expected(1.0).is_empty();
         tracker.advance(1.0);
-        tracker.take(picture, Searched::Everywhere);
+        tracker.take(picture, SearchedParts::Everywhere);
         assert!(is_first || !tracker.expected(1.0).is_empty());
     }
     assert_eq!(tracker.expected(1.0).len(), 1, "once it was clear");
     let mut tracker = Tracker::of_pictures(100);
     for picture in crossing(|_| false).iter().take(6) {
         tracker.advance(1.0);
-        tracker.take(picture, Searched::Everywhere);
+        tracker.take(picture, SearchedParts::Everywhere);
         assert_eq!(tracker.expected(1.0), []);
     }
 }
 
-/// Seconds in which the box of each image counts at its moment.
-fn counting_s(period_s: f64, pictures: &[Vec<Seen>]) -> Vec<f64> {
+/// Times with a box that counts at once, s.
+fn counting_s(period_s: f64, pictures: &[Vec<FoundBox>]) -> Vec<f64> {
     let mut tracker = Tracker::endless();
     let seconds = pictures.iter().filter_map(|boxes| {
         tracker.advance(period_s);
-        let tracks = tracker.take(boxes, Searched::Everywhere);
+        let tracks = tracker.take(boxes, SearchedParts::Everywhere);
         let counts = tracks.into_iter().flatten().any(|t| tracker.counts(t));
         counts.then(|| tracker.now_s())
     });

@@ -1,4 +1,4 @@
-//! The visible part of a silhouette: convex polygons, clipped in space and counted on a grid of samples.
+//! Visible part of a silhouette: convex polygons, clipped in space and counted on a sample grid.
 
 use glam::{DVec2, DVec3};
 
@@ -12,12 +12,12 @@ pub(crate) struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// Height of a point over the bounding plane, metres; negative outside.
+    /// Height over the bounding plane, m; negative outside.
     pub(crate) fn height_m(&self, point: DVec3) -> f64 {
         self.normal.dot(point) - self.offset_m
     }
 
-    /// The part of a convex polygon inside (Sutherland and Hodgman 1974); empty if there is none.
+    /// Clips a convex polygon (Sutherland and Hodgman 1974); empty if no part is inside.
     pub(crate) fn clip(&self, polygon: &[DVec3]) -> Vec<DVec3> {
         let mut kept = Vec::with_capacity(polygon.len() + 1);
         for (k, &from) in polygon.iter().enumerate() {

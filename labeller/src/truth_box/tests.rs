@@ -23,7 +23,7 @@ fn level_camera(heading_true_deg: f64) -> (CameraPose, Camera) {
     (placed, Camera::from_pose(&placed, 1920, 1280))
 }
 
-/// The pose of a body at a place given in the camera's body axes (forward, right, down) that flies towards it.
+/// Pose of a body that flies towards the camera, at a place in the camera's body axes (forward, right, down).
 fn facing(placed: &CameraPose, at_m: DVec3) -> Pose {
     let position = Geodetic::from_ecef(placed.pose.body_point_to_ecef(at_m));
     Pose {
@@ -66,7 +66,7 @@ fn a_board_of_known_size_at_a_known_place_has_the_box_computed_by_hand() {
     let pose = facing(&placed, DVec3::new(1_000.0, 50.0, -30.0));
     let mesh = board(DVec2::new(-10.0, -2.0), DVec2::new(10.0, 2.0));
     let seen = project(&mesh, &pose, &camera, GROUND_MSL_M).unwrap();
-    // The camera's and the body's verticals differ by 1 km / Earth's radius: 0.16 mrad, below a hundredth of a pixel here.
+    // The verticals of camera and body differ by 1 km / Earth's radius: 0.16 mrad, below a hundredth of a pixel here.
     assert!((seen.pixel_box.cx_px - 1_009.5).abs() < 0.01, "{seen:?}");
     assert!((seen.pixel_box.cy_px - 609.5).abs() < 0.01, "{seen:?}");
     assert!((seen.pixel_box.width_px - 20.0).abs() < 0.02, "{seen:?}");
@@ -218,7 +218,7 @@ fn meets(origin: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
 
 #[test]
 fn the_default_rig_sees_the_aircraft_as_large_as_the_geometry_says() {
-    // B737-800 in front of a camera of 10 degrees: 41 x 14 px at 5 NM, 21 x 7 px at 10 NM.
+    // B737-800 seen with a field of view of 10 degrees: 41 x 14 px at 5 NM, 21 x 7 px at 10 NM.
     let mesh = boeing_737_800(Configuration {
         flap_ratio: 0.75,
         gear_ratio: 1.0,

@@ -26,26 +26,25 @@ const ABOVE_HORIZON_RAD: f64 = 0.006;
 const MIN_TILES: usize = 8;
 /// A tile further from the common turn, in its standard deviations, counts less than half.
 const TOLERATED: f64 = 3.0;
-/// With agreeing tiles that tell less than this part of the usual about one of the axes, the reference is replaced, and with less than
-/// this part, they do not show the direction: in haze, what is left of a ground may look alike wherever the camera looks.
+/// The reference is replaced when the agreeing tiles have less than this part of the usual information about one axis. With less than half
+/// of that they do not show the direction: in haze, the rest of the ground may look alike wherever the camera looks.
 const FADED: f64 = 0.6;
-const GONE: f64 = 0.3;
-/// No standard deviation is below this, pixels: interpolation and compression.
+/// Minimum standard deviation, px: interpolation and compression. A step below it ends the iteration.
 const MIN_SD_PX: f64 = 0.02;
 /// A turn with a larger standard deviation counts as not measured, pixels.
 const MAX_SD_PX: f64 = 1.0;
 /// Usual range of rolls, as the shift at half of the width, pixels: decides only where tiles do not.
 const ROLL_SD_PX: f64 = 20.0;
+/// Minimum pixel noise, grey levels.
+pub(super) const NOISE_LEVELS: f64 = 1.5;
 /// Steps of the iteration: one without an end does not fit.
 const MAX_STEPS: u32 = 12;
 /// A shift found in shrunk images is right to this, pixels.
 const COARSE_PX: f64 = 4.0;
-/// A step below this ends the iteration, pixels.
-const SMALL_STEP_PX: f64 = 0.02;
 /// After failures, at most this many images pass without a search.
 const MAX_PAUSE: u32 = 64;
 
-/// Rotation of a camera, as what its image shows moves.
+/// Camera rotation, as image motion.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Turn {
     /// Shift at the image's centre, right and down, pixels.
@@ -54,7 +53,7 @@ pub(crate) struct Turn {
     pub(crate) roll_rad: f64,
 }
 
-/// A turn with the standard deviation of its shift, the larger of both axes.
+/// A turn with the standard deviation of the shift, the larger one of both axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Measured {
     pub(crate) turn: Turn,
@@ -75,13 +74,11 @@ impl Turn {
     }
 }
 
-/// Measures the images of a view, one after another.
+/// Measures a view's consecutive images.
 pub(crate) struct CameraMotion {
     camera: Camera,
-    /// First row of the ground.
     top: usize,
     reference: Option<Reference>,
-    /// The last measured turn.
     last: Turn,
     /// Images to pass without a search, and how many after the next failure.
     pause: u32,
@@ -93,15 +90,14 @@ struct Reference {
     sd_px: f64,
     tiles: Vec<Tile>,
     coarse: Coarse,
-    /// The most that agreeing tiles have told so far, about both axes.
+    /// Largest information of agreeing tiles up to now, about both axes.
     usual: DVec2,
 }
 
-/// The turn from the reference.
 struct Fit {
     turn: Turn,
     sd_px: f64,
-    /// Information of its agreeing tiles on both axes.
+    /// Information of agreeing tiles about both axes.
     tells: DVec2,
 }
 
@@ -239,7 +235,7 @@ impl Reference {
         (fit.tells / self.usual.max(DVec2::splat(1e-9))).min_element()
     }
 
-    /// True if too little of it agrees.
+    /// True if too few tiles agree.
     fn is_faded_in(&self, fit: &Fit) -> bool {
         self.share(fit) < FADED
     }
@@ -290,14 +286,14 @@ impl Reference {
                 // Slopes hold for some pixels only.
                 *number += step.clamp(-3.0, 3.0);
             }
-            if longest < SMALL_STEP_PX {
+            if longest < MIN_SD_PX {
                 let fit = Fit {
                     turn: Turn::from_array(numbers, camera),
                     sd_px: sd_px.max(MIN_SD_PX),
                     tells,
                 };
                 let enough = agreeing.count() >= MIN_TILES.max(told.len() / 2);
-                return (enough && self.share(&fit) >= GONE).then_some(fit);
+                return (enough && self.share(&fit) >= FADED / 2.0).then_some(fit);
             }
         }
         None

@@ -1,39 +1,39 @@
 //! Images that repeat an earlier one although the aircraft moves.
 //!
-//! Equal images alone say nothing: without an aircraft a noiseless image equals the one before, and an encoder leaves out small changes.
-//! What the aircraft's motion before and after would have changed must be several times what it did change, or, with seconds between the
-//! images, all others around must have changed far more: haze moves too.
+//! Equal images alone are no evidence: without an aircraft a noiseless image equals the previous one, and encoders leave out small changes.
+//! The change that the aircraft's motion should make must be several times the measured one or, with seconds between the images, all images
+//! around must have changed far more: haze moves too.
 
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
 
-use super::Look;
+use super::camera_motion::NOISE_LEVELS;
+use super::{Look, median_or_zero};
 
-/// Around a box, as a part of its sides and in pixels.
+/// Margin around the box, as a part of its sides and in pixels.
 const AROUND_PART: f64 = 0.25;
 const AROUND_PX: f64 = 4.0;
-/// Rows that are compared in the whole image: one of so many.
-const ROW_STEP: usize = 16;
-/// Images that differ by more around a box, or in the whole image, are not equal: grey levels, root mean square.
-const MAX_EQUAL_LEVELS: f64 = 1.5;
-/// The same image in other windows gives the same box, to within this: pixels, and a part of its width. Another one is of something else.
+/// Step between compared rows.
+pub(super) const ROW_STEP: usize = 16;
+/// Maximum distance between boxes of the same image in different windows: pixels, and a part of the width.
 const MAX_EQUAL_PX: f64 = 2.0;
 const MAX_EQUAL_PART: f64 = 0.03;
-/// Motion must have changed this much more, and at least so many levels.
-const MIN_RATIO: f64 = 3.0;
+/// Minimum ratio of expected to measured change, and minimum expected change, grey levels.
+pub(super) const MIN_RATIO: f64 = 3.0;
 const MIN_EXPECTED_LEVELS: f64 = 2.0;
-/// Slopes hold for so many pixels.
+/// Maximum motion for which slopes hold, px.
 const MAX_MOVED_PX: f64 = 1.5;
-/// Ticks on either side that tell by how much images around a box usually change.
-const NEAR: usize = 10;
-/// They must change by so many levels, the image in question by at most this part, and at most so many others by less than this part.
+/// Number of ticks on either side that show the usual change around a box.
+const NEAR_TICKS: usize = 10;
+/// Minimum usual change, grey levels; maximum ratio of the judged image's change; a small ratio, and the maximum number of images around
+/// with smaller ones.
 const MIN_USUAL_LEVELS: f64 = 0.5;
-const MIN_PART: f64 = 0.06;
+const MAX_FROZEN_PART: f64 = 0.06;
 const SMALL_PART: f64 = 0.2;
-const MAX_SMALL: usize = 3;
-/// An image that changed by this part of what others around change as a whole is a new one, if that is by so many levels: rain, noise,
-/// clouds. An aircraft may pause at a turn of its path.
+const MAX_SMALL_CHANGES: usize = 3;
+/// Minimum whole-image change in new images, as a part of the usual one and in grey levels: rain, noise, clouds. An aircraft may pause at
+/// a turn in its path.
 const NEW_PART: f64 = 0.7;
 const MIN_WHOLE_LEVELS: f64 = 0.1;
 /// Encoders leave out small changes from one image to the next one soon after.
@@ -47,7 +47,6 @@ const MIN_BOXES: usize = 4;
 pub(crate) struct Change {
     /// Around the box, grey levels, root mean square.
     pub(crate) levels: f64,
-    /// In the whole image.
     pub(crate) whole_levels: f64,
     /// Means of the products of the slopes around the box, right and down, square levels per square pixel.
     pub(crate) slopes: [f64; 3],
@@ -91,10 +90,10 @@ impl Change {
     }
 
     fn is_equal(&self) -> bool {
-        self.levels <= MAX_EQUAL_LEVELS && self.whole_levels <= MAX_EQUAL_LEVELS
+        self.levels <= NOISE_LEVELS && self.whole_levels <= NOISE_LEVELS
     }
 
-    /// Change by a motion and a growth of a box, grey levels, root mean square.
+    /// Expected change by motion and growth, grey levels, root mean square.
     fn expected_levels(&self, moved_px: DVec2, grown: f64, seen: &PixelBox) -> f64 {
         let moved = moved_px.clamp_length_max(MAX_MOVED_PX);
         // A growth moves the edges: the root mean square over a side is its end / sqrt(3).
@@ -152,39 +151,38 @@ pub(super) fn frozen(looks: &[Look], confirmed: &[Option<PixelBox>]) -> Vec<bool
     frozen
 }
 
+/// Change of the images around a tick, without its own.
+fn changes_around(tick: usize, looks: &[Look], levels: fn(&Change) -> f64) -> Vec<f64> {
+    let around = tick.saturating_sub(NEAR_TICKS)..(tick + NEAR_TICKS + 1).min(looks.len());
+    (around.filter(|&other| other != tick))
+        .filter_map(|other| looks[other].change.as_ref().map(levels))
+        .collect()
+}
+
 /// True if an image changed as a whole as others around it do.
 fn changes_elsewhere(tick: usize, looks: &[Look]) -> bool {
-    let whole = |tick: usize| looks[tick].change.map(|change| change.whole_levels);
-    let around = tick.saturating_sub(NEAR)..(tick + NEAR + 1).min(looks.len());
-    let mut others: Vec<f64> = (around.filter(|&other| other != tick))
-        .filter_map(whole)
-        .collect();
-    others.sort_by(f64::total_cmp);
-    let (Some(own), Some(&usual)) = (whole(tick), others.get(others.len() / 2)) else {
-        return false;
-    };
-    usual >= MIN_WHOLE_LEVELS && own >= NEW_PART * usual
+    let others = changes_around(tick, looks, |change| change.whole_levels);
+    let usual = median_or_zero(others.into_iter());
+    looks[tick]
+        .change
+        .is_some_and(|own| usual >= MIN_WHOLE_LEVELS && own.whole_levels >= NEW_PART * usual)
 }
 
 /// True if an image changed far less than nearly all others around it.
 fn changes_least(tick: usize, looks: &[Look]) -> bool {
-    let levels = |tick: usize| looks[tick].change.map(|change| change.levels);
-    let around = tick.saturating_sub(NEAR)..(tick + NEAR + 1).min(looks.len());
-    let mut others: Vec<f64> = (around.filter(|&other| other != tick))
-        .filter_map(levels)
-        .collect();
-    others.sort_by(f64::total_cmp);
-    let (Some(own), Some(&usual)) = (levels(tick), others.get(others.len() / 2)) else {
+    let Some(own) = looks[tick].change else {
         return false;
     };
+    let others = changes_around(tick, looks, |change| change.levels);
+    let usual = median_or_zero(others.iter().copied());
     let equal = others
         .iter()
         .filter(|levels| **levels <= SMALL_PART * usual);
-    others.len() >= NEAR
+    others.len() >= NEAR_TICKS
         && looks[tick].time_s - looks[tick - 1].time_s >= MIN_GAP_S
         && usual >= MIN_USUAL_LEVELS
-        && own <= MIN_PART * usual
-        && equal.count() <= MAX_SMALL
+        && own.levels <= MAX_FROZEN_PART * usual
+        && equal.count() <= MAX_SMALL_CHANGES
 }
 
 /// True if the aircraft moves too much for a run of equal images.
@@ -226,10 +224,6 @@ fn moves(
 pub(super) fn slope(values: impl Iterator<Item = (f64, f64)>) -> f64 {
     let values: Vec<_> = values.collect();
     let pairs = (0..values.len()).flat_map(|i| (0..i).map(move |k| (i, k)));
-    let mut slopes: Vec<f64> = pairs
-        .map(|(i, k)| (values[i].1 - values[k].1) / (values[i].0 - values[k].0))
-        .filter(|slope| slope.is_finite())
-        .collect();
-    slopes.sort_by(f64::total_cmp);
-    slopes.get(slopes.len() / 2).copied().unwrap_or_default()
+    let slopes = pairs.map(|(i, k)| (values[i].1 - values[k].1) / (values[i].0 - values[k].0));
+    median_or_zero(slopes.filter(|slope| slope.is_finite()))
 }

@@ -1,55 +1,43 @@
-//! The condition of a camera by its images so far, for what cannot wait for the end of a flight.
+//! Camera condition from the images up to now, without waiting for the flight's end.
 //!
-//! Input: the looks of a view one after another, and the box that counts of each. Output: a state at once. The usual direction is the one
-//! in which the first images look; an image that was taken just after a move counts as shaking until enough of them agree. Memory does not
-//! grow.
+//! Input: a view's looks in their order, with the box that counts. Output: a state at once. The usual direction is that of the first
+//! images; an image taken just after a move counts as shaking until enough images agree. Memory does not grow.
 
 use std::collections::VecDeque;
 
 use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
-use glam::DVec2;
 
-use super::frozen::slope;
-use super::{AROUND_S, AROUND_TICKS, Look, Off, direction_at, median};
+use super::frozen::{MIN_RATIO, ROW_STEP, slope};
+use super::{AROUND_S, AROUND_TICKS, Look, Off, direction_at, median, median_or_zero};
 use crate::view_health::camera_motion::Turn;
 
-/// Images and seconds that decide about the usual direction.
-const FIRST_LOOKS: usize = 11;
-const FIRST_S: f64 = 2.5;
 /// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
 const MAX_EQUAL_LEVELS: f64 = 0.3;
-/// Times in which an aircraft should have moved, seconds.
+/// Time spans that show an aircraft's motion, s.
 const MOVED_IN_S: [f64; 3] = [1.0, 3.0, 10.0];
-/// Boxes are remembered so often and for so long, seconds.
+/// Time between remembered boxes, s.
 const BOX_EACH_S: f64 = 0.2;
-const BOXES_S: f64 = 21.0;
 /// Boxes that give its motion, over at least this part of the time.
 const MIN_BOXES: usize = 4;
-const MIN_PART: f64 = 0.7;
-/// Motion that is expected at least, pixels, and the part of it that an image that repeats another one has at most.
+const MIN_SPAN_PART: f64 = 0.7;
+/// Minimum expected motion, px.
 const MIN_MOVED_PX: f64 = 3.0;
-const MAX_MOVED_PART: f64 = 1.0 / 3.0;
-/// Rows that are compared: one of so many.
-const ROW_STEP: usize = 16;
-/// An image has noise if this part of its rows differ from the one before, and a view does if this part of so many images had.
+/// Minimum share of changed rows in a noisy image, and minimum share of noisy images in a noisy view.
 const NOISY_ROWS: f64 = 0.5;
 const NOISY_IMAGES: f64 = 0.9;
 const MIN_NOISY: u32 = 50;
-/// Weight of a new image among those before it.
-const NEW_WEIGHT: f64 = 0.02;
-/// Without any change for so long, seconds, and in so many images, a view that had noise is frozen.
+/// Minimum time, s, and number of images without any change that mean a frozen view, if it had noise.
 const EQUAL_S: f64 = 0.5;
 const EQUAL_IMAGES: u32 = 3;
 
-/// Judges the images of a view, one after another.
+/// Judges consecutive images.
 #[derive(Debug, Default)]
 pub(super) struct LiveHealth {
     usual: Usual,
-    /// Those that decide about the direction of the next one.
+    /// Looks that decide about the direction of the next one.
     recent: Vec<Look>,
-    /// The last direction that was measured.
     last: Option<HealthState>,
     motion: ExpectedMotion,
     noise: Noise,
@@ -103,7 +91,7 @@ impl LiveHealth {
     }
 }
 
-/// The direction in which the first images look.
+/// Usual direction, from the first images.
 #[derive(Debug, Default)]
 struct Usual {
     first: Vec<Turn>,
@@ -122,22 +110,21 @@ impl Usual {
         }
         self.first.push(measured.turn);
         let shift_px = median(self.first.iter().map(|turn| turn.shift_px));
-        let rolls = self.first.iter().map(|turn| DVec2::splat(turn.roll_rad));
+        let rolls = self.first.iter().map(|turn| turn.roll_rad);
         self.direction = Some(Turn {
             shift_px,
-            roll_rad: median(rolls).x,
+            roll_rad: median_or_zero(rolls),
         });
-        if self.first.len() >= FIRST_LOOKS && look.time_s - self.since_s >= FIRST_S {
+        if self.first.len() > 2 * AROUND_TICKS && look.time_s - self.since_s >= AROUND_S {
             self.is_final = true;
             self.first = Vec::new();
         }
     }
 }
 
-/// Motion of an aircraft that images should show.
+/// Expected image motion.
 #[derive(Debug, Default)]
 struct ExpectedMotion {
-    /// Boxes that count, the oldest first.
     boxes: VecDeque<(f64, PixelBox)>,
     /// Time of the image that the following ones equal, and their number.
     equal: Option<(f64, u32)>,
@@ -165,7 +152,7 @@ impl ExpectedMotion {
                 self.boxes.push_back((now_s, seen));
             }
         }
-        while (self.boxes.front()).is_some_and(|(at_s, _)| now_s - at_s > BOXES_S) {
+        while (self.boxes.front()).is_some_and(|(at_s, _)| now_s - at_s > 2.0 * MOVED_IN_S[2]) {
             self.boxes.pop_front();
         }
         self.last = Some((now_s, counted));
@@ -181,7 +168,7 @@ impl ExpectedMotion {
                 && self
                     .moved_px(now_s, seconds, seen)
                     .is_some_and(|[expected_px, moved_px]| {
-                        expected_px >= MIN_MOVED_PX && moved_px < MAX_MOVED_PART * expected_px
+                        expected_px >= MIN_MOVED_PX && MIN_RATIO * moved_px < expected_px
                     })
         })
     }
@@ -193,7 +180,7 @@ impl ExpectedMotion {
             .filter(|(at_s, _)| (start_s - seconds..=start_s).contains(at_s))
             .collect();
         let (first, last) = (before.first()?, before.last()?);
-        if before.len() < MIN_BOXES || last.0 - first.0 < MIN_PART * seconds {
+        if before.len() < MIN_BOXES || last.0 - first.0 < MIN_SPAN_PART * seconds {
             return None;
         }
         let rate = |value: fn(&PixelBox) -> f64| {
@@ -214,10 +201,10 @@ impl ExpectedMotion {
     }
 }
 
-/// Noise of a view's images.
+/// Image noise.
 #[derive(Debug, Default)]
 struct Noise {
-    /// Share of images that had noise, without those of a run of equal ones.
+    /// Share of noisy images, without runs of equal ones.
     share: f64,
     images: u32,
     /// Time of the last image that differed from the one before, the images since, and whether they are frozen.
@@ -237,10 +224,10 @@ impl Noise {
             let is_noisy = f64::from(u8::from(changed >= NOISY_ROWS));
             // An encoder leaves out noise between key frames.
             if !self.is_frozen {
-                self.share *= (1.0 - NEW_WEIGHT).powf(f64::from(self.equal));
+                self.share *= (1.0 - 1.0 / f64::from(MIN_NOISY)).powf(f64::from(self.equal));
             }
             self.images = self.images.saturating_add(1);
-            self.share += (is_noisy - self.share) * NEW_WEIGHT.max(1.0 / f64::from(self.images));
+            self.share += (is_noisy - self.share) / f64::from(self.images.min(MIN_NOISY));
             (self.changed_s, self.equal, self.is_frozen) = (now_s, 0, false);
             return false;
         }
@@ -252,7 +239,6 @@ impl Noise {
     }
 }
 
-/// Part of the rows that differ.
 fn changed_rows(before: &Luma<'_>, now: &Luma<'_>) -> f64 {
     let rows = (0..now.height_px.min(before.height_px)).step_by(ROW_STEP);
     let count = rows.len().max(1) as f64;

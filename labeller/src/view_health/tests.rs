@@ -147,7 +147,7 @@ fn an_image_in_which_the_aircraft_pauses_while_rain_falls_is_not_frozen() {
 
 #[test]
 fn equal_images_of_nothing_that_moves_are_not_frozen() {
-    // An encoder leaves out an aircraft that moves by a hundredth of a pixel.
+    // Encoders leave out an aircraft that moves by a hundredth of a pixel.
     let (looks, boxes) = flight(|tick| tick % 3 > 0, 0.01);
     assert!(
         judge(&looks, &boxes)

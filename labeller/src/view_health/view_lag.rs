@@ -1,12 +1,12 @@
-//! The lag of one camera's images behind another's, from where both see the same aircraft.
+//! Lag between two cameras' images, from an aircraft that both see.
 //!
-//! At one time the aircraft is on a line of the second view that the first one's pixel defines (epipolar). Images that were taken at
-//! another time show it off that line by its motion across it. That motion is mostly vertical: nearly none on the glide path far out, two
-//! pixels a second in level flight and near the runway. So the distance from the line, as a linear function of that motion, has the lag as
-//! its slope. Along the line, a lag cannot be told from a displacement of the aircraft.
+//! At any time, the aircraft is on the epipolar line of the first view's pixel in the second view. An image taken at a different time shows
+//! it off the line by its motion across the line. That motion is mostly vertical: almost none on the glide path far out, two pixels per
+//! second in level flight and near the runway. So the distance from the line is linear in the motion, and the lag is the slope. Along the
+//! line, lag and displacement cannot be distinguished.
 //!
-//! The cameras need not be known better than to half a degree: wrong directions, rolls and focal lengths displace the line by a linear
-//! function of the places in both images, which is fitted with the lag.
+//! Cameras may be wrong by half a degree: wrong directions, rolls and focal lengths displace the line by a linear function of the places in
+//! both images, which is fitted with the lag.
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{EpipolarLine, across_sd_px};
@@ -19,25 +19,21 @@ use crate::registration::Normal;
 const UNKNOWNS: usize = 5;
 const OF_PLACES: std::ops::Range<usize> = 1..4;
 const LAG: usize = 4;
-/// Unit of the places in the fit, pixels, and the weight of slopes of zero: no camera is turned so far that it matters where there are
-/// sightings from all over an approach.
+/// Unit of the places in the fit, px.
 const UNIT_PX: f64 = 1_000.0;
-/// Wrong cameras displace lines by 12 pixels in 1,000, as a standard deviation: two masts that are surveyed to half a degree. Within a few
-/// miles of the runway, all that fog leaves, the motion is nearly a linear function of the places, and errors of the motion would turn half
-/// of a lag into an error of the cameras.
+/// Weight of zero slopes. Wrong cameras displace lines by 12 px in 1,000 (standard deviation): two masts surveyed to half a degree. Within
+/// a few miles of the runway, the only part visible in fog, the motion is nearly a linear function of the places, and its errors would turn
+/// half of the lag into a camera error.
 const PRIOR_WEIGHT: f64 = 7e-3;
-/// Fewer sightings say nothing.
-const MIN_COUNT: f64 = 40.0;
-/// The flight's distances from the line have no smaller standard deviation, pixels.
-const MIN_SD_PX: f64 = 0.1;
-/// Residuals of so many standard deviations have half the weight, in so many rounds.
+/// Minimum number of sightings.
+const MIN_SIGHTINGS: usize = 40;
+/// Residual with half the weight, in standard deviations, and number of rounds.
 const CAUCHY: f64 = 2.5;
 const ROUNDS: usize = 20;
 
 /// An aircraft that two cameras see, in images whose times are the same as far as is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CommonSighting {
-    /// Factors of the unknowns.
     row: [f64; UNKNOWNS],
     /// Distance from the line in the second view, and its usual standard deviation.
     off_px: f64,
@@ -45,7 +41,7 @@ pub(crate) struct CommonSighting {
 }
 
 impl CommonSighting {
-    /// From its places in both images, its width, and its motion per second in the second view; `None` if no line is defined.
+    /// From places in both images, width, and motion per second in the second view; `None` without an epipolar line.
     pub(crate) fn of(
         cameras: [&Camera; 2],
         places_px: [DVec2; 2],
@@ -69,54 +65,28 @@ impl CommonSighting {
     }
 }
 
-/// Time by which the second view shows a later aircraft than its times say.
+/// Time difference between the views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TimeOffset {
-    /// To be added to the times of the second view, seconds: negative for images that are late.
+    /// Added to the second view's times, s: negative for late images.
     pub(crate) seconds: f64,
-    /// Its standard deviation, seconds.
     pub(crate) sd_s: f64,
 }
 
-/// Sums over sightings, from which the offset follows.
-#[derive(Debug, Clone)]
-struct TimeOffsetFit {
-    normal: Normal<UNKNOWNS>,
-}
-
-impl Default for TimeOffsetFit {
-    fn default() -> Self {
-        let mut normal = Normal::new();
-        for unknown in OF_PLACES {
-            let mut row = [0.0; UNKNOWNS];
-            row[unknown] = 1.0;
-            normal.add(&row, 0.0, PRIOR_WEIGHT);
-        }
-        Self { normal }
+/// Normal equations of the relation, with the prior for the cameras' errors.
+fn with_prior() -> Normal<UNKNOWNS> {
+    let mut normal = Normal::new();
+    for unknown in OF_PLACES {
+        let mut row = [0.0; UNKNOWNS];
+        row[unknown] = 1.0;
+        normal.add(&row, 0.0, PRIOR_WEIGHT);
     }
-}
-
-impl TimeOffsetFit {
-    fn add_weighted(&mut self, sighting: &CommonSighting, weight: f64) {
-        let weight = weight * sighting.sd_px.powi(-2);
-        self.normal.add(&sighting.row, sighting.off_px, weight);
-    }
-
-    /// `excess`: errors of the sightings in parts of their usual ones.
-    fn with_sd(&self, unknowns: &[f64; UNKNOWNS], excess: f64) -> Option<TimeOffset> {
-        let variance = self.normal.inverse()?[LAG][LAG];
-        let offset = TimeOffset {
-            seconds: unknowns[LAG],
-            sd_s: excess * variance.sqrt(),
-        };
-        (offset.seconds.is_finite() && offset.sd_s.is_finite()).then_some(offset)
-    }
+    normal
 }
 
 /// Relation of places in two views, as most sightings have it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewRelation {
-    /// The difference of the clocks.
     pub(crate) offset: TimeOffset,
     /// Standard deviation of the distances from the line that it leaves, pixels.
     pub(crate) sd_px: f64,
@@ -124,19 +94,19 @@ pub(crate) struct ViewRelation {
 }
 
 impl ViewRelation {
-    /// `None` of too few sightings.
     pub(crate) fn robust(sightings: &[CommonSighting]) -> Option<Self> {
-        if (sightings.len() as f64) < MIN_COUNT {
+        if sightings.len() < MIN_SIGHTINGS {
             return None;
         }
         let mut weights = vec![1.0; sightings.len()];
         let mut relation: Option<Self> = None;
         for _ in 0..ROUNDS {
-            let mut fit = TimeOffsetFit::default();
+            let mut normal = with_prior();
             for (sighting, weight) in sightings.iter().zip(&weights) {
-                fit.add_weighted(sighting, *weight);
+                let weight = weight * sighting.sd_px.powi(-2);
+                normal.add(&sighting.row, sighting.off_px, weight);
             }
-            let unknowns = fit.normal.solve()?;
+            let unknowns = normal.solve()?;
             let off_px = |sighting: &CommonSighting| sighting.off_px_by(&unknowns);
             let off = |sighting: &CommonSighting| off_px(sighting) / sighting.sd_px;
             // Errors that are larger than usual count, smaller ones may be chance.
@@ -144,16 +114,23 @@ impl ViewRelation {
             for (sighting, weight) in sightings.iter().zip(&mut weights) {
                 *weight = 1.0 / (1.0 + (off(sighting) / (CAUCHY * excess)).powi(2));
             }
+            let offset = TimeOffset {
+                seconds: unknowns[LAG],
+                sd_s: excess * normal.inverse()?[LAG][LAG].sqrt(),
+            };
+            if !(offset.seconds.is_finite() && offset.sd_s.is_finite()) {
+                return None;
+            }
             relation = Some(Self {
-                offset: fit.with_sd(&unknowns, excess)?,
-                sd_px: deviation_from_zero(sightings.iter().map(off_px)).max(MIN_SD_PX),
+                offset,
+                sd_px: deviation_from_zero(sightings.iter().map(off_px)),
                 unknowns,
             });
         }
         relation
     }
 
-    /// Distance of a sighting from where it should be, across the line of the second view, pixels down.
+    /// Signed distance from the expected line in the second view, px down.
     pub(crate) fn off_px(&self, sighting: &CommonSighting) -> f64 {
         sighting.off_px_by(&self.unknowns)
     }
@@ -188,7 +165,7 @@ mod tests {
         sightings_at(0..560, offset_s, roll_deg, 0.0)
     }
 
-    /// The same in some half seconds, with errors of the motion up to this, pixels per second.
+    /// Sightings in some half seconds, with motion errors up to this, px/s.
     fn sightings_at(
         half_seconds: std::ops::Range<u32>,
         offset_s: f64,

@@ -1,24 +1,23 @@
-//! The offset of a clock and its drift, from one arrival after another.
+//! Offset and drift of a clock, refined with every arrival.
 //!
-//! A straight line through lags by time, by least squares, of which each arrival adds its sums ([`LagLine`]). Before they tell more, the
-//! drift is expected to be small, as usual clocks have it.
+//! A straight line through lags over time, by least squares; each arrival adds its sums ([`LagLine`]). The prior expects the small drift of
+//! usual clocks.
 
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation of the unmeasured drift of a clock: of a recording, and of a stream, whose clock is followed by arrival times.
+/// Prior standard deviation of a recording's drift, and of a stream, whose clock follows arrival times.
 pub(crate) const RECORDING_DRIFT_SD: f64 = 100e-6;
 pub(crate) const STREAM_DRIFT_SD: f64 = 2e-6;
-/// An offset that was kept is of another start: its images came by other ways, seconds.
+/// Standard deviation of the change between two starts, s: images then take different ways.
 const RESTART_SD_S: f64 = 0.015;
 
-/// An offset of a clock at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Offset {
-    /// To be added to the times of the view, seconds.
+    /// Added to the view's times, s.
     pub(crate) offset_s: f64,
     pub(crate) sd_s: f64,
-    /// By how much that grows, seconds per million seconds.
+    /// Growth of the offset, s per million s.
     pub(crate) drift_ppm: f64,
     pub(crate) drift_sd_ppm: f64,
 }
@@ -32,8 +31,7 @@ impl Offset {
     }
 }
 
-/// Sums of a straight line through lags by time: of weights, times their times, and squared times; of weighted lags, and times their
-/// times.
+/// Sums for a line through lags over time: weights, weighted times and squared times, weighted lags and their products with the times.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sums {
     pub(crate) weight: f64,
@@ -54,7 +52,6 @@ impl Sums {
         }
     }
 
-    /// With this part of all weights.
     pub(crate) fn scaled(self, part: f64) -> Self {
         Self {
             weight: part * self.weight,
@@ -65,7 +62,7 @@ impl Sums {
         }
     }
 
-    /// With an error that all these lags have in common, of this standard deviation.
+    /// Adds an error with this standard deviation that all lags share.
     pub(crate) fn with_common_error(self, sd_s: f64) -> Self {
         let lost = (sd_s.powi(-2) + self.weight).recip();
         Self {
@@ -77,7 +74,7 @@ impl Sums {
         }
     }
 
-    /// The same, with times that are larger by this.
+    /// Sums with all times moved by `by_s`.
     fn later(self, by_s: f64) -> Self {
         Self {
             time: self.time + by_s * self.weight,
@@ -88,10 +85,9 @@ impl Sums {
     }
 }
 
-/// The lag of an arrival and its growth.
+/// An arrival's lag, and its growth.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LagLine {
-    /// Its times are counted from here.
     pub(crate) zero_s: f64,
     pub(crate) sums: Sums,
 }
@@ -104,16 +100,15 @@ impl LagLine {
     }
 }
 
-/// Offset and drift of a clock.
+/// Estimated offset and drift.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ClockOffset {
-    /// Times are counted from here.
     zero_s: Option<f64>,
     sums: Sums,
 }
 
 impl ClockOffset {
-    /// Of a clock of which only this is known about its drift, or what was kept of an earlier start.
+    /// Prior: the stored offset, else only the expected drift.
     pub(crate) fn of(kept: Option<Offset>, drift_sd: f64) -> Self {
         let (drift, drift_sd) = match kept {
             Some(kept) => (kept.drift_ppm * 1e-6, kept.drift_sd_ppm * 1e-6),
@@ -132,13 +127,12 @@ impl ClockOffset {
         }
     }
 
-    /// The same, known for this time.
     pub(crate) fn since(mut self, time_s: f64) -> Self {
         self.zero_s = Some(time_s);
         self
     }
 
-    /// With the lag of one more arrival.
+    /// Adds an arrival's lag.
     pub(crate) fn with(mut self, line: LagLine) -> Self {
         let zero_s = *self.zero_s.get_or_insert(line.zero_s);
         self.sums = self.sums.plus(line.sums.later(line.zero_s - zero_s));

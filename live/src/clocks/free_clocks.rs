@@ -4,33 +4,30 @@ use dataset::geometry::camera::Camera;
 
 use crate::clocks::clock_offset::{ClockOffset, LagLine, Offset};
 use crate::clocks::vertical_lag::{Sighting, VerticalLag};
+use crate::output::MAX_COASTING_S;
 
 /// An offset is used once its standard deviation is below this, seconds.
 const MAX_SD_S: f64 = 0.03;
-/// Above this, a known offset counts as unknown: the last arrival was long ago.
-const LOST_SD_S: f64 = 0.06;
-/// An arrival whose lag differs from the known offset by more standard deviations is the first one of a clock that was changed.
+/// An arrival whose lag differs by more standard deviations from the known offset shows that the clock was changed.
 const MAX_DEVIATIONS: f64 = 5.0;
-/// An arrival is over when no aircraft was seen for so long, seconds.
-const QUIET_S: f64 = 5.0;
 
-/// News about the clock of a view.
+/// Change of the offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum News {
-    /// Its offset is unknown.
+    /// The offset is unknown.
     Unknown,
-    /// Its offset at this time from now on, instead of the one before.
+    /// Offset from this time on.
     Known(Offset),
 }
 
-/// The clock of a view, compared with the first view's.
+/// A view's clock, compared with the first view's.
 #[derive(Debug)]
 pub(crate) struct FreeClock {
     cameras: [Camera; 2],
     drift_sd: f64,
     before: ClockOffset,
     arrival: VerticalLag,
-    /// With the arrival that is under way, if that tells anything yet.
+    /// Includes the arrival under way, if it has a lag yet.
     with_arrival: Option<ClockOffset>,
     /// The offset that is in use, and its time.
     used: Option<(f64, Offset)>,
@@ -57,17 +54,16 @@ impl FreeClock {
         }
     }
 
-    /// True if its offset is known.
     pub(crate) fn is_known(&self) -> bool {
         self.used.is_some()
     }
 
-    /// True if its offset is not only what was kept.
+    /// True if an arrival has been measured since the start.
     pub(crate) fn has_measured(&self) -> bool {
         self.has_measured
     }
 
-    /// The images come by another connection from now on.
+    /// The images take a different way from now on.
     pub(crate) fn restart(&mut self, time_s: f64) {
         self.end_arrival();
         self.before = ClockOffset::of(self.before.at(time_s), self.drift_sd).since(time_s);
@@ -75,7 +71,7 @@ impl FreeClock {
 
     /// Takes what both views see at a time.
     pub(crate) fn take(&mut self, time_s: f64, sighting: Option<Sighting>) -> Option<News> {
-        let is_over = time_s > self.sighted_s + QUIET_S && self.end_arrival();
+        let is_over = time_s > self.sighted_s + MAX_COASTING_S && self.end_arrival();
         let mut is_measured = false;
         if let Some(sighting) = sighting {
             self.sighted_s = time_s;
@@ -113,7 +109,7 @@ impl FreeClock {
         is_new.then(|| self.before.at(self.sighted_s)).flatten()
     }
 
-    /// Begins another arrival; true if the one before told something.
+    /// Begins a new arrival; true if the last one had a lag.
     fn end_arrival(&mut self) -> bool {
         let lag = self.arrival.lag();
         if !self.arrival.is_empty() {
@@ -127,7 +123,7 @@ impl FreeClock {
         lag.is_some()
     }
 
-    /// The offset with the lag of one more arrival.
+    /// The offset after this lag.
     fn joined(&self, lag: LagLine) -> ClockOffset {
         let alone = ClockOffset::of(None, self.drift_sd).with(lag);
         let is_other = || {
@@ -147,7 +143,7 @@ impl FreeClock {
     fn is_vague(&self, time_s: f64) -> bool {
         let is_vague = |clock: ClockOffset| {
             let now = clock.at(time_s);
-            now.is_none_or(|now| now.sd_s > LOST_SD_S)
+            now.is_none_or(|now| now.sd_s > 2.0 * MAX_SD_S)
         };
         is_vague(self.before) && self.with_arrival.is_none_or(is_vague)
     }

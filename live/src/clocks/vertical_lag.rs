@@ -1,13 +1,13 @@
-//! The lag between the clocks of two cameras, from where both see the same aircraft during an arrival.
+//! Lag between the clocks of two cameras, from an aircraft that both see during an arrival.
 //!
-//! At one time the aircraft is on a line of the other view that the first one's pixel defines (epipolar). Images of another time show it
-//! off that line by its motion across it during the lag. That motion is mostly vertical: nearly none on the glide path far out, two pixels
-//! a second in level flight and near the runway. So the distance from the line is a linear function of that motion, with the lag as its
-//! slope. Wrong directions, rolls and focal lengths of the cameras add a linear function of the places, which is fitted with the lag. Along
-//! the line, a lag cannot be told from a displacement of the aircraft.
+//! At any time, the aircraft is on the epipolar line of the first view's pixel in the other view. An image taken at a different time shows
+//! it off the line by its motion across the line during the lag. That motion is mostly vertical: almost none on the glide path far out, two
+//! pixels per second in level flight and near the runway. So the distance from the line is linear in the motion, and the lag is the slope.
+//! Camera errors (direction, roll, focal length) add a linear function of the places, which is fitted with the lag. Along the line, lag and
+//! displacement cannot be distinguished.
 //!
-//! The motion is read off the other view by its own clock, which no correction disturbs, in the middle of the lag. A motion is known less
-//! well than a place, so distances that a correction has left small count for more.
+//! The motion is measured in the other view by its own clock, uncorrected, in the middle of the lag. Motion is less certain than place, so
+//! distances after a correction weigh more.
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{EpipolarLine, LAG_STEP_S, across_sd_px};
@@ -17,10 +17,10 @@ use glam::DVec2;
 
 use crate::clocks::clock_offset::{ClockOffset, LagLine, Sums};
 
-/// Seconds between places that tell the motion, and the most of them that are kept.
+/// Time between the places for the motion, s, and their maximum number.
 const PLACE_STEP_S: f64 = 0.19;
 const MAX_PLACES: usize = 3_000;
-/// Standard deviation of one of them, pixels: boxes of ten recorded flights have 0.26 to 0.65.
+/// Standard deviation per place, px: boxes of ten recorded flights have 0.26 to 0.65.
 const PLACE_SD_PX: f64 = 0.4;
 /// The lag, its growth, the error of the directions, and its change with column and row in the first view and with the columns between the
 /// views.
@@ -31,19 +31,18 @@ const OF_PLACES: std::ops::Range<usize> = 3..6;
 const UNIT_PX: f64 = 1_000.0;
 const OF_PLACES_SD_PX: f64 = 0.06;
 /// Measurements before there is a lag, and the most that are kept.
-const MIN_COUNT: usize = 20;
-const MAX_COUNT: usize = 600;
-/// No lag of one arrival has a smaller standard deviation, seconds: light and shade change which parts the views show.
-const MIN_SD_S: f64 = 0.005;
+const MIN_MEASUREMENTS: usize = 20;
+const MAX_MEASUREMENTS: usize = 600;
+/// Minimum standard deviation of lags, s: light and shade change the visible parts.
+const MIN_LAG_SD_S: f64 = 0.005;
 /// A lag with a larger one is none, seconds.
-const MAX_SD_S: f64 = 1.0;
-/// Rounds in which the middle of the lag and the weights follow from the lag before.
+const MAX_LAG_SD_S: f64 = 1.0;
+/// Rounds of reweighting with the previous lag.
 const ROUNDS: usize = 3;
 
 /// An aircraft in the images of two cameras that have the same time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sighting {
-    /// The time, seconds.
     pub(crate) time_s: f64,
     /// Pixels of the same point of the aircraft in the first view and in the other.
     pub(crate) places_px: [DVec2; 2],
@@ -53,18 +52,18 @@ pub(crate) struct Sighting {
     pub(crate) added_s: f64,
 }
 
-/// Measures the lag of a camera from the first one over one arrival.
+/// Measures a camera's lag behind the first one over one arrival.
 #[derive(Debug, Clone)]
 pub(crate) struct VerticalLag {
     cameras: [Camera; 2],
     drift_sd: f64,
     /// Places in the other view, by its own clock.
     places: Vec<(f64, DVec2)>,
-    seen: Vec<Seen>,
+    seen: Vec<Measurement>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Seen {
+struct Measurement {
     time_s: f64,
     /// Column and row in the first view, and columns between the views, in units of [`UNIT_PX`].
     places: [f64; 3],
@@ -77,13 +76,13 @@ struct Seen {
 
 /// A measurement with the motion across the line.
 struct Moving {
-    seen: Seen,
+    seen: Measurement,
     motion_px_s: f64,
     weight: f64,
 }
 
 impl VerticalLag {
-    /// For the first view's camera and another one. `drift_sd`: see [`ClockOffset::of`].
+    /// `drift_sd`: see [`ClockOffset::of`].
     pub(crate) fn between(cameras: [Camera; 2], drift_sd: f64) -> Self {
         Self {
             cameras,
@@ -93,7 +92,7 @@ impl VerticalLag {
         }
     }
 
-    /// Takes where both cameras see the aircraft, in the order of time; true if that is another measurement.
+    /// Takes sightings in the order of time; true if this one is measured.
     pub(crate) fn take(&mut self, sighting: Sighting) -> bool {
         let Sighting {
             time_s,
@@ -112,7 +111,7 @@ impl VerticalLag {
         let Some(line) = EpipolarLine::of([first, other], first_px) else {
             return false;
         };
-        let seen = Seen {
+        let seen = Measurement {
             time_s,
             places: [first_px.x, first_px.y, other_px.x - first_px.x].map(|px| px / UNIT_PX),
             across: line.across,
@@ -120,11 +119,10 @@ impl VerticalLag {
             sd_px: across_sd_px(sighting.width_px),
             added_s,
         };
-        push(&mut self.seen, seen, MAX_COUNT);
+        push(&mut self.seen, seen, MAX_MEASUREMENTS);
         true
     }
 
-    /// True if nothing was taken yet.
     pub(crate) fn is_empty(&self) -> bool {
         self.seen.is_empty()
     }
@@ -149,7 +147,7 @@ impl VerticalLag {
 
     /// The measurements whose motion is known, for about this lag.
     fn moving(&self, lag_s: f64) -> Vec<Moving> {
-        let moving = |seen: &Seen| {
+        let moving = |seen: &Measurement| {
             let left_s = lag_s - seen.added_s;
             let motion = motion_at(&self.places, seen.time_s - (seen.added_s + lag_s) / 2.0)?;
             let unknown_px = left_s * motion.unit_sd_per_s * PLACE_SD_PX;
@@ -165,7 +163,7 @@ impl VerticalLag {
 
 /// The lag and its growth by least squares, whatever the cameras' errors.
 fn line_through(moving: &[Moving], zero_s: f64, drift_sd: f64) -> Option<LagLine> {
-    if moving.len() < MIN_COUNT {
+    if moving.len() < MIN_MEASUREMENTS {
         return None;
     }
     let mut normal = NormalEquations::new(UNKNOWNS);
@@ -207,9 +205,9 @@ fn line_through(moving: &[Moving], zero_s: f64, drift_sd: f64) -> Option<LagLine
         lag_times_time: time * unknowns[0] + time_squared * unknowns[1],
     };
     let sums = sums.scaled(excess.max(1.0).recip());
-    (sums.weight > MAX_SD_S.powi(-2)).then(|| LagLine {
+    (sums.weight > MAX_LAG_SD_S.powi(-2)).then(|| LagLine {
         zero_s,
-        sums: sums.with_common_error(MIN_SD_S),
+        sums: sums.with_common_error(MIN_LAG_SD_S),
     })
 }
 
@@ -263,7 +261,7 @@ mod tests {
         at.to_ecef()
     }
 
-    /// The lag at the end that is found if the other view's clock is slow by this, of which `added_s` of the time was added already.
+    /// The final lag for a clock that is slow by `slow_s`, with `added_s` already added.
     fn found(slow_s: impl Fn(f64) -> f64, added_s: impl Fn(f64) -> f64, gust_m: f64) -> Offset {
         const LASTS_S: u32 = 250;
         let cameras = cameras();

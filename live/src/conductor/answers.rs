@@ -6,15 +6,9 @@ use std::time::SystemTime;
 use chrono::{DateTime, SecondsFormat, Utc};
 use trainer::live as online;
 
-use crate::output::line::{Answer, AnswerState};
-use crate::shared::Pace;
+use crate::options::Pace;
+use crate::output::{Answer, AnswerState, MAX_COASTING_S, MAX_FRESH_S};
 
-/// No answer is fresh whose images are older, seconds.
-pub(crate) const MAX_FRESH_S: f64 = 0.3;
-/// An aircraft is predicted for this long without images of it, seconds.
-pub(crate) const MAX_COASTING_S: f64 = 5.0;
-
-/// Says what is known.
 pub(crate) struct Answers {
     views: Vec<String>,
     pace: Pace,
@@ -31,8 +25,7 @@ impl Answers {
         }
     }
 
-    /// The answers at a time; `age_s`: age of its images now. An aircraft is lost once, and then there are no more answers about it until
-    /// it is seen again.
+    /// Answers at a time. `age_s`: current age of the images. A lost aircraft is reported once.
     pub(crate) fn of(
         &mut self,
         found: Vec<online::Answer>,
@@ -63,7 +56,8 @@ impl Answers {
             } else if state != AnswerState::Lost {
                 all.push(Answer {
                     phase,
-                    ..lost(track, time_s, &time_utc, age_s)
+                    time_utc: time_utc.clone(),
+                    ..Answer::lost(track, time_s, age_s)
                 });
             }
         }
@@ -110,31 +104,9 @@ impl Answers {
                 .map(|view| self.views[*view].clone())
                 .collect(),
             state,
-            ..lost(aircraft.aircraft, time_s, time_utc, age_s)
+            time_utc: time_utc.clone(),
+            ..Answer::lost(aircraft.aircraft, time_s, age_s)
         }
-    }
-}
-
-/// An aircraft of which nothing is known any more.
-fn lost(track: u32, time_s: f64, time_utc: &Option<String>, age_s: f64) -> Answer {
-    Answer {
-        time_s,
-        time_utc: time_utc.clone(),
-        track,
-        phase: online::Phase::Other.word(),
-        dtd_m: None,
-        dtd_sd_m: None,
-        dtd_from_m: None,
-        dtd_to_m: None,
-        ground_speed_mps: None,
-        time_to_touchdown_s: None,
-        latitude_deg: None,
-        longitude_deg: None,
-        height_m: None,
-        position_sd_m: None,
-        views: Vec::new(),
-        age_s,
-        state: AnswerState::Lost,
     }
 }
 

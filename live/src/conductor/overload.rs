@@ -1,15 +1,13 @@
 //! Reports of images that were not searched, and of lines that no reader took.
 
-use crate::output::line::Event;
+use crate::output::Event;
 use crate::output::metrics::{Fate, Metrics};
 
 /// Seconds between two reports.
-const BETWEEN_S: f64 = 5.0;
+const REPORT_INTERVAL_S: f64 = 5.0;
 
-/// Counts that were reported.
 pub(crate) struct Overload {
     reported_s: f64,
-    /// Images by view.
     not_searched: Vec<u64>,
     dropped_lines: u64,
 }
@@ -23,14 +21,14 @@ impl Overload {
         }
     }
 
-    /// The event about what came since the last report, if it is time for one. `names`: of the views.
+    /// The event about the time since the last report, if a report is due. `time_s`: the event's time, `names`: names of the views.
     pub(crate) fn news(
         &mut self,
-        now_s: f64,
+        [now_s, time_s]: [f64; 2],
         metrics: &Metrics,
         names: &mut dyn Iterator<Item = &String>,
-    ) -> Option<impl FnOnce(f64) -> Event + use<>> {
-        if now_s < self.reported_s + BETWEEN_S {
+    ) -> Option<Event> {
+        if now_s < self.reported_s + REPORT_INTERVAL_S {
             return None;
         }
         self.reported_s = now_s;
@@ -42,7 +40,7 @@ impl Overload {
         let now = metrics.dropped_lines();
         let dropped_lines = now - std::mem::replace(&mut self.dropped_lines, now);
         let is_news = dropped_lines > 0 || not_searched.iter().any(|(_, images)| *images > 0);
-        is_news.then_some(move |time_s| Event::Overload {
+        is_news.then_some(Event::Overload {
             time_s,
             not_searched,
             dropped_lines,
@@ -59,7 +57,7 @@ mod tests {
         let names = ["left".to_owned(), "right".to_owned()];
         let metrics = Metrics::new(String::new(), &names);
         let mut overload = Overload::of(2);
-        let mut news = |now_s| Some(overload.news(now_s, &metrics, &mut names.iter())?(now_s));
+        let mut news = |now_s| overload.news([now_s; 2], &metrics, &mut names.iter());
         assert!(news(10.0).is_none());
         metrics.count(1, Fate::Overload);
         assert!(news(11.0).is_none(), "too soon");

@@ -1,27 +1,25 @@
-//! Images of several views that belong together: each with the nearest of the others, at most about half a frame away.
+//! Pairs the images of several views: each with the nearest images of the others, at most about half a frame away.
 //!
-//! The earliest image decides. It waits for a view that may still deliver a nearer one, until that one is overdue by [`MAX_WAIT_S`].
-//! Clocks may differ by seconds (`--offset`): images of one time then come one after the other, so the lag of each view is followed.
+//! The earliest image decides. It waits for views that may still deliver a nearer image, until that image is overdue by [`MAX_WAIT_S`].
+//! Clocks may differ by seconds (`--offset`), so paired images may arrive far apart, and each view's lag is followed.
 
 use std::collections::VecDeque;
 
-/// Seconds by which an image of another view may be overdue. Recordings wait until they end.
-const MAX_WAIT_S: f64 = 0.1;
-/// No image is held for longer, seconds.
-const MAX_HELD_S: f64 = 5.0;
+use crate::clock::{LEARNED_PART, UsualInterval};
+use crate::output::MAX_COASTING_S;
+use crate::views::search::MAX_WAIT_S;
+
 /// Images belong together if they are not further apart than this part of the usual time between images.
 const PART_OF_PERIOD: f64 = 0.55;
-/// Part by which a new interval changes the usual time.
-const LEARNED_PART: f64 = 0.05;
 /// Images that wait in a lane, at most.
 const MAX_WAITING: usize = 256;
 
-/// Images of one time.
+/// Paired images.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Joined<T> {
     /// The time of the first view's image, else of the earliest.
     pub(crate) time_s: f64,
-    /// Of each view that has one: its own time, and what it is.
+    /// Time and content, by view.
     pub(crate) images: Vec<Option<(f64, T)>>,
 }
 
@@ -36,11 +34,10 @@ pub(crate) struct Pairing<T> {
 #[derive(Debug)]
 struct Lane<T> {
     waiting: VecDeque<Waiting<T>>,
-    /// True if it will deliver more.
     is_live: bool,
     last_s: Option<f64>,
-    period_s: Option<f64>,
-    /// Seconds from the time of an image to its coming: grows at once, and shrinks slowly.
+    period_s: UsualInterval,
+    /// Delay from an image's time to its arrival, s: grows at once, and shrinks slowly.
     lag_s: Option<f64>,
 }
 
@@ -57,7 +54,7 @@ impl<T> Pairing<T> {
             waiting: VecDeque::new(),
             is_live: true,
             last_s: None,
-            period_s: None,
+            period_s: UsualInterval::default(),
             lag_s: None,
         };
         Self {
@@ -72,15 +69,12 @@ impl<T> Pairing<T> {
         self.lanes[view].is_live = is_live;
     }
 
-    /// Takes an image of a view that came at `now_s`.
+    /// Takes an image that arrived at `now_s`.
     pub(crate) fn put(&mut self, view: usize, time_s: f64, now_s: f64, content: T) {
         let lane = &mut self.lanes[view];
         let between_s = lane.last_s.replace(time_s).map(|last_s| time_s - last_s);
         if let Some(between_s) = between_s.filter(|between_s| *between_s > 0.0) {
-            let period_s = lane.period_s.get_or_insert(between_s);
-            // After a gap the old one still holds.
-            let between_s = between_s.min(2.0 * *period_s);
-            *period_s += LEARNED_PART * (between_s - *period_s);
+            lane.period_s.learn(between_s, 2.0);
         }
         let lag_s = now_s - time_s;
         lane.lag_s = Some(match lane.lag_s {
@@ -108,7 +102,7 @@ impl<T> Pairing<T> {
             let lag_s = live
                 .filter_map(|lane| lane.lag_s)
                 .fold(came_s - time_s, f64::max);
-            let due_s = (time_s + lag_s + MAX_WAIT_S).min(came_s + MAX_HELD_S);
+            let due_s = (time_s + lag_s + MAX_WAIT_S).min(came_s + MAX_COASTING_S);
             let is_due = !self.waits_forever && now_s >= due_s;
             let must_wait = |lane: &Lane<T>| lane.is_live && lane.waiting.is_empty();
             if !is_due && self.lanes.iter().any(must_wait) {
@@ -134,7 +128,7 @@ impl<T> Pairing<T> {
     }
 
     fn tolerance_s(&self) -> f64 {
-        let periods = self.lanes.iter().filter_map(|lane| lane.period_s);
+        let periods = self.lanes.iter().filter_map(|lane| lane.period_s.get());
         PART_OF_PERIOD * periods.min_by(f64::total_cmp).unwrap_or(0.0)
     }
 }

@@ -1,4 +1,4 @@
-//! Motion of the boxes of a view, to say where an aircraft was a moment before or after an image.
+//! Box motion, to move boxes between image times.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -7,16 +7,16 @@ use dataset::tables::registrations::Shift;
 
 /// Seconds of boxes that tell the motion, and the fewest boxes.
 const SPAN_S: f64 = 1.0;
-const MIN_COUNT: usize = 5;
+const MIN_BOXES: usize = 5;
 /// A box is moved by at most this time, seconds: half a frame of the slowest camera whose motion is known.
 const MAX_MOVED_S: f64 = 0.12;
 
-/// Places of the tracks of a view in the last second.
+/// Track positions in the last second.
 #[derive(Debug, Default)]
 pub(crate) struct TrackMotion(BTreeMap<u32, VecDeque<[f64; 3]>>);
 
 impl TrackMotion {
-    /// Takes the boxes of an image, and forgets tracks that have none for a second.
+    /// Takes the boxes of the next image. Tracks without boxes for a second are forgotten.
     pub(crate) fn take<'a>(
         &mut self,
         time_s: f64,
@@ -37,12 +37,12 @@ impl TrackMotion {
         });
     }
 
-    /// By how much a track moves in so many seconds, right and down, pixels; zero where that is not known.
+    /// A track's motion over `seconds`, right and down, px; zero if unknown.
     pub(crate) fn moved_px(&self, track: u32, seconds: f64) -> [f64; 2] {
         let Some(places) = self
             .0
             .get(&track)
-            .filter(|places| places.len() >= MIN_COUNT)
+            .filter(|places| places.len() >= MIN_BOXES)
         else {
             return [0.0; 2];
         };
@@ -64,7 +64,6 @@ impl TrackMotion {
     }
 }
 
-/// A box that was moved.
 pub(crate) fn moved_box(seen: PixelBox, [right_px, down_px]: [f64; 2]) -> PixelBox {
     PixelBox {
         cx_px: seen.cx_px + right_px,

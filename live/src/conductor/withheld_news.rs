@@ -4,21 +4,17 @@ use std::collections::BTreeSet;
 
 use trainer::live::{Answer, Withheld};
 
-use crate::output::line::Event;
+use crate::output::Event;
 
-/// The aircraft of which an event said so.
+/// Aircraft that have had an event.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct WithheldNews {
     said: BTreeSet<u32>,
 }
 
 impl WithheldNews {
-    /// The events about what is in sight now, one for each aircraft. `views`: the names of all views.
-    pub(crate) fn next(
-        &mut self,
-        found: &[Answer],
-        views: &[String],
-    ) -> Vec<impl FnOnce(f64) -> Event + use<>> {
+    /// Events for newly withheld aircraft. `views`: the names of all views.
+    pub(crate) fn next(&mut self, time_s: f64, found: &[Answer], views: &[String]) -> Vec<Event> {
         let is_in_sight = |track: &u32| found.iter().any(|of| of.aircraft == *track);
         self.said.retain(is_in_sight);
         let withheld = found.iter().filter_map(|of| {
@@ -30,7 +26,7 @@ impl WithheldNews {
         let events = withheld.map(|(track, withheld)| {
             let names = withheld.views.iter().map(|view| views[*view].clone());
             let (views, why) = (names.collect(), why(withheld));
-            move |time_s| Event::Withheld {
+            Event::Withheld {
                 time_s,
                 track,
                 views,
@@ -79,9 +75,9 @@ mod tests {
     fn each_aircraft_is_said_once_to_be_withheld_and_another_one_again() {
         let views = ["left".to_owned(), "right".to_owned()];
         let mut news = WithheldNews::default();
-        assert_eq!(news.next(&[seen(3, None)], &views).len(), 0);
-        let mut events = news.next(&[seen(3, Some(57.0)), seen(4, None)], &views);
-        let event = events.pop().unwrap()(12.0);
+        assert_eq!(news.next(12.0, &[seen(3, None)], &views).len(), 0);
+        let mut events = news.next(12.0, &[seen(3, Some(57.0)), seen(4, None)], &views);
+        let event = events.pop().unwrap();
         assert!(events.is_empty());
         let Event::Withheld {
             time_s,
@@ -94,9 +90,9 @@ mod tests {
         };
         assert_eq!((time_s, track, named), (12.0, 3, vec!["right".to_owned()]));
         assert!(why.contains("57 px") && why.contains("limit 9 px"), "{why}");
-        assert_eq!(news.next(&[seen(3, Some(58.0))], &views).len(), 0);
-        assert_eq!(news.next(&[seen(5, Some(58.0))], &views).len(), 1);
+        assert_eq!(news.next(12.0, &[seen(3, Some(58.0))], &views).len(), 0);
+        assert_eq!(news.next(12.0, &[seen(5, Some(58.0))], &views).len(), 1);
         // Out of sight and back under the same number.
-        assert_eq!(news.next(&[seen(3, Some(58.0))], &views).len(), 1);
+        assert_eq!(news.next(12.0, &[seen(3, Some(58.0))], &views).len(), 1);
     }
 }

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
-use crate::options::Decoder;
+use crate::source::Decoder;
 
 /// Settings of `dtd estimate`. Unknown keys are rejected. Paths are relative to the folder in which the command runs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,39 +1,31 @@
 //! Answers and events as lines of JSON, on a thread of their own: whoever reads them slowly delays nothing.
 
-use std::collections::VecDeque;
 use std::io::{self, Write};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::conductor::answers::{MAX_COASTING_S, MAX_FRESH_S};
 use crate::error::{Error, Result};
-use crate::output::line::{AnswerState, Line};
 use crate::output::metrics::Metrics;
+use crate::output::{AnswerState, Line, MAX_COASTING_S, MAX_FRESH_S};
+use crate::queue::{Queue, Taken, lock};
 
-/// Lines that wait for a reader; then the oldest is dropped.
+/// Maximum number of lines that wait for a reader; then the oldest is dropped.
 const MAX_WAITING: usize = 2_000;
+/// Interval between the writer's looks at an empty queue.
+const WAIT: Duration = Duration::from_millis(500);
 
-/// Output of lines.
 pub(crate) struct Lines {
-    queue: Arc<Queue>,
+    writer: Arc<Writer>,
+    thread: JoinHandle<()>,
 }
 
-struct Queue {
-    state: Mutex<State>,
-    changed: Condvar,
+struct Writer {
+    waiting: Queue<(Line, Instant)>,
+    failure: Mutex<Option<io::Error>>,
     metrics: Arc<Metrics>,
     /// Time passes: answers grow older while they wait.
     is_timed: bool,
-}
-
-#[derive(Default)]
-struct State {
-    waiting: VecDeque<(Line, Instant)>,
-    is_closed: bool,
-    /// The writer took a line and has not written it yet.
-    is_writing: bool,
-    failure: Option<io::Error>,
 }
 
 impl Lines {
@@ -43,37 +35,34 @@ impl Lines {
         metrics: Arc<Metrics>,
         is_timed: bool,
     ) -> Result<Self> {
-        let queue = Arc::new(Queue {
-            state: Mutex::default(),
-            changed: Condvar::new(),
+        let writer = Arc::new(Writer {
+            waiting: Queue::of(MAX_WAITING),
+            failure: Mutex::default(),
             metrics,
             is_timed,
         });
-        let of_thread = queue.clone();
-        thread::Builder::new()
+        let of_thread = writer.clone();
+        let thread = thread::Builder::new()
             .name("lines".into())
-            .spawn(move || of_thread.write_to(output))
+            .spawn(move || of_thread.run(output))
             .map_err(Error::Thread)?;
-        Ok(Self { queue })
+        Ok(Self { writer, thread })
     }
 
     /// Puts a line in the queue, at once.
-    pub(crate) fn put(&self, line: &Line) {
-        let mut state = self.queue.lock();
-        if state.waiting.len() >= MAX_WAITING {
-            state.waiting.pop_front();
-            self.queue.metrics.count_dropped_line();
+    pub(crate) fn put(&self, line: Line) {
+        let dropped = self.writer.waiting.put((line, Instant::now()));
+        if dropped.is_some() {
+            self.writer.metrics.count_dropped_line();
         }
-        state.waiting.push_back((line.clone(), Instant::now()));
-        self.queue.changed.notify_all();
     }
 
     /// False once the reader of the lines is gone.
     ///
     /// # Errors
-    /// The output takes no more lines for another reason.
+    /// The output takes no more lines for a different reason.
     pub(crate) fn has_reader(&self) -> Result<bool> {
-        match &self.queue.lock().failure {
+        match &*lock(&self.writer.failure) {
             None => Ok(true),
             Some(failure) if failure.kind() == io::ErrorKind::BrokenPipe => Ok(false),
             Some(failure) => Err(Error::Output(copy_of(failure))),
@@ -85,20 +74,28 @@ impl Lines {
     /// # Errors
     /// The output takes no more lines, although somebody reads it.
     pub(crate) fn finish(self, most: Duration) -> Result<()> {
-        let mut state = self.queue.lock();
-        state.is_closed = true;
-        self.queue.changed.notify_all();
-        let is_busy = |state: &mut State| {
-            state.failure.is_none() && (state.is_writing || !state.waiting.is_empty())
-        };
-        drop(self.queue.changed.wait_timeout_while(state, most, is_busy));
+        self.writer.waiting.close();
+        let until = Instant::now() + most;
+        while !self.thread.is_finished() && Instant::now() < until {
+            thread::sleep(Duration::from_millis(2));
+        }
         self.has_reader().map(drop)
     }
 }
 
-impl Queue {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+impl Writer {
+    fn run(&self, mut output: Box<dyn Write + Send>) {
+        loop {
+            let (line, since) = match self.waiting.take(WAIT) {
+                Taken::Content(waited) => waited,
+                Taken::Nothing => continue,
+                Taken::Closed => return,
+            };
+            if let Err(failure) = self.write(&mut *output, line, since.elapsed()) {
+                *lock(&self.failure) = Some(failure);
+                return;
+            }
+        }
     }
 
     fn write(&self, output: &mut dyn Write, line: Line, waited: Duration) -> io::Result<()> {
@@ -113,29 +110,6 @@ impl Queue {
         };
         let text = serde_json::to_string(&line)?;
         writeln!(output, "{text}").and_then(|()| output.flush())
-    }
-
-    fn write_to(&self, mut output: Box<dyn Write + Send>) {
-        let mut state = self.lock();
-        loop {
-            if let Some((line, since)) = state.waiting.pop_front() {
-                state.is_writing = true;
-                drop(state);
-                let written = self.write(&mut *output, line, since.elapsed());
-                state = self.lock();
-                state.is_writing = false;
-                state.failure = written.err();
-                self.changed.notify_all();
-                if state.failure.is_some() {
-                    return;
-                }
-            } else if state.is_closed {
-                return;
-            } else {
-                let waited = self.changed.wait(state);
-                state = waited.unwrap_or_else(PoisonError::into_inner);
-            }
-        }
     }
 }
 
@@ -169,7 +143,7 @@ mod tests {
     use std::sync::mpsc::{Receiver, Sender, channel};
 
     use super::*;
-    use crate::output::line::{Answer, Event};
+    use crate::output::{Answer, Event};
 
     /// A reader that takes a line when it is told to.
     struct Slow(Receiver<()>, Sender<String>);
@@ -204,7 +178,7 @@ mod tests {
         let (texts, _read) = channel();
         let lines = Lines::to(Box::new(Slow(wait, texts)), metrics.clone(), true).unwrap();
         for number in 0..MAX_WAITING as u32 + 10 {
-            lines.put(&offset(number));
+            lines.put(offset(number));
         }
         // The writer holds one.
         assert!((9..=10).contains(&metrics.dropped_lines()));
@@ -218,7 +192,7 @@ mod tests {
         let (texts, _read) = channel();
         let lines = Lines::to(Box::new(Slow(wait, texts)), metrics, true).unwrap();
         drop(go);
-        lines.put(&offset(1));
+        lines.put(offset(1));
         while lines.has_reader().unwrap() {
             thread::yield_now();
         }
@@ -231,7 +205,7 @@ mod tests {
         let metrics = Arc::new(Metrics::new(String::new(), &[]));
         let full = std::fs::File::create("/dev/full").unwrap();
         let lines = Lines::to(Box::new(full), metrics, true).unwrap();
-        lines.put(&offset(1));
+        lines.put(offset(1));
         let error = loop {
             match lines.has_reader() {
                 Ok(has_reader) => assert!(has_reader, "somebody could read it"),
@@ -245,23 +219,9 @@ mod tests {
 
     fn answer(age_s: f64, state: AnswerState) -> Answer {
         Answer {
-            time_s: 10.0,
-            time_utc: None,
-            track: 1,
-            phase: "arrival",
             dtd_m: Some(9_000.0),
-            dtd_sd_m: None,
-            dtd_from_m: None,
-            dtd_to_m: None,
-            ground_speed_mps: None,
-            time_to_touchdown_s: None,
-            latitude_deg: None,
-            longitude_deg: None,
-            height_m: None,
-            position_sd_m: None,
-            views: vec!["left".into()],
-            age_s,
             state,
+            ..Answer::lost(1, 10.0, age_s)
         }
     }
 

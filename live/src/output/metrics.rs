@@ -1,12 +1,11 @@
-//! Counts and times of a live estimation, as text in the OpenMetrics format.
+//! Counters and latencies of the live estimation, in the OpenMetrics format.
 
 use std::fmt::{self, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use crate::output::line::AnswerState;
+use crate::output::AnswerState;
 use crate::view_state::ViewState;
 
-/// Fate of a decoded image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fate {
     Searched,
@@ -17,23 +16,24 @@ pub(crate) enum Fate {
     Dark,
     Moved,
     OtherSize,
-    /// Its time is not after the one before.
+    /// The time is not after the previous image's.
     Disordered,
 }
 
 impl Fate {
-    const ALL: [Self; 8] = [
-        Self::Searched,
-        Self::Overload,
-        Self::Damaged,
-        Self::Frozen,
-        Self::Dark,
-        Self::Moved,
-        Self::OtherSize,
-        Self::Disordered,
+    /// Names in the order of the variants.
+    const NAMES: [&'static str; 8] = [
+        "searched",
+        "overload",
+        "damaged",
+        "frozen",
+        "dark",
+        "moved",
+        "other_size",
+        "disordered",
     ];
 
-    /// Fate of the images of a view in this state.
+    /// Fate of images in this state.
     pub(crate) fn of(state: ViewState) -> Self {
         match state {
             ViewState::Frozen => Self::Frozen,
@@ -42,53 +42,25 @@ impl Fate {
             _ => Self::Damaged,
         }
     }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Searched => "searched",
-            Self::Overload => "overload",
-            Self::Damaged => "damaged",
-            Self::Frozen => "frozen",
-            Self::Dark => "dark",
-            Self::Moved => "moved",
-            Self::OtherSize => "other_size",
-            Self::Disordered => "disordered",
-        }
-    }
 }
 
 /// A part of the way from a packet to an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Stage {
-    /// From the arrival of the last packet to the decoded image.
+    /// Last packet's arrival to decoded image.
     Decode,
     /// Until the search begins.
     Wait,
     Search,
-    /// From the later image of a pair to the answer.
+    /// Pair's later image to answer.
     Join,
-    /// From the arrival of the last packet of the later image to the answer.
+    /// Arrival of the later image's last packet to answer.
     Total,
 }
 
 impl Stage {
-    const ALL: [Self; 5] = [
-        Self::Decode,
-        Self::Wait,
-        Self::Search,
-        Self::Join,
-        Self::Total,
-    ];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Decode => "decode",
-            Self::Wait => "wait",
-            Self::Search => "search",
-            Self::Join => "join",
-            Self::Total => "total",
-        }
-    }
+    /// Names in the order of the variants.
+    const NAMES: [&'static str; 5] = ["decode", "wait", "search", "join", "total"];
 }
 
 /// Upper ends of the histogram's classes, milliseconds: no wider than 5 ms up to 0.1 s, and than a quarter up to 1 s.
@@ -102,7 +74,7 @@ const CLASSES_MS: [u64; 41] = [
 pub(crate) struct Metrics {
     run: String,
     views: Vec<OfView>,
-    latencies: [Histogram; Stage::ALL.len()],
+    latencies: [Histogram; Stage::NAMES.len()],
     answers: AtomicU64,
     /// When the last fresh answer was made, milliseconds since the start of the program; 0: none yet.
     last_fresh_ms: AtomicU64,
@@ -112,7 +84,7 @@ pub(crate) struct Metrics {
 #[derive(Debug)]
 struct OfView {
     name: String,
-    fates: [AtomicU64; Fate::ALL.len()],
+    fates: [AtomicU64; Fate::NAMES.len()],
     state: AtomicUsize,
     reopened: AtomicU64,
 }
@@ -125,7 +97,6 @@ struct Histogram {
 }
 
 impl Metrics {
-    /// For a run with this hash, and views of these names.
     pub(crate) fn new(run: String, views: &[String]) -> Self {
         let of_view = |name: &String| OfView {
             name: name.clone(),
@@ -147,14 +118,13 @@ impl Metrics {
         self.views[view].fates[fate as usize].fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Images of a view with this fate.
     pub(crate) fn images(&self, view: usize, fate: Fate) -> u64 {
         self.views[view].fates[fate as usize].load(Ordering::Relaxed)
     }
 
-    /// Images of a view.
     pub(crate) fn all_images(&self, view: usize) -> u64 {
-        Fate::ALL.iter().map(|fate| self.images(view, *fate)).sum()
+        let fates = self.views[view].fates.iter();
+        fates.map(|count| count.load(Ordering::Relaxed)).sum()
     }
 
     pub(crate) fn has_images(&self, view: usize) -> bool {
@@ -196,7 +166,7 @@ impl Metrics {
         self.dropped_lines.load(Ordering::Relaxed)
     }
 
-    /// All of it in the OpenMetrics format. `now_s`: seconds since the start of the program.
+    /// Text in the OpenMetrics format. `now_s`: seconds since the start.
     pub(crate) fn text(&self, now_s: f64) -> String {
         let mut text = String::new();
         // Writing to a string does not fail.
@@ -209,8 +179,8 @@ impl Metrics {
         writeln!(to, "dtd_run_info{{blake3=\"{}\"}} 1", self.run)?;
         writeln!(to, "# TYPE dtd_images counter")?;
         for view in &self.views {
-            for (fate, count) in Fate::ALL.iter().zip(&view.fates) {
-                let (name, fate) = (quoted(&view.name), fate.name());
+            for (fate, count) in Fate::NAMES.iter().zip(&view.fates) {
+                let name = quoted(&view.name);
                 let count = count.load(Ordering::Relaxed);
                 writeln!(
                     to,
@@ -241,8 +211,8 @@ impl Metrics {
         }
         writeln!(to, "# TYPE dtd_latency_seconds histogram")?;
         writeln!(to, "# UNIT dtd_latency_seconds seconds")?;
-        for (stage, histogram) in Stage::ALL.iter().zip(&self.latencies) {
-            histogram.write(to, stage.name())?;
+        for (stage, histogram) in Stage::NAMES.iter().zip(&self.latencies) {
+            histogram.write(to, stage)?;
         }
         writeln!(to, "# TYPE dtd_answers counter")?;
         writeln!(
@@ -294,7 +264,6 @@ impl Histogram {
     }
 }
 
-/// The value of a label.
 fn quoted(text: &str) -> String {
     text.replace('\\', "\\\\")
         .replace('"', "\\\"")

@@ -9,7 +9,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::routing::get;
 use tokio::runtime::Builder;
 
-use crate::clocks::clock::RunClock;
+use crate::clock::RunClock;
 use crate::error::{Error, Result};
 use crate::output::metrics::Metrics;
 

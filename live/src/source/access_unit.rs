@@ -1,9 +1,9 @@
-//! Joins the pieces of RTP packets to coded images without waiting for the next image.
+//! Joins pieces of RTP packets to coded images without waiting for the next image.
 //!
-//! FFmpeg's parser ends an image when the next one begins, a whole frame later. Without it each piece of a packet comes at once: one that
-//! begins a unit (start code and header) or continues it, all pieces of an image with one timestamp. The end of an image is not marked, but
-//! streams are regular: an image has so many slices, and its last piece is shorter than the largest of its kind. An image is handed over
-//! when this rule says so, once the rule was right for [`PROVEN`] images in a row; otherwise when the timestamp changes.
+//! FFmpeg's parser ends an image when the next one begins, a whole frame later. Without it, pieces come as packets do: it
+//! begins a unit (start code and header) or continues one, and all pieces of an image have the same timestamp. The end of an image is not
+//! marked, but streams are regular: all images have the same number of slices, and the last piece is shorter than the largest of its kind.
+//! This rule ends an image once it was right for [`PROVEN`] images in a row; otherwise the next timestamp does.
 
 /// Codecs whose units are known here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,7 +29,7 @@ pub(crate) struct AccessUnit {
     pub(crate) is_cut: bool,
 }
 
-/// The image that is being joined, and what is known of the ones before.
+/// The current image, and statistics of earlier ones.
 pub(crate) struct AccessUnits {
     codec: UnitCodec,
     pts: Option<i64>,
@@ -40,7 +40,6 @@ pub(crate) struct AccessUnits {
     /// Number of pieces after which the rule ended this image.
     ended_after: Option<u32>,
     was_handed_over: bool,
-    /// Slices of the image before.
     usual_slices: u32,
     /// Bytes of the largest piece that continues a unit, and of the largest that begins one.
     largest: [usize; 2],
@@ -131,14 +130,14 @@ impl AccessUnits {
 mod tests {
     use super::*;
 
-    /// A piece that begins a unit of this type, of so many bytes in all.
+    /// A piece of `bytes` bytes that begins a unit.
     fn unit(kind: u8, bytes: usize) -> Vec<u8> {
         let mut piece = vec![0, 0, 0, 1, kind];
         piece.resize(bytes, 7);
         piece
     }
 
-    /// Feeds an image of one slice in pieces of these sizes; returns how many pieces were in before it was handed over.
+    /// Feeds a one-slice image in pieces; returns the number of pieces before it was handed over.
     fn image(units: &mut AccessUnits, pts: i64, sizes: &[usize]) -> Vec<(usize, AccessUnit)> {
         let mut done = Vec::new();
         for (index, &size) in sizes.iter().enumerate() {

@@ -1,7 +1,7 @@
-//! A GPU that decodes, and copies of its images in ordinary memory.
+//! GPU decoding, with copies of the images in main memory.
 //!
-//! `ffmpeg-next` wraps no devices. With one, FFmpeg's decoder gives its frames in the GPU's memory, or decodes on the processor if the GPU
-//! cannot decode the codec, which the caller sees from the frames. This project has no such GPU.
+//! `ffmpeg-next` wraps no devices. With one, FFmpeg's decoder returns frames in GPU memory, or decodes on the processor if the GPU cannot
+//! decode the codec; the frames show which. This project has no such GPU.
 #![allow(unsafe_code)]
 
 use std::ptr;
@@ -12,13 +12,12 @@ use ffmpeg_next::software::scaling::{self, Flags};
 use ffmpeg_next::{ffi, frame};
 
 use crate::error::{Error, Result};
-use crate::options::Decoder;
+use crate::source::Decoder;
 
-/// An open GPU.
 pub(crate) struct Gpu {
     device: *mut ffi::AVBufferRef,
     frames: Pixel,
-    /// From the format and size of a GPU's images to separate planes, which the search reads in parts.
+    /// Converts the GPU's image format to separate planes, which the search reads in parts.
     scaler: Option<scaling::Context>,
 }
 
@@ -26,7 +25,7 @@ impl Gpu {
     /// Opens the first device of a kind; `None` for the processor.
     ///
     /// # Errors
-    /// FFmpeg finds none.
+    /// FFmpeg finds no such device.
     pub(crate) fn open(decoder: Decoder) -> Result<Option<Self>> {
         let (kind, frames) = match decoder {
             Decoder::Cpu => return Ok(None),
@@ -47,6 +46,7 @@ impl Gpu {
         };
         if code < 0 {
             let why = ffmpeg_next::Error::from(code).to_string();
+            let decoder = decoder.name();
             return Err(Error::Decoder { decoder, why });
         }
         Ok(Some(Self {
@@ -64,12 +64,11 @@ impl Gpu {
         }
     }
 
-    /// True if it decoded this frame.
     pub(crate) fn has_decoded(&self, coded: &frame::Video) -> bool {
         coded.format() == self.frames
     }
 
-    /// A copy of a frame that it decoded, in separate planes.
+    /// Copies a decoded frame into separate planes.
     pub(crate) fn download(
         &mut self,
         decoded: &frame::Video,

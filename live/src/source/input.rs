@@ -12,19 +12,17 @@ use ffmpeg_next::codec::packet::side_data;
 use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Packet, decoder, format, frame, media};
 
-use crate::options::Decoder;
-use crate::source::Source;
+use crate::clock::UsualInterval;
 use crate::source::access_unit::{AccessUnit, AccessUnits, UnitCodec};
+use crate::source::address::{FfmpegSource, OpenFault, Patience, RecordedTimes};
 use crate::source::gpu::Gpu;
-use crate::source::place::{OpenFault, Patience, Place, RecordedTimes};
 use crate::source::undecoded::Undecoded;
+use crate::source::{Decoder, Source};
 
 /// Images whose arrival is remembered until they are decoded.
 const MAX_IN_DECODER: usize = 64;
-/// A gap between timestamps of more than so many usual ones is a lost image.
+/// Minimum gap that means a lost image, in usual intervals.
 const GAP_PERIODS: f64 = 1.75;
-/// Part by which a new interval changes the usual one.
-const LEARNED_PART: f64 = 0.05;
 
 /// Cause of the end of images.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,28 +31,26 @@ pub(crate) enum End {
     Finished,
     /// The connection is gone.
     Lost(String),
-    /// No packet came in so many milliseconds.
+    /// No packet came within this time, ms.
     Silent(u64),
-    /// No image of it can ever be used.
+    /// The source is unusable.
     Useless(String),
     /// The caller stopped it.
     Stopped,
 }
 
-/// A decoded image and what is known about it.
+/// A decoded image with its times.
 pub(crate) struct InputImage {
     pub(crate) image: DecodedImage,
     /// When its last packet arrived, seconds since the start.
     pub(crate) arrival_s: f64,
     pub(crate) timestamp_s: Option<f64>,
-    /// Its sender's wall clock, seconds since the start.
+    /// The sender's wall clock, seconds since the start.
     pub(crate) sender_s: Option<f64>,
-    /// Time in the recording, for scenarios.
     pub(crate) recorded_s: Option<f64>,
     pub(crate) is_damaged: bool,
 }
 
-/// An open source.
 pub(crate) struct Input {
     input: format::context::Input,
     stream: usize,
@@ -64,22 +60,22 @@ pub(crate) struct Input {
     units: Option<AccessUnits>,
     /// Images that are complete and not yet decoded.
     complete: VecDeque<AccessUnit>,
-    /// Timestamp, arrival and sender's clock of what is in the decoder.
+    /// Timestamp, arrival and sender's clock of the images in the decoder.
     sent: VecDeque<(Option<i64>, f64, Option<f64>)>,
-    /// The same of pieces that are being joined.
+    /// Timestamp and sender's clock of the piece that last had one.
     sender_of_piece: Option<(i64, f64)>,
     patience: Arc<Patience>,
     can_lose: bool,
     is_damaged: bool,
     last_pts: Option<i64>,
-    usual_step: Option<f64>,
+    usual_step: UsualInterval,
     undecoded: Undecoded,
     all_sent: bool,
     recorded: Option<RecordedTimes>,
 }
 
 impl Input {
-    /// Opens a source for a view, within so many milliseconds.
+    /// Opens a view's source within `most_ms`.
     pub(crate) fn open(
         source: &Source,
         decoder: Decoder,
@@ -88,7 +84,7 @@ impl Input {
         most_ms: u64,
     ) -> Result<Self, OpenFault> {
         start_ffmpeg();
-        let place = Place::of(source, view)?;
+        let place = FfmpegSource::of(source, view)?;
         let input = place.open(&patience, most_ms, true)?;
         let codec_id = video_of(&input)?.parameters().id();
         let codec = match codec_id {
@@ -136,14 +132,13 @@ impl Input {
             // Until the first key frame.
             is_damaged: place.is_stream,
             last_pts: None,
-            usual_step: None,
+            usual_step: UsualInterval::default(),
             undecoded: Undecoded::default(),
             all_sent: false,
             recorded: place.recorded,
         })
     }
 
-    /// FFmpeg's name of the codec.
     pub(crate) fn codec(&self) -> &'static str {
         self.decoder.id().name()
     }
@@ -164,7 +159,7 @@ impl Input {
                 Err(ffmpeg_next::Error::Eof) => return Err(End::Finished),
                 Err(ffmpeg_next::Error::Other { errno })
                     if errno == ffmpeg_next::util::error::EAGAIN => {}
-                // The next key frame is another beginning.
+                // The next key frame is a new beginning.
                 Err(_) => self.is_damaged = true,
             }
             if let Some(unit) = self.complete.pop_front() {
@@ -218,7 +213,6 @@ impl Input {
         })
     }
 
-    /// Reads a packet.
     fn read(&mut self, most_ms: u64) -> Result<(), End> {
         self.patience.wait(most_ms);
         match self.next_packet() {
@@ -265,7 +259,7 @@ impl Input {
         }
     }
 
-    /// The sender's clock of the image with this timestamp, from that of a piece: both run evenly.
+    /// The sender's clock for this timestamp: both run evenly.
     fn sender_s(&self, pts: i64) -> Option<f64> {
         let (of_pts, sender_s) = self.sender_of_piece?;
         Some(sender_s + (pts - of_pts) as f64 * self.seconds_per_unit)
@@ -281,9 +275,9 @@ impl Input {
         if let Some(pts) = pts.filter(|_| self.can_lose) {
             let step = self.last_pts.replace(pts).map(|last| (pts - last) as f64);
             if let Some(step) = step.filter(|step| *step > 0.0) {
-                let usual = self.usual_step.get_or_insert(step);
-                self.is_damaged |= step > GAP_PERIODS * *usual;
-                *usual += LEARNED_PART * (step.min(GAP_PERIODS * *usual) - *usual);
+                let usual = self.usual_step.get().unwrap_or(step);
+                self.is_damaged |= step > GAP_PERIODS * usual;
+                self.usual_step.learn(step, GAP_PERIODS);
             }
         }
         if self.decoder.send_packet(packet).is_err() {

@@ -1,7 +1,8 @@
 //! Packets that give no image: their codec may have other parameters than the source announces.
 
-/// Seconds without an image, and packets in them, after which none is expected: key frames may be twelve seconds apart.
-const MAX_S: f64 = 15.0;
+use crate::view_state::MAX_KEY_FRAME_INTERVAL_S;
+
+/// Packets without an image, over [`MAX_KEY_FRAME_INTERVAL_S`], after which none is expected.
 const MIN_PACKETS: u32 = 30;
 
 /// Packets since the last image.
@@ -20,12 +21,12 @@ impl Undecoded {
         self.packets = self.packets.saturating_add(1);
     }
 
-    /// Cause, if no image will come.
     pub(crate) fn fault(&self, now_s: f64) -> Option<String> {
-        let is_hopeless = self.packets >= MIN_PACKETS && now_s - self.since_s >= MAX_S;
+        let is_hopeless =
+            self.packets >= MIN_PACKETS && now_s - self.since_s >= MAX_KEY_FRAME_INTERVAL_S;
         is_hopeless.then(|| {
             format!(
-                "no packet of the last {MAX_S} s gave an image; set the camera to a key frame each second, and check its codec"
+                "no packet of the last {MAX_KEY_FRAME_INTERVAL_S} s gave an image; set the camera to a key frame each second, and check its codec"
             )
         })
     }

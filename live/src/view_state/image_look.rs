@@ -1,16 +1,15 @@
-//! Properties of an image that need no search: darkness, and the change from the image before.
+//! Image properties that need no search: darkness, and the change since the previous image.
 
 use dataset::video::Luma;
 
-/// Rows and columns that are looked at: one of so many.
+/// Sampling steps of rows and columns.
 const ROW_STEP: usize = 32;
 const COLUMN_STEP: usize = 3;
-/// A dark image has no brighter level than this, and its levels differ by at most so much but for one pixel of a thousand.
+/// Maximum level and maximum spread of a dark image, without one pixel in a thousand.
 const DARK_LEVEL: usize = 40;
 const DARK_SPREAD: usize = 6;
 const IGNORED_PART: f64 = 0.001;
 
-/// Properties of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ImageLook {
     /// Black, or evenly grey like it.
@@ -19,7 +18,7 @@ pub(crate) struct ImageLook {
     pub(crate) change_levels: Option<f64>,
 }
 
-/// Looks at the images of a view one after another.
+/// Measures a view's images one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct Looks {
     before: Vec<u8>,

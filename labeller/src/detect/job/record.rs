@@ -8,10 +8,10 @@ use dataset::corpus::open_scenario::OpenScenario;
 use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
 
+use crate::detect::Model;
 use crate::detect::mode::ModeSettings;
 use crate::detect::pairs::fitted_cameras::FittedCameras;
 use crate::detect::view_search::cpu_time::CpuTime;
-use crate::detect::{DetectOptions, Model};
 use crate::detector::ModelProfile;
 use crate::error::Result;
 use crate::registration::METHOD;
@@ -19,14 +19,14 @@ use crate::tiling::TilingSettings;
 use crate::tracking;
 use crate::view_health;
 
-/// Origin of the detections of one model in one scenario.
+/// Origin of detections: one model, one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct DetectionRecord {
     /// The model, its input, and the hash of the table.
     #[serde(flatten)]
     pub provenance: Provenance,
     /// The settings next to the model, whose hash is in the provenance; missing if there were none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<ModelProfile>,
     /// Output layout and window size.
     pub detector: String,
@@ -49,10 +49,10 @@ pub(crate) struct DetectionRecord {
     /// Total time of the workers, seconds.
     pub seconds: f64,
     /// Registration of the views; missing if they were not registered.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationRecord>,
     /// Condition of the cameras; missing if it was not measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub health: Option<HealthRecord>,
 }
 
@@ -64,15 +64,10 @@ pub(crate) struct Searching {
     /// Parts of the images that were searched.
     pub modes: ModeSettings,
     /// Version of the rules of tracks.
-    #[serde(default)]
     pub tracking: u32,
 }
 
 impl Searching {
-    pub(crate) fn of(options: &DetectOptions) -> Self {
-        Self::with(options.settings, options.modes)
-    }
-
     pub(crate) fn with(settings: TilingSettings, modes: ModeSettings) -> Self {
         Self {
             settings,
@@ -82,7 +77,7 @@ impl Searching {
     }
 }
 
-/// Registration of the views of a scenario.
+/// View registration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RegistrationRecord {
     /// Version of the measurement.
@@ -90,35 +85,34 @@ pub(crate) struct RegistrationRecord {
     /// The view that the others are compared with.
     pub reference: String,
     /// BLAKE3 hash of the run that has fitted the cameras; missing for those of `calibration.json`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cameras_of_run: Option<String>,
     /// Rows of the table.
     pub pairs: u64,
-    /// Of these, those with a shift.
+    /// Pairs with a shift.
     pub answered: u64,
     /// Time that the measurement took, without decoding, seconds.
     pub seconds: f64,
 }
 
-/// Condition of the cameras of a scenario.
+/// Camera condition.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HealthRecord {
     /// Version of the measurement.
     pub method: u32,
 }
 
-/// Progress of a model's work on a scenario.
+/// Progress per model and scenario.
 pub(crate) enum Standing {
     /// No detections that can be used.
     Missing,
     /// Detections, but their views are still to be registered, or the condition of the cameras is not measured.
     Unmeasured(Box<DetectionRecord>),
-    /// All of it.
     Whole,
 }
 
 impl DetectionRecord {
-    /// Path of the record of a model.
+    /// Path of the record.
     pub(crate) fn path(folder: &ScenarioFolder, model: &str) -> PathBuf {
         detections::record_path(folder, model)
     }
@@ -138,7 +132,7 @@ impl DetectionRecord {
         cameras: Option<&FittedCameras>,
     ) -> Result<Standing> {
         if scenario.detections(&model.name()).is_err() {
-            // Missing, of other videos or damaged: detecting again repairs all of these.
+            // Missing, for different videos, or damaged: detecting again repairs all.
             return Ok(Standing::Missing);
         }
         let path = Self::path(scenario.folder(), &model.name());

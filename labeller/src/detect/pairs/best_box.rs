@@ -1,70 +1,56 @@
-//! The box of an image that is registered with other views, and the one by which a camera is judged.
+//! Best box per image, for the registration with other views and for the camera's state.
 
 use dataset::corpus::detections::Detection;
 use dataset::tables::pixel_box::PixelBox;
 
 use crate::detect::sequence::Tracked;
 
-/// A box that was found in an image.
-pub(crate) trait Found {
-    fn pixel_box(&self) -> PixelBox;
-    fn score(&self) -> f64;
-    /// Its track has enough boxes.
-    fn is_confirmed(&self) -> bool;
-    /// Its track counts at this moment.
-    fn counts(&self) -> bool;
+/// A box with the properties that rank it.
+pub(crate) struct RankedBox {
+    pixel_box: PixelBox,
+    score: f64,
+    is_confirmed: bool,
+    counts: bool,
 }
 
-impl Found for Tracked {
-    fn pixel_box(&self) -> PixelBox {
-        self.pixel_box
-    }
-
-    fn score(&self) -> f64 {
-        self.score
-    }
-
-    fn is_confirmed(&self) -> bool {
-        self.is_confirmed
-    }
-
-    fn counts(&self) -> bool {
-        self.counts
+impl From<&Tracked> for RankedBox {
+    fn from(found: &Tracked) -> Self {
+        Self {
+            pixel_box: found.pixel_box,
+            score: found.score,
+            is_confirmed: found.is_confirmed,
+            counts: found.counts,
+        }
     }
 }
 
-impl Found for Detection {
-    fn pixel_box(&self) -> PixelBox {
-        self.pixel_box
-    }
-
-    fn score(&self) -> f64 {
-        self.score
-    }
-
-    fn is_confirmed(&self) -> bool {
-        self.confirmed
-    }
-
-    fn counts(&self) -> bool {
-        self.counts_live.unwrap_or(self.confirmed)
+impl From<&Detection> for RankedBox {
+    fn from(found: &Detection) -> Self {
+        Self {
+            pixel_box: found.pixel_box,
+            score: found.score,
+            is_confirmed: found.confirmed,
+            counts: found.counts_live.unwrap_or(found.confirmed),
+        }
     }
 }
 
-/// The box to register: a confirmed one, if there is any, and of these the one with the highest score.
-pub(crate) fn best_of<'a, F: Found + 'a>(
-    boxes: impl IntoIterator<Item = &'a F>,
-) -> Option<PixelBox> {
-    let best = boxes.into_iter().max_by(|a, b| {
-        let confirmed = a.is_confirmed().cmp(&b.is_confirmed());
-        confirmed.then(a.score().total_cmp(&b.score()))
+/// The box to register: the one with the highest score of the confirmed ones, else of all.
+pub(crate) fn best_of(boxes: impl IntoIterator<Item: Into<RankedBox>>) -> Option<PixelBox> {
+    let ranked = boxes.into_iter().map(Into::into);
+    best(ranked)
+}
+
+fn best(boxes: impl Iterator<Item = RankedBox>) -> Option<PixelBox> {
+    let best = boxes.max_by(|a, b| {
+        let confirmed = a.is_confirmed.cmp(&b.is_confirmed);
+        confirmed.then(a.score.total_cmp(&b.score))
     });
-    best.map(F::pixel_box)
+    best.map(|best| best.pixel_box)
 }
 
-/// The box with the highest score of those that count at this moment.
-pub(crate) fn best_counted_of<'a, F: Found + 'a>(
-    boxes: impl IntoIterator<Item = &'a F>,
-) -> Option<PixelBox> {
-    best_of(boxes.into_iter().filter(|found| found.counts()))
+/// The same among the boxes that count at this moment.
+pub(crate) fn best_counted_of(boxes: impl IntoIterator<Item: Into<RankedBox>>) -> Option<PixelBox> {
+    let ranked = boxes.into_iter().map(Into::into);
+    best(ranked.filter(|found| found.counts))
 }

@@ -6,17 +6,17 @@ use dataset::geometry::camera::Camera;
 
 use crate::error::{Error, Result};
 
-/// The cameras of a run.
+/// Fitted cameras from a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FittedCameras {
     /// BLAKE3 hash of the run, which the record of the registrations names.
     pub run_blake3: String,
-    /// By view.
+    /// Cameras by view.
     pub cameras: BTreeMap<String, Camera>,
 }
 
 impl FittedCameras {
-    /// The cameras of a scenario's views, whose images have the sizes of these stated cameras.
+    /// The cameras for a scenario's views. Image sizes must match the stated cameras.
     pub(crate) fn of_views(
         &self,
         scenario: &str,

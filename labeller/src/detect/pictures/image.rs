@@ -1,4 +1,4 @@
-//! The search's view of a decoded image, of a file or of a camera.
+//! Decoded images from files and cameras, as the search uses them.
 
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
@@ -16,14 +16,13 @@ pub trait Image {
     /// The whole image as RGB.
     fn whole(&mut self) -> Result<PictureView<'_>>;
 
-    /// A part of it as RGB.
+    /// A part as RGB.
     fn part(&mut self, part: PicturePart) -> Result<PictureView<'_>>;
 
     /// The brightness of the image before, and of this one; `None` if it is not coded in planes of bytes.
     fn lumas(&self) -> [Option<Luma<'_>>; 2];
 }
 
-/// The surroundings of a box.
 pub(crate) fn patch(
     image: &mut dyn Image,
     pixel_box: PixelBox,

@@ -7,8 +7,8 @@ use super::super::pictures::ViewTicks;
 use super::super::view_search::{Finder, ViewFindings, search_view};
 use super::*;
 use crate::detector::PictureView;
-use crate::tiling::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
 use crate::tiling::find_aircraft;
+use crate::tiling::tests::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
 
 const WIDTH: u32 = 1280;
 const HEIGHT: u32 = 768;
@@ -21,7 +21,7 @@ const EACH_SECOND: FrameRate = FrameRate {
     denominator: 1,
 };
 
-/// Position of a blob at a tick, if it is in the image: its left-most column and top-most row.
+/// Left-most column and top-most row of a blob at a tick, if it is in the image.
 type Path = fn(u32) -> Option<[u32; 2]>;
 
 /// 24 x 8 pixels.
@@ -128,7 +128,7 @@ fn an_aircraft_that_is_gone_is_lost_and_an_empty_view_is_searched_at_the_period_
     let goes: Path = |tick| (tick < 5).then_some([100 + tick, 200]);
     let corpus = flight(temporary.path(), LIVE, 100, &[goes]);
     let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
-    // The whole image was searched less than a quarter of a second before it went.
+    // The last whole-image search was less than a quarter of a second earlier.
     let expected: String = (0..100)
         .map(|tick| match (tick % 30, tick < 5) {
             (0, true) => 'f',
@@ -168,7 +168,7 @@ fn at_one_picture_a_second_every_fifth_is_searched_whole_while_a_slow_aircraft_i
     let slow: Path = |tick| Some([100 + 4 * tick, 300]);
     let corpus = flight(temporary.path(), EACH_SECOND, 16, &[slow]);
     let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
-    // The motion of an aircraft that was seen once is not known, and it is not confirmed before the third image.
+    // After a single sighting the motion is unknown, and the aircraft is confirmed in the third image.
     assert_eq!(modes_of(&found, 16), "fffttttfttttfttt");
     assert!(found.detections.boxes.iter().all(|found| found.confirmed));
 }

@@ -7,8 +7,7 @@ use super::*;
 
 /// Spoils the first of two scenarios; the second one is searched nevertheless.
 fn reason_after(spoil: impl FnOnce(&ScenarioFolder)) -> String {
-    let temporary = tempfile::tempdir().unwrap();
-    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let folder = corpus.scenario("0001-a");
     spoil(&folder);
     seal_folder(folder.root(), "config").unwrap();

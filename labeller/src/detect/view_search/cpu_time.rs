@@ -1,7 +1,7 @@
-//! Breakdown of the processor time of a search.
+//! Processor time of the search by stage.
 
 use std::cell::Cell;
-use std::ops::{AddAssign, Index, IndexMut};
+use std::ops::AddAssign;
 use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
@@ -20,17 +20,11 @@ pub struct CpuTime {
     pub rest: f64,
 }
 
-/// A part of the work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Stage {
-    Decode,
-    Convert,
-    Infer,
-    Rest,
-}
+/// A part of the time.
+pub(crate) type Part = fn(&mut CpuTime) -> &mut f64;
 
 impl CpuTime {
-    /// All of it.
+    /// Total time, s.
     pub fn total(&self) -> f64 {
         self.decode + self.convert + self.infer + self.rest
     }
@@ -38,37 +32,16 @@ impl CpuTime {
 
 impl AddAssign for CpuTime {
     fn add_assign(&mut self, other: Self) {
-        for stage in [Stage::Decode, Stage::Convert, Stage::Infer, Stage::Rest] {
-            self[stage] += other[stage];
-        }
+        self.decode += other.decode;
+        self.convert += other.convert;
+        self.infer += other.infer;
+        self.rest += other.rest;
     }
 }
 
-impl Index<Stage> for CpuTime {
-    type Output = f64;
+const REST: Part = |time| &mut time.rest;
 
-    fn index(&self, stage: Stage) -> &f64 {
-        match stage {
-            Stage::Decode => &self.decode,
-            Stage::Convert => &self.convert,
-            Stage::Infer => &self.infer,
-            Stage::Rest => &self.rest,
-        }
-    }
-}
-
-impl IndexMut<Stage> for CpuTime {
-    fn index_mut(&mut self, stage: Stage) -> &mut f64 {
-        match stage {
-            Stage::Decode => &mut self.decode,
-            Stage::Convert => &mut self.convert,
-            Stage::Infer => &mut self.infer,
-            Stage::Rest => &mut self.rest,
-        }
-    }
-}
-
-/// Measures the calling thread. Time counts as [`Stage::Rest`] unless it was spent in [`CpuClock::during`].
+/// Measures the calling thread. Time counts as `rest` unless it was spent in [`CpuClock::during`].
 pub(crate) struct CpuClock {
     since: Cell<Duration>,
     spent: Cell<CpuTime>,
@@ -82,24 +55,23 @@ impl CpuClock {
         }
     }
 
-    /// Does a piece of work of a stage.
-    pub(crate) fn during<T>(&self, stage: Stage, work: impl FnOnce() -> T) -> T {
-        self.lap(Stage::Rest);
+    /// Measures work as this part.
+    pub(crate) fn during<T>(&self, part: Part, work: impl FnOnce() -> T) -> T {
+        self.lap(REST);
         let done = work();
-        self.lap(stage);
+        self.lap(part);
         done
     }
 
-    /// Processor time spent so far.
     pub(crate) fn spent(&self) -> CpuTime {
-        self.lap(Stage::Rest);
+        self.lap(REST);
         self.spent.get()
     }
 
-    fn lap(&self, stage: Stage) {
+    fn lap(&self, part: Part) {
         let now = of_this_thread();
         let mut spent = self.spent.get();
-        spent[stage] += now.saturating_sub(self.since.replace(now)).as_secs_f64();
+        *part(&mut spent) += now.saturating_sub(self.since.replace(now)).as_secs_f64();
         self.spent.set(spent);
     }
 }
@@ -116,16 +88,17 @@ mod tests {
     #[test]
     fn work_counts_for_its_stage_and_waiting_for_none() {
         let clock = CpuClock::start();
-        let sum = clock.during(Stage::Infer, || {
-            (0..3_000_000_u64).map(std::hint::black_box).sum::<u64>()
-        });
+        let sum = clock.during(
+            |cpu_s| &mut cpu_s.infer,
+            || (0..3_000_000_u64).map(std::hint::black_box).sum::<u64>(),
+        );
         assert!(sum > 0);
         let (sender, receiver) = std::sync::mpsc::channel();
         let other = std::thread::spawn(move || {
             let sum: u64 = (0..30_000_000_u64).map(std::hint::black_box).sum();
             sender.send(sum).unwrap();
         });
-        clock.during(Stage::Decode, || receiver.recv().unwrap());
+        clock.during(|cpu_s| &mut cpu_s.decode, || receiver.recv().unwrap());
         other.join().unwrap();
         let spent = clock.spent();
         assert!(spent.infer > 0.0 && spent.infer > spent.decode, "{spent:?}");

@@ -1,6 +1,6 @@
 //! A detector whose time and windows are counted.
 
-use super::cpu_time::{CpuClock, Stage};
+use super::cpu_time::CpuClock;
 use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize};
 use crate::error::Result;
 
@@ -23,9 +23,10 @@ impl Detector for Timed<'_> {
     ) -> Result<Vec<Vec<ScoredBox>>> {
         self.windows += windows.len() as u64;
         let detector = &mut self.detector;
-        self.clock.during(Stage::Infer, || {
-            detector.detect(picture, windows, score_floor)
-        })
+        self.clock.during(
+            |cpu_s| &mut cpu_s.infer,
+            || detector.detect(picture, windows, score_floor),
+        )
     }
 
     fn first_pass_shrink(&self) -> u32 {

@@ -2,10 +2,11 @@
 //! postprocessor and YOLO-NAS without suppression.
 
 use super::efficient_nms::OutputForm;
-use crate::detector::answer::{Answer, AnswerFault};
-use crate::detector::layout::Layout;
+use crate::detector::answer::Answer;
+use crate::detector::layout::{Layout, misfit};
+use crate::error::ModelFault;
 
-/// Numbers of a box.
+/// Numbers per box.
 const BOX: usize = 4;
 
 /// Places of the two outputs among a model's outputs.
@@ -43,15 +44,14 @@ impl PairOutputs {
     }
 }
 
-/// The numbers of the two outputs.
 pub(crate) struct PairAnswer<'a> {
     pub(crate) boxes: Answer<'a>,
     pub(crate) scores: Answer<'a>,
 }
 
 impl PairAnswer<'_> {
-    /// The same as rows of box and class scores, with their shape.
-    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), AnswerFault> {
+    /// Joins both outputs to rows of box and class scores; returns shape and numbers.
+    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), ModelFault> {
         let (&[batch, candidates, BOX], &[windows, others, classes]) =
             (self.boxes.shape(), self.scores.shape())
         else {
@@ -69,12 +69,9 @@ impl PairAnswer<'_> {
         Ok(([batch, candidates, BOX + classes], joined))
     }
 
-    fn misfit(&self) -> AnswerFault {
-        AnswerFault::Misfit {
-            shape: self.boxes.shape().to_vec(),
-            expected: Layout::BoxesAndScores.shape(),
-            windows: self.scores.shape().first().copied().unwrap_or(0),
-            layout: Layout::BoxesAndScores,
-        }
+    fn misfit(&self) -> ModelFault {
+        let layout = Layout::BoxesAndScores;
+        let windows = self.scores.shape().first().copied().unwrap_or(0);
+        misfit(self.boxes.shape(), layout.shape(), windows, layout)
     }
 }

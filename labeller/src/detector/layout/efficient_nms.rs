@@ -1,12 +1,13 @@
 //! The four outputs of models that suppress duplicates as TensorRT's plugin `EfficientNMS_TRT` does: per window the number of boxes,
 //! their corners, scores and classes. The last three have room for the same number of boxes; those past the number mean nothing.
 
-use crate::detector::answer::{Answer, AnswerFault};
-use crate::detector::layout::Layout;
+use crate::detector::answer::Answer;
+use crate::detector::layout::{self, Layout};
+use crate::error::ModelFault;
 
 /// A class that no model has, for places past the number of boxes.
 const NO_CLASS: f32 = -1.0;
-/// Numbers of a box: four edges, score, class.
+/// Numbers per box: four edges, score, class.
 pub(crate) const NUMBERS: usize = 6;
 
 /// Places of the four outputs among a model's outputs.
@@ -77,7 +78,6 @@ impl NmsOutputs {
     }
 }
 
-/// The numbers of the four outputs.
 pub(crate) struct NmsAnswer<'a> {
     pub(crate) counts: Answer<'a>,
     pub(crate) corners: Answer<'a>,
@@ -86,15 +86,12 @@ pub(crate) struct NmsAnswer<'a> {
 }
 
 impl NmsAnswer<'_> {
-    /// The same as one output of [`Layout::Corners`], with its shape. A place past the number of boxes gets no class.
-    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), AnswerFault> {
+    /// Joins the outputs to one of [`Layout::Corners`]; returns shape and numbers. Places past the number of boxes get no class.
+    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), ModelFault> {
         let shape = self.corners.shape();
-        let misfit = || AnswerFault::Misfit {
-            shape: shape.to_vec(),
-            expected: Layout::EfficientNms.shape(),
-            windows: self.counts.numbers().len(),
-            layout: Layout::EfficientNms,
-        };
+        let layout = Layout::EfficientNms;
+        let windows = self.counts.numbers().len();
+        let misfit = || layout::misfit(shape, layout.shape(), windows, layout);
         let &[batch, boxes, 4] = shape else {
             return Err(misfit());
         };
@@ -105,10 +102,9 @@ impl NmsAnswer<'_> {
         let mut joined = Vec::with_capacity(batch * boxes * NUMBERS);
         for (window, &count) in self.counts.numbers().iter().enumerate() {
             if count < 0.0 || count.fract() != 0.0 || count > boxes as f32 {
-                return Err(AnswerFault::Count {
-                    found: count,
-                    most: boxes,
-                });
+                return Err(ModelFault::new(format!(
+                    "counts {count} boxes in a window, expected 0 to {boxes}"
+                )));
             }
             for place in 0..boxes {
                 let index = window * boxes + place;
@@ -198,7 +194,7 @@ mod tests {
         assert_eq!(NmsOutputs::of(&usual(&[1, 100, 4])[..3]), None);
     }
 
-    fn joined(counts: &[f32]) -> Result<Vec<f32>, AnswerFault> {
+    fn joined(counts: &[f32]) -> Result<Vec<f32>, ModelFault> {
         let answer = |shape, numbers| Answer::new(shape, numbers).unwrap();
         let nms = NmsAnswer {
             counts: answer(&[2, 1], counts),

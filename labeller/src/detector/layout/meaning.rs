@@ -10,35 +10,36 @@
 
 use std::fmt;
 
+use dataset::numbers::spread::median;
+
 use crate::detector::answer::Answer;
 use crate::detector::layout::{Cell, Layout, cells_in_order};
 use crate::detector::profile::{BoxForm, BoxUnit, ModelProfile, ScoreForm};
 
 /// Last module of RT-DETR as Ultralytics exports it: rows of centre and size in parts of the window, score, class.
 const RT_DETR: &str = "RTDETRDecoder";
-/// Numbers of a box in parts of the window, whose parts may lie outside.
+/// Range of relative box coordinates; boxes may lie partly outside the window.
 const NORMALIZED: std::ops::RangeInclusive<f32> = -0.5..=1.5;
 /// Part of the boxes by corners whose edges are in order. Single ones of low score are turned inside out.
 const MIN_ORDERED: f64 = 0.75;
 /// Part of the numbers of boxes in parts of the window that are in that range. A few may be overflows.
 const MIN_NORMALIZED: f64 = 0.99;
-/// Rounding error of a probability.
+/// Rounding error of probabilities.
 const PROBABILITY_TOLERANCE: f32 = 1e-3;
 /// Part of the scores of logits that are no probabilities. The answer to a blank window has low ones.
 const MIN_LOGITS: f64 = 0.25;
 
-/// Knowledge of a model besides its answer.
-pub(crate) struct Known<'a> {
-    /// Width and height.
+/// Model properties besides the answer.
+pub(crate) struct ProbedModel<'a> {
     pub(crate) window_px: [u32; 2],
     pub(crate) profile: &'a ModelProfile,
-    /// Class of the last module of a model by Ultralytics.
+    /// Class of the last module, written by Ultralytics.
     pub(crate) head: Option<&'a str>,
     /// Number of classes that the metadata names.
     pub(crate) named: Option<usize>,
 }
 
-/// Reading of an answer's numbers.
+/// Interpretation of the numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Meaning {
     pub(crate) layout: Layout,
@@ -48,7 +49,7 @@ pub(crate) struct Meaning {
 }
 
 impl Meaning {
-    /// Usual meaning for models of a layout.
+    /// Usual interpretation for a layout.
     pub(crate) fn usual(layout: Layout) -> Self {
         Self {
             layout,
@@ -58,8 +59,8 @@ impl Meaning {
         }
     }
 
-    /// Of the answer to a blank window whose shape has this layout.
-    pub(crate) fn of_probe(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Self {
+    /// Interpretation of the answer to a blank window, whose shape has this layout.
+    pub(crate) fn of_probe(layout: Layout, answer: Answer<'_>, known: &ProbedModel<'_>) -> Self {
         let profile = known.profile;
         let judged = match profile.layout {
             Some(said) => Self::usual(said),
@@ -95,7 +96,7 @@ impl Meaning {
 }
 
 impl fmt::Display for Meaning {
-    /// The layout, and what is unusual in it.
+    /// The layout, and its unusual properties.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let usual = Self::usual(self.layout);
         write!(f, "{}", self.layout)?;
@@ -115,7 +116,7 @@ impl fmt::Display for Meaning {
     }
 }
 
-impl Known<'_> {
+impl ProbedModel<'_> {
     /// True if an output of this layout is RT-DETR's, by its head. A row of six may also be of two class scores.
     fn is_rt_detr(&self, layout: Layout, answer: Answer<'_>) -> bool {
         let is_row_of_six = matches!(answer.shape(), [_, _, 6])
@@ -129,7 +130,7 @@ impl Known<'_> {
 }
 
 /// The layout of this shape that the numbers have.
-fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &Known<'_>) -> Layout {
+fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &ProbedModel<'_>) -> Layout {
     let &[_, _, columns] = answer.shape() else {
         return layout;
     };
@@ -182,7 +183,7 @@ fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
                 column,
                 line,
             } = cell;
-            let apart = |x: f32, y: f32| (x - 0.5).abs() + (y - 0.5).abs();
+            let apart = |x: f32, y: f32| f64::from((x - 0.5).abs() + (y - 0.5).abs());
             from_cell.push(apart(
                 row[0] / stride_px - column,
                 row[1] / stride_px - line,
@@ -194,13 +195,12 @@ fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
             from_zero.push(apart(row[0], row[1]));
         }
     }
-    let median = |distances: &mut Vec<f32>| {
-        let middle = distances.len() / 2;
-        (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f32::total_cmp).1)
-    };
+    if from_zero.is_empty() {
+        return false;
+    }
     let [in_px, in_parts, zero] =
         [from_cell, from_cell_in_parts, from_zero].map(|mut distances| median(&mut distances));
-    zero.is_some() && (in_px < zero || in_parts < zero)
+    in_px < zero || in_parts < zero
 }
 
 /// True if many scores are outside the range of probabilities.
@@ -252,7 +252,7 @@ impl Boxes {
         Self { all }
     }
 
-    /// Whether they are corners, by the order of their edges.
+    /// True if the numbers are corners, by the order of the edges.
     fn are_ordered(&self) -> bool {
         let ordered = self.all.iter().filter(|[a, b, c, d]| c > a && d > b);
         !self.all.is_empty() && ordered.count() as f64 >= MIN_ORDERED * self.all.len() as f64

@@ -4,7 +4,8 @@
 
 use crate::detector::ScoredBox;
 
-/// The best items, at most `most`, none of which overlaps a better one by more than `iou`. Best first; equal scores keep their order.
+/// Non-maximum suppression: the best items, at most `most`, that overlap no better item by more than `iou`. Best first; equal scores keep
+/// their order.
 ///
 /// Takes time proportional to `items.len() * most`, since each item is compared only with those that are kept.
 pub fn keep_best<T>(

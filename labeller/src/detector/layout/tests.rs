@@ -83,7 +83,7 @@ fn layouts_are_told_apart_by_rank_and_sizes_whatever_the_window() {
         (&[1, 3, 80, 80, 85], square, None),
         (&[1, 100, 85], square, None),
         (&[1, 1_000], square, None),
-        // Wide and narrow windows, and small ones, which have fewer candidates than numbers of a candidate.
+        // Wide and narrow windows, and small ones, which have fewer candidates than numbers per candidate.
         (&[1, 5_040, 85], [640, 384], Some(Layout::Yolox)),
         (&[1, 15_120, 85], [640, 384], Some(Layout::AnchorRows)),
         (&[1, 84, 5_040], [384, 640], Some(Layout::Columns)),
@@ -136,7 +136,7 @@ fn anchor_rows_of_coco_models_give_the_airplane_and_lose_half_a_pixel() {
 
 #[test]
 fn yolox_rows_are_decoded_with_their_cells_and_strides() {
-    // Stride 16 starts after the 80 x 80 cells of stride 8; cell (6, 3) of its 40 x 40 covers 96 to 112 and 48 to 64.
+    // Stride 16 starts after the 80 x 80 cells of stride 8; cell (6, 3) in the 40 x 40 grid covers 96 to 112 and 48 to 64.
     let row = 6_400 + 3 * 40 + 6;
     let mut data = vec![0.0; 8_400 * 85];
     let relative = [
@@ -155,7 +155,7 @@ fn yolox_rows_are_decoded_with_their_cells_and_strides() {
 #[test]
 fn yolox_cells_of_a_wide_window_are_counted_along_its_own_rows() {
     let window_px = [640, 384];
-    // Stride 32 starts after 80 x 48 and 40 x 24 cells; cell (19, 11) of its 20 x 12, the last one, covers 608 to 640 and 352 to 384.
+    // Stride 32 starts after 80 x 48 and 40 x 24 cells; the last cell (19, 11) in the 20 x 12 grid covers 608 to 640 and 352 to 384.
     let row = 80 * 48 + 40 * 24 + 11 * 20 + 19;
     let mut data = vec![0.0; 5_040 * 6];
     let relative = [0.5, 0.25, (20.0_f32 / 32.0).ln(), (8.0_f32 / 32.0).ln()];

@@ -1,4 +1,4 @@
-//! Results of a run of ONNX Runtime: the forms of its outputs, and the boxes in them.
+//! Run results: forms of the outputs, and boxes.
 
 use std::borrow::Cow;
 
@@ -6,29 +6,14 @@ use ort::session::{Session, SessionOutputs};
 use ort::value::{TensorElementType, ValueType};
 
 use crate::detector::ScoredBox;
-use crate::detector::answer::{Answer, AnswerFault};
+use crate::detector::answer::Answer;
 use crate::detector::layout::Decoding;
 use crate::detector::layout::boxes_and_scores::PairAnswer;
 use crate::detector::layout::efficient_nms::{NmsAnswer, OutputForm};
-use crate::detector::outputs::{BoxOutputs, OutputsFault};
-use crate::detector::profile::aircraft_class::ClassFault;
+use crate::detector::outputs::BoxOutputs;
+use crate::error::ModelFault;
 
-/// Reasons why the outputs of a run cannot be read. The caller names the model.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(crate) enum ReadFault {
-    #[error("output {name:?} {fault}")]
-    Answer { name: String, fault: AnswerFault },
-    #[error(
-        "output {name:?} is {found}, expected numbers of f32 (i32 or i64 for counts and classes); export it without half precision"
-    )]
-    Type { name: String, found: String },
-    #[error("{fault}; {shapes}")]
-    Outputs { fault: OutputsFault, shapes: String },
-    #[error("{fault}; {shapes}")]
-    Classes { fault: ClassFault, shapes: String },
-}
-
-/// Names, types and shapes of a model's inputs, for people.
+/// Names, types and shapes of the inputs, for messages.
 pub(crate) fn inputs_in_words(session: &Session) -> String {
     let inputs = session.inputs().iter();
     let inputs: Vec<_> = inputs
@@ -37,7 +22,7 @@ pub(crate) fn inputs_in_words(session: &Session) -> String {
     format!("inputs {}", inputs.join(", "))
 }
 
-/// The same of the outputs of a run.
+/// Names, types and shapes of the outputs, for messages.
 pub(crate) fn outputs_in_words(outputs: &SessionOutputs<'_>) -> String {
     let outputs: Vec<_> = outputs
         .iter()
@@ -46,7 +31,6 @@ pub(crate) fn outputs_in_words(outputs: &SessionOutputs<'_>) -> String {
     format!("outputs {}", outputs.join(", "))
 }
 
-/// Distinguishes the outputs of a run.
 pub(crate) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
     let form = |(name, value): (&str, ort::value::ValueRef<'_>)| {
         let (holds_integers, shape) = match value.dtype() {
@@ -63,22 +47,22 @@ pub(crate) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
     outputs.iter().map(form).collect()
 }
 
-/// The boxes of the first `windows` windows of a run.
+/// Boxes of the first `windows` windows.
 pub(crate) fn boxes_in(
     outputs: &SessionOutputs<'_>,
     at: BoxOutputs,
     decoding: &Decoding,
     windows: usize,
-) -> Result<Vec<Vec<ScoredBox>>, ReadFault> {
+) -> Result<Vec<Vec<ScoredBox>>, ModelFault> {
     read_answer(outputs, at, |answer| decoding.decode(answer, windows))
 }
 
-/// Reads the numbers of a run: those of one output, or of several as one.
+/// Reads the numbers from one output, or from several joined ones.
 pub(crate) fn read_answer<T>(
     outputs: &SessionOutputs<'_>,
     at: BoxOutputs,
-    read: impl FnOnce(Answer<'_>) -> Result<T, AnswerFault>,
-) -> Result<T, ReadFault> {
+    read: impl FnOnce(Answer<'_>) -> Result<T, ModelFault>,
+) -> Result<T, ModelFault> {
     match at {
         BoxOutputs::One(index) => {
             let output = Output::of(outputs, index)?;
@@ -115,7 +99,6 @@ pub(crate) fn read_answer<T>(
     }
 }
 
-/// One output.
 struct Output<'a> {
     name: &'a str,
     shape: Vec<usize>,
@@ -123,12 +106,14 @@ struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    fn of(outputs: &'a SessionOutputs<'_>, index: usize) -> Result<Self, ReadFault> {
+    fn of(outputs: &'a SessionOutputs<'_>, index: usize) -> Result<Self, ModelFault> {
         let name = outputs.keys().nth(index).unwrap_or_default();
         let value = &outputs[index];
-        let other = || ReadFault::Type {
-            name: name.to_owned(),
-            found: value.dtype().to_string(),
+        let other = || {
+            ModelFault::new(format!(
+                "output {name:?} is {}, expected numbers of f32 (i32 or i64 for counts and classes); export it without half precision",
+                value.dtype()
+            ))
         };
         let ValueType::Tensor { ty, shape, .. } = value.dtype() else {
             return Err(other());
@@ -152,15 +137,12 @@ impl<'a> Output<'a> {
         })
     }
 
-    fn answer(&self) -> Result<Answer<'_>, ReadFault> {
+    fn answer(&self) -> Result<Answer<'_>, ModelFault> {
         Answer::new(&self.shape, &self.numbers).map_err(|fault| self.fault(fault))
     }
 
-    fn fault(&self, fault: AnswerFault) -> ReadFault {
-        ReadFault::Answer {
-            name: self.name.to_owned(),
-            fault,
-        }
+    fn fault(&self, fault: ModelFault) -> ModelFault {
+        ModelFault::new(format!("output {:?} {fault}", self.name))
     }
 }
 

@@ -1,5 +1,4 @@
-//! ONNX Runtime's sessions of one model: one for all windows, or on a device that is faster when it knows the size in advance, one for
-//! each size of window.
+//! A model's ONNX Runtime sessions: one for all windows or, on a device that is faster with known sizes, one per window size.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -15,17 +14,16 @@ use crate::detector::onnx_runtime::{self, Runtime};
 use crate::detector::ort_detector::OrtOptions;
 use crate::error::{Error, Result};
 
-/// Where to look for weights outside the model's own file. Nowhere: the hash of the model would not cover them, and an untrusted
-/// model could read files of its choice.
+/// Folder of weights outside the model's file. Not allowed: the model's hash would not cover them, and an untrusted model could read any
+/// file.
 const EXTERNAL_WEIGHTS: &str = "session.model_external_initializers_file_folder_path";
 const NOWHERE: &str = "/dev/null";
 
 /// A shape of the input: windows, channels, height, width.
 pub(crate) type InputShape = [usize; 4];
 
-/// The sessions of a model.
 pub(crate) struct Sessions {
-    /// Takes every shape that the model takes. It tells what the model is, and runs all windows if there are no others.
+    /// Session for every shape. It describes the model, and runs all windows if there are no others.
     any: Session,
     of_shape: Option<SessionsOfShape>,
 }
@@ -35,7 +33,6 @@ struct SessionsOfShape {
     model: ModelFile,
     options: OrtOptions,
     open_lengths: OpenLengths,
-    /// By the open lengths.
     made: HashMap<Vec<usize>, Session>,
 }
 
@@ -43,7 +40,6 @@ struct SessionsOfShape {
 type OpenLengths = Vec<Option<String>>;
 
 impl Sessions {
-    /// Loads a model.
     pub(crate) fn load(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
         if options.device.prefers_known_shapes() {
             let to_describe = OrtOptions {
@@ -71,7 +67,6 @@ impl Sessions {
         })
     }
 
-    /// The one that takes every shape.
     pub(crate) fn any(&self) -> &Session {
         &self.any
     }
@@ -103,7 +98,7 @@ impl SessionsOfShape {
     }
 }
 
-/// The open lengths of a model's only input; none if it has several inputs, or one that is no tensor.
+/// Open lengths of the only input; none for several inputs and for non-tensors.
 fn open_lengths_of(session: &Session) -> OpenLengths {
     let [input] = session.inputs() else {
         return OpenLengths::new();
@@ -124,7 +119,7 @@ fn open_lengths_of(session: &Session) -> OpenLengths {
         .collect()
 }
 
-/// Loads a model; these open lengths of its input are fixed.
+/// Loads a model with fixed values for these open lengths.
 fn session(model: &ModelFile, options: &OrtOptions, lengths: &[(&str, usize)]) -> Result<Session> {
     let OrtOptions {
         library,

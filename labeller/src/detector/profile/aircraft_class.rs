@@ -1,8 +1,9 @@
-//! Which of a model's classes is the aircraft: the one that its settings name, else the one with an aircraft's name in its metadata,
-//! else the only one, else the airplane of COCO.
+//! The aircraft among the model's classes: named by the settings, else by the metadata, else the only class, else COCO's airplane.
 
 use std::collections::BTreeMap;
 use std::sync::Once;
+
+use crate::error::ModelFault;
 
 /// Names of the class of aircraft in public data sets, the most usual first.
 const AIRCRAFT_NAMES: [&str; 4] = ["airplane", "aeroplane", "aircraft", "plane"];
@@ -10,39 +11,16 @@ const AIRCRAFT_NAMES: [&str; 4] = ["airplane", "aeroplane", "aircraft", "plane"]
 const COCO_AIRPLANE: usize = 4;
 /// Number of COCO's classes.
 const COCO_CLASSES: usize = 80;
-/// More names would fill a screen.
+/// Maximum number of listed names.
 const MAX_LISTED: usize = 12;
 
 /// Classes according to a model and its settings.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Classes<'a> {
-    /// The settings' `aircraft_class`.
     pub(crate) said: Option<usize>,
-    /// The names in the metadata.
     pub(crate) names: Option<&'a BTreeMap<usize, String>>,
     /// Number of classes in the output, if its shape tells.
     pub(crate) count: Option<usize>,
-}
-
-/// Reasons why none of a model's classes can be taken for the aircraft.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum ClassFault {
-    #[error(
-        "its settings say aircraft_class = {said}, but it has {}, numbered from 0", classes(*.count)
-    )]
-    Beyond { said: usize, count: usize },
-    #[error(
-        "its metadata property names lists {}, but its output has {}: another layout, or a model of another task", classes(*.named), classes(*.count)
-    )]
-    OtherCount { named: usize, count: usize },
-    #[error(
-        "none of its {} is called {}, but {listed}; say in its settings which number is the aircraft, e.g. aircraft_class = 4", classes(*.count), AIRCRAFT_NAMES.join(", ")
-    )]
-    NoAircraft { count: usize, listed: String },
-    #[error(
-        "it has {} and no names for them; say in its settings which number is the aircraft, e.g. aircraft_class = 4", classes(*.count)
-    )]
-    Unnamed { count: usize },
 }
 
 fn classes(count: usize) -> String {
@@ -53,31 +31,44 @@ fn classes(count: usize) -> String {
 }
 
 impl Classes<'_> {
-    /// Number of the aircraft.
-    pub(crate) fn aircraft(self) -> Result<usize, ClassFault> {
+    pub(crate) fn aircraft(self) -> Result<usize, ModelFault> {
         let named = self
             .names
             .and_then(|names| Some(names.last_key_value()?.0 + 1));
         if let (Some(named), Some(count)) = (named, self.count)
             && named != count
         {
-            return Err(ClassFault::OtherCount { named, count });
+            return Err(ModelFault::new(format!(
+                "its metadata property names lists {}, but its output has {}: another layout, or a model of another task",
+                classes(named),
+                classes(count)
+            )));
         }
         let count = self.count.or(named);
         match (self.said, self.names, count) {
             (Some(said), _, Some(count)) if said >= count => {
-                Err(ClassFault::Beyond { said, count })
+                Err(ModelFault::new(format!(
+                    "its settings say aircraft_class = {said}, but it has {}, numbered from 0",
+                    classes(count)
+                )))
             }
             (Some(said), ..) => Ok(said),
             (None, _, Some(1)) => Ok(0),
             (None, Some(names), Some(count)) => {
-                aircraft_in(names).ok_or_else(|| ClassFault::NoAircraft {
-                    count,
-                    listed: listed(names),
+                aircraft_in(names).ok_or_else(|| {
+                    ModelFault::new(format!(
+                        "none of its {} is called {}, but {}; say in its settings which number is the aircraft, e.g. aircraft_class = 4",
+                        classes(count),
+                        AIRCRAFT_NAMES.join(", "),
+                        listed(names)
+                    ))
                 })
             }
             (None, _, Some(COCO_CLASSES)) => Ok(COCO_AIRPLANE),
-            (None, _, Some(count)) => Err(ClassFault::Unnamed { count }),
+            (None, _, Some(count)) => Err(ModelFault::new(format!(
+                "it has {} and no names for them; say in its settings which number is the aircraft, e.g. aircraft_class = 4",
+                classes(count)
+            ))),
             (None, _, None) => {
                 // Once, not by every worker.
                 static WARNED: Once = Once::new();
@@ -123,7 +114,7 @@ mod tests {
         said: Option<usize>,
         names: &[&str],
         count: Option<usize>,
-    ) -> Result<usize, ClassFault> {
+    ) -> Result<usize, ModelFault> {
         let names: BTreeMap<_, _> = names.iter().map(ToString::to_string).enumerate().collect();
         let classes = Classes {
             said,

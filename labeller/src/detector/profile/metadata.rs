@@ -10,28 +10,26 @@ use std::str::Chars;
 
 use crate::detector::profile::METADATA_KEY;
 
-/// The task of a model that boxes objects.
+/// Task of detection models.
 const DETECTION: &str = "detect";
 /// Far above the strides of any detector, pixels.
 const MAX_STRIDE_PX: u32 = 1_024;
 
-/// The metadata of a model, as far as it is used.
+/// The metadata that are used.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct ModelMetadata {
-    /// Settings, as JSON text.
     pub(crate) profile: Option<String>,
     /// Names of the classes by their numbers.
     pub(crate) names: Option<BTreeMap<usize, String>>,
-    /// The task of a model by Ultralytics.
+    /// Task, written by Ultralytics.
     pub(crate) task: Option<String>,
-    /// Class of the last module of a model by Ultralytics: `Detect`, `RTDETRDecoder`, ...
+    /// Class of the last module, written by Ultralytics: `Detect`, `RTDETRDecoder`, ...
     pub(crate) head: Option<String>,
-    /// The sides of its input are multiples of this, pixels.
+    /// Divisor of the input's sides, px.
     pub(crate) stride_px: Option<u32>,
 }
 
 impl ModelMetadata {
-    /// Of a model with these properties.
     pub(crate) fn of(property: impl Fn(&str) -> Option<String>) -> Self {
         let names = property("names").and_then(|text| {
             let names = parse_names(&text);
@@ -51,17 +49,16 @@ impl ModelMetadata {
         }
     }
 
-    /// The task, if it is another one than boxing objects.
+    /// The task, unless it is detection.
     pub(crate) fn other_task(&self) -> Option<&str> {
         self.task.as_deref().filter(|task| *task != DETECTION)
     }
 
-    /// Number of the named classes.
     pub(crate) fn named_classes(&self) -> Option<usize> {
         Some(self.names.as_ref()?.last_key_value()?.0 + 1)
     }
 
-    /// Whether Ultralytics exported it. Its models have no objectness, so rows of six numbers are final boxes.
+    /// True if Ultralytics exported the model. Such models have no objectness, so rows of six numbers are final boxes.
     pub(crate) fn is_by_ultralytics(&self) -> bool {
         self.task.is_some()
     }

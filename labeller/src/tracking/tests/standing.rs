@@ -9,18 +9,18 @@ use super::*;
 /// Times between two images, seconds.
 const PERIODS_S: [f64; 3] = [2.0, 1.0, 1.0 / 30.0];
 const MILE_M: f64 = 1_852.0;
-/// Ground speeds of a slow and of a usual arrival, metres per second.
+/// Ground speeds of slow and usual arrivals, m/s.
 const SPEEDS_MPS: [f64; 2] = [60.0, 82.0];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Path {
     /// Down the 3 degree glide path.
     Descending,
-    /// At 2,500 ft.
+    /// Level flight at 2,500 ft.
     Level,
 }
 
-/// A flight straight at the mast of a view, one degree from the course towards the runway, at this distance from touchdown.
+/// A flight straight at a view's mast, one degree off the runway course, at this distance from touchdown.
 fn straight_at(view: &str, path: Path, along_m: f64) -> PixelBox {
     const BEYOND_M: f64 = 1_500.0;
     let from_mast_m = along_m + BEYOND_M;
@@ -52,7 +52,7 @@ fn seen_from(view: &str, path: Path, along_m: f64, right_m: f64) -> PixelBox {
     )
 }
 
-/// Motion of a flight in 40 s, pixels.
+/// Motion within 40 s, px.
 fn moves_px(seen: &dyn Fn(f64) -> PixelBox, along_m: f64, speed_mps: f64) -> f64 {
     let [before, after] = [along_m, along_m - 40.0 * speed_mps].map(seen);
     (after.cx_px - before.cx_px).hypot(after.cy_px - before.cy_px)
@@ -104,7 +104,7 @@ fn a_far_arrival_straight_at_a_mast_is_an_aircraft_at_any_picture_rate() {
     }
 }
 
-/// A lamp in the rain, whose boxes are larger at one time than at another, and get larger.
+/// A lamp in the rain, with boxes of varying and growing size.
 fn lamp(seconds: f64, step: u32) -> PixelBox {
     let flickering = 1.0 + 0.4 * jitter(9, seconds as u32 / 3);
     let length_px = (18.0 + 0.08 * seconds) * flickering;

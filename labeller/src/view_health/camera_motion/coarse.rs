@@ -3,13 +3,13 @@
 use dataset::video::Luma;
 use glam::{DVec2, IVec2};
 
-/// Factors by which images are shrunk.
+/// Shrink factors.
 const SHRINKS: [usize; 4] = [16, 8, 4, 2];
-/// Greatest shift in the smallest image, pixels of it.
+/// Maximum shift in the smallest image, in its pixels.
 const REACH: i32 = 20;
 /// Search around the best shift of the smaller image.
 const NEAR: i32 = 2;
-/// With a lower correlation, the images do not show the same.
+/// Minimum correlation of images that show the same scene.
 const MIN_CORRELATION: f64 = 0.15;
 
 /// Edges of the ground in shrunk images, from the smallest on.
@@ -27,7 +27,6 @@ struct Level {
 }
 
 impl Coarse {
-    /// Of the rows from `top` on.
     pub(super) fn of(image: &Luma<'_>, top: usize) -> Self {
         let levels = SHRINKS.map(|shrink| Level::of(image, top, shrink));
         Self {
@@ -35,7 +34,7 @@ impl Coarse {
         }
     }
 
-    /// The shift to another image, to about a pixel. `near_px` decides where all fit equally badly; `None` if none fits.
+    /// Shift to the other image, to about a pixel. `near_px` decides where all shifts fit equally badly; `None` if no shift fits.
     pub(super) fn shift_to(&self, other: &Self, near_px: DVec2) -> Option<DVec2> {
         let mut best = (near_px / SHRINKS[0] as f64).round().as_ivec2();
         let mut correlation = 0.0;
@@ -91,7 +90,7 @@ impl Level {
         }
     }
 
-    /// Correlation of the edges with the edges of another image, shifted by some pixels.
+    /// Correlation with shifted edges.
     fn correlation<'a>(&'a self, to: &'a Self, shift: IVec2) -> f64 {
         let height = (self.edges.len() / self.width.max(1)) as i32;
         let width = self.width as i32;

@@ -133,7 +133,7 @@ fn a_ground_without_structure_or_another_one_shows_no_direction() {
 fn a_reference_whose_light_fades_is_replaced_at_its_turn() {
     let mut motion = CameraMotion::new(&camera());
     next(&mut motion, &image(Turn::default(), ground)).unwrap();
-    // Ever more of the ground looks different: in the end all of it.
+    // Ever more ground looks different.
     for part in 0..=20 {
         let until = f64::from(part) * 40.0;
         let turn = turn(0.1 * f64::from(part), 0.0, 0.0);

@@ -1,33 +1,28 @@
-//! Small parts of a reference image, and their places in another one.
+//! Small parts of the reference image, and their places in other images.
 
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 use glam::{DVec2, DVec3};
 
-use super::Turn;
+use super::{NOISE_LEVELS, Turn};
+use crate::registration::MIN_CORRELATION;
 
-/// Size of a tile, pixels: wide, because what stands on the ground far away is flat in the image.
+/// Tile size, px: wide, because distant objects on the ground are flat in the image.
 const WIDTH: usize = 32;
 const HEIGHT: usize = 16;
 /// Pixels around a tile that its blur and its slopes reach.
 const BORDER: usize = 2;
-/// Parts of the image's width, each of which has its own best tiles.
+/// Horizontal bands, each with its own best tiles.
 const BANDS: usize = 8;
-/// Tiles of a band with the most structure across, and down.
+/// Number of tiles per band with the most structure across, and down.
 const BEST_ACROSS: usize = 8;
 const BEST_DOWN: usize = 5;
-/// Least sum of the squares of a tile's slopes: with a noise of two grey levels it shows a shift to a quarter of a pixel.
+/// Minimum sum of squared slopes: with a noise of two grey levels it shows a shift to a quarter of a pixel.
 const MIN_STRUCTURE: f64 = 200.0;
-/// With less along one of its axes, a tile says nothing about that axis: noise and compression have such slopes too.
-const MIN_ALONG: f64 = 100.0;
-/// And with less than this part of the structure across it: along an edge, a tile shows little but the steps of the edge on the grid of
-/// pixels, and those do not move with it.
-const MIN_PART: f64 = 0.1;
-/// A tile whose image resembles the reference less is covered or changed.
-const MIN_CORRELATION: f64 = 0.6;
-/// Least noise of a pixel, grey levels.
-const NOISE_LEVELS: f64 = 1.5;
-/// Neighbouring pixels share their blur and their errors: so many count as one.
+/// Minimum ratio of the structures along both axes. An edge shows little along itself but its steps on the pixel grid, which do not move
+/// with it.
+const MIN_AXIS_RATIO: f64 = 0.1;
+/// Number of neighbouring pixels that count as one, because they share blur and errors.
 const SHARED: f64 = 4.0;
 /// No tile shows its place better than this, pixels.
 const MIN_SD_PX: f64 = 0.06;
@@ -38,24 +33,22 @@ pub(super) struct Tile {
     left: usize,
     top: usize,
     pub(super) middle_px: DVec2,
-    /// From where its middle is seen.
     pub(super) direction: DVec3,
-    /// By how much its place changes with the turn, right and down.
+    /// Derivatives of the place by the turn, right and down.
     pub(super) slopes: [[f64; 3]; 2],
     /// Blurred light about its mean, and its slopes right and down without what gain and offset explain.
     light: Vec<[f32; 3]>,
-    /// Sum of the squares of its light.
+    /// Sum of squared light.
     power: f64,
-    /// Sums of the products of its slopes.
+    /// Sums of slope products.
     structure: [f64; 3],
     /// Information about a shift to the right and down in an image with little noise, 1 / square pixels.
     pub(super) tells: DVec2,
 }
 
-/// Measured position of a tile.
+/// Measured tile position.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Told {
-    /// Step to its best place, pixels.
     best_px: DVec2,
     /// Directions of most and least structure, each with its certainty, 1 / square pixels.
     axes: [(DVec2, f64); 2],
@@ -80,7 +73,7 @@ impl Told {
     }
 }
 
-/// The tiles of an image below a row that show most.
+/// The tiles below a row with the most structure.
 pub(super) fn tiles_of(image: &Luma<'_>, top: usize, camera: &Camera) -> Vec<Tile> {
     let first_row = top.max(BORDER + 1);
     let rows = (first_row..(image.height_px.saturating_sub(HEIGHT + BORDER + 1))).step_by(HEIGHT);
@@ -189,12 +182,12 @@ impl Tile {
         })
     }
 
-    /// Where the tile wants to be in an image, from its place moved by `shift_px`; `None` beyond the image's edge, or if the image does not
-    /// resemble the tile there.
+    /// Measures the tile from its place moved by `shift_px`; `None` beyond the image's edge, or if the image does not resemble the tile
+    /// there.
     pub(super) fn told(&self, image: &Luma<'_>, shift_px: DVec2) -> Option<Told> {
         let place = [self.left as f64 + shift_px.x, self.top as f64 + shift_px.y];
         let found = blurred(image, place, [WIDTH, HEIGHT])?;
-        // Sums of the light there, of its square, and of its products with the tile.
+        // Sums of the light there, of the squared light, and of the products with the tile.
         let mut sums = [0.0_f32; 5];
         let mean = found.iter().sum::<f32>() / found.len() as f32;
         for (found, tile) in found.iter().zip(&self.light) {
@@ -234,11 +227,12 @@ impl Tile {
     }
 }
 
-/// Certainties of a tile's place along two axes with this structure, for a variance of its pixels, 1 / square pixels.
+/// Certainties along two axes with this structure, for a pixel variance, 1 / square pixels.
 fn certainties(structures: [f64; 2], variance: f64) -> [f64; 2] {
     let most = structures[0].max(structures[1]);
     structures.map(|structure| {
-        if structure < MIN_ALONG.max(MIN_PART * most) {
+        // Noise and compression have such slopes too.
+        if structure < (MIN_STRUCTURE / 2.0).max(MIN_AXIS_RATIO * most) {
             0.0
         } else {
             (variance / structure + MIN_SD_PX * MIN_SD_PX).recip()
@@ -246,7 +240,7 @@ fn certainties(structures: [f64; 2], variance: f64) -> [f64; 2] {
     })
 }
 
-/// A part of an image that begins between its pixels, blurred by one, two, one quarters both ways; `None` if it reaches beyond the edge.
+/// An image part with subpixel origin, blurred by one, two, one quarters both ways; `None` beyond the edge.
 fn blurred(
     image: &Luma<'_>,
     [left, top]: [f64; 2],

@@ -1,3 +1,5 @@
+use glam::DVec2;
+
 use super::super::Change;
 use super::*;
 use crate::view_health::camera_motion::Measured;

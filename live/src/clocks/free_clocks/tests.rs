@@ -10,7 +10,7 @@ use testkit::{changi_02l, repository};
 use super::*;
 use crate::clocks::clock_offset::{RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
 
-/// Seconds of an arrival, and by how much the clock of the second view is slow.
+/// Duration of all arrivals, s, and delay of the second view's clock.
 const ARRIVAL_S: u32 = 280;
 const SLOW_S: f64 = 0.5;
 
@@ -34,7 +34,7 @@ fn arrival(clock: &mut FreeClock, from_s: f64, added_s: f64) -> Vec<News> {
     arrival_of(clock, from_s, SLOW_S, added_s)
 }
 
-/// The news of an arrival while the clock is slow by this, of which so much is added.
+/// News during an arrival while the clock is slow by `slow_s`, with `added_s` already added.
 fn arrival_of(clock: &mut FreeClock, from_s: f64, slow_s: f64, added_s: f64) -> Vec<News> {
     let [left, right] = cameras();
     let mut news = Vec::new();
@@ -131,14 +131,13 @@ fn a_clock_that_was_changed_is_learned_anew_from_one_arrival() {
     assert!((found.offset_s - SLOW_S).abs() < 0.05, "{found:?}");
 }
 
-/// Boxes of both views of a recorded arrival, one row per second.
+/// Boxes of both views in a recorded arrival, one row per second.
 struct Recorded {
     time_s: f64,
     places_px: [DVec2; 2],
     width_px: f64,
 }
 
-/// The recorded arrivals.
 fn recorded() -> Vec<Vec<Recorded>> {
     let path = repository().join("tests/data/live-sightings/sightings.csv");
     let text = fs::read_to_string(path).unwrap();

@@ -25,7 +25,7 @@ fn normalized(numbers: [f32; 4]) -> [f32; 4] {
     numbers.map(|number| number / 640.0)
 }
 
-/// Rows of a box by this form and of what follows it.
+/// Rows with a box by `form` and further numbers.
 fn rows(count: usize, form: impl Fn([f32; 4]) -> [f32; 4], rest: &[f32]) -> (Vec<usize>, Vec<f32>) {
     let all = candidates();
     let step = all.len() / count;
@@ -44,7 +44,7 @@ fn meaning(
     let of_shape = Layout::of_shape(shape, WINDOW_PX, has_objectness, named);
     let layout = profile.layout.or(of_shape).unwrap();
     let answer = Answer::new(shape, numbers).unwrap();
-    let known = Known {
+    let known = ProbedModel {
         window_px: WINDOW_PX,
         profile,
         head: metadata.head.as_deref(),

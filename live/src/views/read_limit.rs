@@ -1,25 +1,22 @@
-//! Time limit for the next image of an open source.
+//! Time limit for the next image.
 //!
-//! A server that has stopped keeps its connection, so one without images is given up. A slow camera is given three of its intervals, as its
-//! images came or, before that, as it announces them. A camera whose images never came gets twice the time after each connection that was
-//! given up before it showed two.
+//! A stopped server keeps its connection, so a connection without images is given up. A slow camera gets three of its intervals, measured
+//! or, before that, announced. If a camera has never shown two images, its limit doubles with every connection that was given up.
 
-/// At first, and at most, milliseconds.
+use crate::clock::UsualInterval;
+
+/// First and maximum limit, ms.
 const MIN_MS: u64 = 2_000;
 const MAX_MS: u64 = 32_000;
-/// Intervals in which an image must come.
+/// Limit in usual intervals.
 const INTERVALS: f64 = 3.0;
-/// Part by which a new interval changes the usual one.
-const LEARNED_PART: f64 = 0.05;
 
 /// Limit of the waits for images.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ReadLimit {
-    /// Usual time between images, seconds.
-    interval_s: Option<f64>,
-    /// The same, as the source announces it.
+    interval_s: UsualInterval,
+    /// The interval that the source announces, s.
     announced_s: f64,
-    /// The last one.
     last_s: f64,
     unknown_ms: u64,
 }
@@ -27,7 +24,7 @@ pub(crate) struct ReadLimit {
 impl Default for ReadLimit {
     fn default() -> Self {
         Self {
-            interval_s: None,
+            interval_s: UsualInterval::default(),
             announced_s: 0.0,
             last_s: 0.0,
             unknown_ms: MIN_MS,
@@ -36,9 +33,10 @@ impl Default for ReadLimit {
 }
 
 impl ReadLimit {
-    /// Of the next wait, milliseconds.
     pub(crate) fn next_ms(&self) -> u64 {
-        let interval_s = self.interval_s.unwrap_or(self.announced_s).max(self.last_s);
+        let interval_s = (self.interval_s.get())
+            .unwrap_or(self.announced_s)
+            .max(self.last_s);
         let known_ms = (1e3 * INTERVALS * interval_s) as u64;
         known_ms.max(self.unknown_ms).min(MAX_MS)
     }
@@ -48,16 +46,15 @@ impl ReadLimit {
         self.announced_s = interval_s;
     }
 
-    /// An image came so long after the one before, seconds.
+    /// Learns from an image that came `after_s` after the previous one.
     pub(crate) fn came(&mut self, after_s: f64) {
         (self.unknown_ms, self.last_s) = (MIN_MS, after_s);
-        let usual_s = self.interval_s.get_or_insert(after_s);
-        *usual_s += LEARNED_PART * (after_s - *usual_s);
+        self.interval_s.learn(after_s, f64::INFINITY);
     }
 
-    /// A connection has ended that was given up at the limit, after so many images.
+    /// A connection was given up after this number of images.
     pub(crate) fn given_up(&mut self, images: u32) {
-        if images < 2 && self.interval_s.is_none() {
+        if images < 2 && self.interval_s.get().is_none() {
             self.unknown_ms = (2 * self.unknown_ms).min(MAX_MS);
         }
     }

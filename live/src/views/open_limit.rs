@@ -4,11 +4,11 @@
 //! nothing. A long attempt then outlasts the fault. So a source that has been opened before gets twice the longest time that this took,
 //! and the limit is doubled after each attempt that reached it. Opening waits for an image, so a slow camera takes longer.
 
-/// At first, and at most of a source that was opened in half of it, milliseconds.
+/// First limit, and maximum limit for sources that have opened in half that time, ms.
 const MAX_MS: u64 = 4_000;
-/// At most of another one, milliseconds.
+/// Maximum limit for other sources, ms.
 const SLOW_MS: u64 = 32_000;
-/// At least, milliseconds: a busy machine is no fault.
+/// Minimum limit, ms: a busy machine is no fault.
 const MIN_MS: u64 = 1_000;
 
 /// Limit of the attempts to open a source.
@@ -29,12 +29,11 @@ impl Default for OpenLimit {
 }
 
 impl OpenLimit {
-    /// Of the next attempt, milliseconds.
     pub(crate) fn next_ms(self) -> u64 {
         self.next_ms
     }
 
-    /// The last attempt took so long, seconds.
+    /// Learns from an attempt that took `took_s`.
     pub(crate) fn take(&mut self, has_opened: bool, took_s: f64) {
         let took_ms = (1e3 * took_s) as u64;
         if has_opened {

@@ -1,15 +1,14 @@
-//! The time of each image: its sender's wall clock if there is one that can be right, else its timestamps placed by their arrivals, else
-//! its arrival.
+//! Image times: the sender's wall clock if it can be right, else timestamps placed by their arrivals, else the arrival.
 //!
-//! Timestamps of a camera run evenly but begin anywhere. The image that needed the shortest time to arrive places them; a camera whose
-//! clock runs differently is followed, up to 200 ppm. Images that come late stay late: only a clock whose readings jump is placed again.
+//! Timestamps run evenly but begin anywhere. The image with the shortest delay places them; a clock that runs at a different rate is
+//! followed, up to 200 ppm. Late images stay late: only a clock whose readings jump is placed again.
 
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
-/// Source of the time of an image.
+/// Time source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClockSource {
@@ -17,7 +16,7 @@ pub enum ClockSource {
     Sender,
     /// Timestamps, placed by their arrivals.
     Timestamps,
-    /// Its arrival.
+    /// The image's arrival.
     Arrival,
     /// The recording.
     Recording,
@@ -54,7 +53,6 @@ impl RunClock {
         }
     }
 
-    /// Seconds since the start.
     pub(crate) fn now_s(&self) -> f64 {
         self.began.elapsed().as_secs_f64()
     }
@@ -64,7 +62,7 @@ impl RunClock {
         utc_s - self.began_utc_s()
     }
 
-    /// The UTC time of so many seconds since the start.
+    /// UTC at a time since the start.
     pub(crate) fn utc(&self, since_start_s: f64) -> SystemTime {
         let utc_s = (self.began_utc_s() + since_start_s).max(0.0);
         UNIX_EPOCH + Duration::from_secs_f64(utc_s)
@@ -103,14 +101,14 @@ pub(crate) struct Stamp {
     pub(crate) oldest_s: f64,
 }
 
-/// Clues to the time of an image.
+/// Clues to an image's time.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Clues {
     /// When it arrived, seconds since the start.
     pub(crate) arrival_s: f64,
-    /// Its timestamp, seconds since anything.
+    /// Timestamp with an unknown zero, s.
     pub(crate) timestamp_s: Option<f64>,
-    /// Its sender's wall clock, seconds since the start.
+    /// The sender's wall clock, seconds since the start.
     pub(crate) sender_s: Option<f64>,
 }
 
@@ -118,7 +116,7 @@ pub(crate) struct Clues {
 /// differ by the width of this range at most.
 const SENDER_DELAY_S: RangeInclusive<f64> = -0.15..=0.35;
 
-/// Places the images of one connection.
+/// The connection's image clock.
 #[derive(Debug, Default)]
 pub(crate) struct Stamper {
     sender: Placement,
@@ -153,15 +151,31 @@ impl Stamper {
     }
 }
 
-/// Rate at which the shortest delay may grow: clocks differ by less.
+/// Maximum growth rate of the shortest delay: clocks differ by less.
 const MAX_DRIFT: f64 = 200e-6;
-/// A reading that steps by more than the arrivals do, seconds, is of a clock that jumped. One that steps evenly is late.
+/// Minimum difference between the steps of a clock and of the arrivals when the clock has jumped, s. A clock that steps evenly is late.
 const JUMP_S: f64 = 1.0;
-/// So is one that steps by less than this part of the usual step, and by so much less than the arrivals: a camera's clock was set back by
-/// part of an interval.
+/// A step below this part of the usual one, with an arrival step larger by the same amount, also means a jump: the camera's clock was set
+/// back by part of an interval.
 const BACK_PART: f64 = 0.5;
-/// Part by which a new step changes the usual one.
-const LEARNED_PART: f64 = 0.05;
+/// Weight of new values in running means.
+pub(crate) const LEARNED_PART: f64 = 0.05;
+
+/// Usual interval between images.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct UsualInterval(Option<f64>);
+
+impl UsualInterval {
+    /// Learns from an interval. One that is longer than `most` usual ones, as after lost images, counts as that many.
+    pub(crate) fn learn(&mut self, interval: f64, most: f64) {
+        let usual = self.0.get_or_insert(interval);
+        *usual += LEARNED_PART * (interval.min(most * *usual) - *usual);
+    }
+
+    pub(crate) fn get(self) -> Option<f64> {
+        self.0
+    }
+}
 
 /// The shortest time from a clock's reading to the arrival.
 #[derive(Debug, Default)]
@@ -169,7 +183,7 @@ struct Placement {
     shortest_s: Option<f64>,
     /// Arrival and reading of the image before.
     last_s: Option<[f64; 2]>,
-    usual_step_s: Option<f64>,
+    usual_step_s: UsualInterval,
 }
 
 impl Placement {
@@ -181,14 +195,12 @@ impl Placement {
             Some([arrival, reading]) => [arrival_s - arrival, reading_s - reading],
             None => [0.0, 0.0],
         };
-        let usual_s = self.usual_step_s.unwrap_or(0.0);
+        let usual_s = self.usual_step_s.get().unwrap_or(0.0);
         let is_set_back =
             step_s.max(0.0) < BACK_PART * usual_s && since_s - step_s > BACK_PART * usual_s;
         let has_jumped = is_set_back || !(0.0..=JUMP_S + since_s).contains(&step_s);
         if last_s.is_some() && step_s > 0.0 && !has_jumped {
-            let usual_s = self.usual_step_s.get_or_insert(step_s);
-            // After lost images the old one still holds.
-            *usual_s += LEARNED_PART * (step_s.min(2.0 * *usual_s) - *usual_s);
+            self.usual_step_s.learn(step_s, 2.0);
         }
         let shortest_s = match self.shortest_s.filter(|_| !has_jumped) {
             Some(shortest_s) => delay_s.min(shortest_s + MAX_DRIFT * since_s.max(0.0)),
@@ -207,7 +219,7 @@ mod tests {
 
     const PERIOD_S: f64 = 1.0 / 30.0;
 
-    /// Delays of a network: 20 ms at least.
+    /// Network delay, at least 20 ms.
     fn delay_s(image: u32) -> f64 {
         0.02 + 0.03 * f64::from(image % 7) / 7.0
     }
@@ -318,7 +330,7 @@ mod tests {
         }
     }
 
-    /// Feeds an image, and returns the error of its time and the clock that gave it.
+    /// Feeds an image; returns its time error and the clock used.
     fn error_s(
         stamper: &mut Stamper,
         taken_s: f64,

@@ -1,36 +1,42 @@
-//! The threads of all views, and what they say.
+//! Views and their threads.
 
-use std::sync::Arc;
+pub(crate) mod feed;
+mod lockstep;
+mod open_limit;
+mod read_limit;
+pub(crate) mod search;
+pub(crate) mod shared;
+
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use dataset::video::start_ffmpeg;
 
 use crate::error::{Error, Result};
-use crate::feed::open_limit::OpenLimit;
-use crate::feed::read_limit::ReadLimit;
-use crate::feed::slot::Slot;
-use crate::feed::{Feed, Message};
 use crate::options::Options;
-use crate::search::Search;
-use crate::search::lockstep::Lockstep;
-use crate::shared::{Shared, ViewStatus};
+use crate::queue::Queue;
 use crate::source::gpu::Gpu;
+use crate::view_state::ViewWatch;
+use feed::{Feed, Message};
+use lockstep::Lockstep;
+use open_limit::OpenLimit;
+use read_limit::ReadLimit;
+use search::Search;
+use shared::Shared;
 
-/// Images of a view that wait for its search.
+/// Maximum number of images that wait for the search.
 const MAX_WAITING: usize = 4;
 
-/// A view of the run.
 pub(crate) struct View {
     pub(crate) name: String,
-    /// Its source, without secrets; `None` if it has none.
+    /// Without secrets; `None` for a view that is left out.
     pub(crate) source: Option<String>,
-    pub(crate) status: Arc<ViewStatus>,
+    pub(crate) status: Arc<Mutex<ViewWatch>>,
 }
 
-/// All views at work.
 pub(crate) struct Views {
     pub(crate) all: Vec<View>,
     pub(crate) messages: Receiver<Message>,
@@ -41,7 +47,7 @@ pub(crate) struct Views {
 impl Views {
     /// Starts the threads of all views that have a source. `searches`: false if images are only looked at.
     pub(crate) fn start(options: &Options, shared: &Arc<Shared>, searches: bool) -> Result<Self> {
-        // A GPU that is not there is no news of one view.
+        // A missing GPU concerns all views.
         start_ffmpeg();
         Gpu::open(options.decoder)?;
         let (send, messages) = channel();
@@ -50,7 +56,7 @@ impl Views {
         let mut threads = Vec::new();
         let mut all = Vec::new();
         for (view, name) in names.iter().enumerate() {
-            let status = Arc::<ViewStatus>::default();
+            let status = Arc::<Mutex<ViewWatch>>::default();
             let source = options.sources.get(name);
             all.push(View {
                 name: name.clone(),
@@ -62,14 +68,14 @@ impl Views {
                 continue;
             };
             let camera = options.run.camera(view);
-            let slot = Arc::new(Slot::of(MAX_WAITING));
+            let queue = Arc::new(Queue::of(MAX_WAITING));
             let feed = Feed {
                 view,
                 name: name.clone(),
                 source: source.clone(),
                 decoder: options.decoder,
                 size_px: [camera.width_px, camera.height_px],
-                slot: slot.clone(),
+                queue: queue.clone(),
                 status: status.clone(),
                 messages: send.clone(),
                 shared: shared.clone(),
@@ -86,7 +92,7 @@ impl Views {
                 view,
                 name: name.clone(),
                 search: options.searcher.view_search(&camera)?,
-                slot,
+                queue,
                 status,
                 messages: send.clone(),
                 shared: shared.clone(),
@@ -128,7 +134,7 @@ fn spawn(
     thread.spawn(guarded).map_err(Error::Thread)
 }
 
-/// Reports the panic of its thread when it is dropped.
+/// Reports its thread's panic when it is dropped.
 struct PanicGuard {
     name: String,
     messages: Sender<Message>,

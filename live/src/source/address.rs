@@ -1,4 +1,4 @@
-//! FFmpeg's name and options of a source, and how long a wait may be.
+//! FFmpeg's names, options and time limits for sources.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,15 +10,15 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::numbers::units::SimTime;
 use ffmpeg_next::{Dictionary, format};
 
-use crate::clocks::clock::RunClock;
+use crate::clock::RunClock;
 use crate::source::{Source, Transport};
 
-/// Milliseconds in which FFmpeg waits for packets that UDP delivered out of order.
+/// FFmpeg's wait for reordered UDP packets, ms.
 const REORDER_MS: u32 = 60;
 /// Bytes of the socket's buffer: a key frame comes in a burst.
 const UDP_BUFFER_BYTES: u32 = 4 << 20;
 
-/// Cause of a source that was not opened.
+/// Reason why a source cannot be opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum OpenFault {
     /// It may be there later.
@@ -27,7 +27,6 @@ pub(crate) enum OpenFault {
     Useless(String),
 }
 
-/// Limit of FFmpeg's waits.
 pub(crate) struct Patience {
     pub(crate) clock: RunClock,
     until_ms: AtomicU64,
@@ -58,14 +57,14 @@ impl Patience {
     }
 }
 
-/// Times of a scenario's images, by their timestamps in the video: an image that cannot be decoded shifts no other.
+/// A scenario's image times, by timestamp in the video: an undecodable image shifts no other.
 pub(crate) struct RecordedTimes {
     /// Seconds by microseconds.
     by_timestamp: BTreeMap<i64, f64>,
 }
 
 impl RecordedTimes {
-    /// From timestamps in the video and times of the recording, seconds.
+    /// Pairs of timestamp and recording time, s.
     fn of(images: impl Iterator<Item = (f64, f64)>) -> Self {
         Self {
             by_timestamp: images
@@ -87,8 +86,8 @@ fn microseconds(seconds: f64) -> i64 {
     (seconds * 1e6).round().clamp(-1e18, 1e18) as i64
 }
 
-/// FFmpeg's name of a source, and what is known of it.
-pub(crate) struct Place {
+/// A source in FFmpeg's terms.
+pub(crate) struct FfmpegSource {
     name: String,
     options: Vec<(&'static str, String)>,
     pub(crate) is_stream: bool,
@@ -96,7 +95,7 @@ pub(crate) struct Place {
     pub(crate) recorded: Option<RecordedTimes>,
 }
 
-impl Place {
+impl FfmpegSource {
     pub(crate) fn of(source: &Source, view: &str) -> Result<Self, OpenFault> {
         let useless = |error: dataset::Error| OpenFault::Useless(error.to_string());
         let file = |path: &Path| {
@@ -171,7 +170,7 @@ impl Place {
         self.name.starts_with("file:")
     }
 
-    /// Opens it within so many milliseconds. `in_pieces`: packets of streams as they come, without FFmpeg's parser.
+    /// Opens the source within `most_ms`. `in_pieces`: packets of streams as they come, without FFmpeg's parser.
     pub(crate) fn open(
         &self,
         patience: &Arc<Patience>,
@@ -229,7 +228,7 @@ mod tests {
     #[test]
     fn a_device_is_opened_by_its_path_with_ffmpegs_own_reader() {
         let source = Source::Device("/dev/video97".into());
-        let place = Place::of(&source, "left").ok().unwrap();
+        let place = FfmpegSource::of(&source, "left").ok().unwrap();
         assert_eq!((&*place.name, place.is_stream), ("/dev/video97", false));
         let stop = Arc::new(AtomicBool::new(false));
         let patience = Patience::new(RunClock::start(), stop);
@@ -252,7 +251,7 @@ mod tests {
         let images = (0..100).map(|tick| f64::from(tick) / rate);
         let recorded = RecordedTimes::of(images.map(|at_s| (at_s, 500.0 + at_s)));
         for tick in (0..100).filter(|tick| tick % 7 != 3) {
-            // In the unit of a container.
+            // Timestamps in a container's unit.
             let units = (f64::from(tick) / rate * 120_000.0).round();
             let time_s = recorded.time_s(units / 120_000.0).unwrap();
             assert!((time_s - 500.0 - f64::from(tick) / rate).abs() < 1e-9);

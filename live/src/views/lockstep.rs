@@ -1,8 +1,10 @@
 //! Keeps the searches of recordings together that are read as fast as possible, so that few images wait for those of the other views.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex};
 
-/// Seconds of a recording that one view may be ahead.
+use crate::queue::lock;
+
+/// Maximum lead over other views, s of the recording.
 const MAX_AHEAD_S: f64 = 2.0;
 
 /// The times that the views have reached; none once a view has ended.
@@ -21,7 +23,7 @@ impl Lockstep {
 
     /// Waits until no view is far behind this time.
     pub(crate) fn reach(&self, view: usize, time_s: f64) {
-        let mut reached = self.lock();
+        let mut reached = lock(&self.reached_s);
         reached[view] = Some(time_s);
         self.changed.notify_all();
         let is_ahead = |reached: &mut Vec<Option<f64>>| {
@@ -33,16 +35,9 @@ impl Lockstep {
         drop(self.changed.wait_while(reached, is_ahead));
     }
 
-    /// A view has ended.
     pub(crate) fn leave(&self, view: usize) {
-        self.lock()[view] = None;
+        lock(&self.reached_s)[view] = None;
         self.changed.notify_all();
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Vec<Option<f64>>> {
-        self.reached_s
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -1,35 +1,25 @@
-//! State that the threads of all views share: the passing of time, corrections of clocks, and the condition of each view.
+//! State that the threads of all views share: the passing of time, and clock corrections.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::thread;
 use std::time::Duration;
 
-use crate::clocks::clock::RunClock;
+use crate::clock::RunClock;
+use crate::options::{Options, Pace};
 use crate::output::metrics::Metrics;
-use crate::view_state::ViewWatch;
+use crate::queue::lock;
 
 /// Milliseconds after which a sleeping thread looks whether it should end.
 const NAP_MS: u64 = 20;
 
-/// Passing of time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Pace {
-    /// There is a camera: clocks give the times of images.
-    Cameras,
-    /// All sources are recordings, played in their own time.
-    RealTime,
-    /// The same, as fast as they are searched.
-    AsFastAsPossible,
-}
-
-/// Correction of a clock that was measured.
+/// Measured clock correction.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Correction {
     /// Seconds to add at a time of answers.
     pub(crate) seconds: f64,
     pub(crate) time_s: f64,
-    /// By how much that grows in a second.
+    /// Growth per second.
     pub(crate) drift: f64,
 }
 
@@ -39,7 +29,6 @@ impl Correction {
     }
 }
 
-/// State that all feeds share.
 pub(crate) struct Shared {
     pub(crate) clock: RunClock,
     pub(crate) pace: Pace,
@@ -51,7 +40,7 @@ pub(crate) struct Shared {
     pub(crate) recordings_s: OnceLock<f64>,
     /// Seconds that are added to the times of each view's images.
     pub(crate) given_s: Vec<f64>,
-    /// The same as they were measured, while the clock of the view or of the first one runs free.
+    /// Measured corrections, used while the view's or the first view's clock runs free.
     measured: Vec<Mutex<Correction>>,
     /// Free clocks of recordings, which only the caller knows.
     pub(crate) is_measured: Vec<bool>,
@@ -59,51 +48,41 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    pub(crate) fn new(
-        clock: RunClock,
-        pace: Pace,
-        stop: Arc<AtomicBool>,
-        metrics: Arc<Metrics>,
-        given_s: Vec<f64>,
-        is_measured: Vec<bool>,
-    ) -> Self {
+    pub(crate) fn of(options: &Options, metrics: Arc<Metrics>) -> Self {
+        let views = options.run.views().iter();
+        let given_s = |view| options.offsets_s.get(view).copied().unwrap_or(0.0);
         Self {
-            measured: given_s.iter().map(|_| Mutex::default()).collect(),
-            runs_free: given_s.iter().map(|_| AtomicBool::new(false)).collect(),
-            given_s,
-            is_measured,
-            clock,
-            pace,
-            stop,
+            measured: views.clone().map(|_| Mutex::default()).collect(),
+            runs_free: views.clone().map(|_| AtomicBool::new(false)).collect(),
+            given_s: views.clone().map(given_s).collect(),
+            is_measured: views.map(|view| options.measured.contains(view)).collect(),
+            clock: RunClock::start(),
+            pace: options.pace(),
+            stop: Arc::default(),
             metrics,
             zero_s: OnceLock::new(),
             recordings_s: OnceLock::new(),
         }
     }
 
-    /// True if nothing ties the clock of a view to that of the first one.
+    /// True if a view's clock is not synchronised with the first view's.
     pub(crate) fn runs_free(&self, view: usize) -> bool {
         let is_free = |view: usize| self.runs_free[view].load(Ordering::Relaxed);
         is_free(0) || is_free(view)
     }
 
-    /// Seconds that are added to a time of a view's clock because they were measured.
+    /// Measured correction of the view's clock at a time, s.
     pub(crate) fn added_s(&self, view: usize, time_s: f64) -> f64 {
         if self.runs_free(view) {
-            self.correction(view).at(time_s)
+            lock(&self.measured[view]).at(time_s)
         } else {
             0.0
         }
     }
 
-    /// From now on, the clock of a view is corrected by this.
+    /// Sets the correction.
     pub(crate) fn correct(&self, view: usize, correction: Correction) {
-        *self.correction(view) = correction;
-    }
-
-    fn correction(&self, view: usize) -> MutexGuard<'_, Correction> {
-        let correction = self.measured[view].lock();
-        correction.unwrap_or_else(PoisonError::into_inner)
+        *lock(&self.measured[view]) = correction;
     }
 
     /// A time of answers in seconds since the start of the program, for cameras.
@@ -134,15 +113,5 @@ impl Shared {
             }
             thread::sleep(Duration::from_secs_f64(left_s.min(NAP_MS as f64 * 1e-3)));
         }
-    }
-}
-
-/// The state of a view, which its feed and its search report and the conductor reads.
-#[derive(Debug, Default)]
-pub(crate) struct ViewStatus(Mutex<ViewWatch>);
-
-impl ViewStatus {
-    pub(crate) fn watch(&self) -> MutexGuard<'_, ViewWatch> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,48 +1,45 @@
 //! A thread for each view that searches the newest image.
 
-pub(crate) mod lockstep;
-
-use std::sync::Arc;
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use dataset::tables::health::HealthState;
 use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
 use labeller::detector::PictureView;
-use labeller::live::{Image, Looked, ViewSearch};
+use labeller::{Image, ImageFindings, ViewSearch};
 
-use crate::feed::slot::{Slot, Taken};
-use crate::feed::{FeedImage, Message};
+use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
-use crate::search::lockstep::Lockstep;
-use crate::shared::{Pace, Shared, ViewStatus};
+use crate::queue::{Queue, Taken, lock};
+use crate::view_state::ViewWatch;
+use crate::views::feed::{FeedImage, Message};
+use crate::views::lockstep::Lockstep;
+use crate::views::shared::Shared;
 
-/// A searched image.
 pub(crate) struct Searched {
-    /// See [`FeedImage`].
     pub(crate) time_s: f64,
     pub(crate) taken_s: f64,
     pub(crate) arrival_s: f64,
     pub(crate) added_s: f64,
     /// When the search was done, seconds since the start.
     pub(crate) searched_s: f64,
-    pub(crate) looked: Looked,
+    pub(crate) looked: ImageFindings,
 }
 
-/// The search of one view.
 pub(crate) struct Search {
     pub(crate) view: usize,
     pub(crate) name: String,
     pub(crate) search: ViewSearch,
-    pub(crate) slot: Arc<Slot<FeedImage>>,
-    pub(crate) status: Arc<ViewStatus>,
+    pub(crate) queue: Arc<Queue<FeedImage>>,
+    pub(crate) status: Arc<Mutex<ViewWatch>>,
     pub(crate) messages: Sender<Message>,
     pub(crate) shared: Arc<Shared>,
     pub(crate) lockstep: Arc<Lockstep>,
 }
 
-/// Longest wait of an image that is searched although there are newer ones, seconds: a search of a whole image delays some.
-const MAX_WAIT_S: f64 = 0.1;
+/// Maximum wait of an image for the search if newer images wait as well, s: whole-image searches delay some.
+pub(crate) const MAX_WAIT_S: f64 = 0.1;
 /// A wait for an image that is longer changes nothing.
 const WAIT: Duration = Duration::from_millis(500);
 /// Images in a row whose search may fail before there is no point in going on.
@@ -59,7 +56,7 @@ impl Search {
         };
         let mut failures = 0;
         while !self.shared.is_stopped() {
-            let image = match self.slot.take(WAIT) {
+            let image = match self.queue.take(WAIT) {
                 Taken::Content(image) => image,
                 Taken::Nothing => continue,
                 Taken::Closed => break,
@@ -99,7 +96,7 @@ impl Search {
     /// Drops an image that waited for long if there are newer ones.
     fn is_too_old(&self, image: &FeedImage) -> bool {
         let waited_s = self.shared.clock.now_s() - image.decoded_s;
-        let is_dropped = waited_s > MAX_WAIT_S && !self.slot.is_empty();
+        let is_dropped = waited_s > MAX_WAIT_S && !self.queue.is_empty();
         if is_dropped && image.can_be_measured {
             self.shared.metrics.count(self.view, Fate::Overload);
         }
@@ -130,7 +127,7 @@ impl Search {
         metrics.time(Stage::Search, searched_s - begun_s);
         let is_moved = matches!(looked.camera, HealthState::Moved | HealthState::Shaking);
         let is_frozen = looked.camera == HealthState::Frozen;
-        self.status.watch().set_camera(is_moved, is_frozen);
+        lock(&self.status).set_camera(is_moved, is_frozen);
         pixels.previous = Some(image.image);
         if !image.can_be_measured {
             return Ok(None);
@@ -156,7 +153,7 @@ fn failures_after<T>(looked: &labeller::Result<T>, before: u32) -> u32 {
     }
 }
 
-/// Converted pixels of the images of a view, and the image before.
+/// Pixel buffers, and the previous image.
 struct Pixels {
     converter: ImageConverter,
     whole: Vec<u8>,
@@ -164,7 +161,6 @@ struct Pixels {
     previous: Option<DecodedImage>,
 }
 
-/// The image that is searched.
 struct NewImage<'a> {
     image: &'a DecodedImage,
     pixels: &'a mut Pixels,

@@ -1,24 +1,22 @@
-//! When a view's state is news, and what is said about it.
+//! View events: state changes and their causes.
 
-use crate::clocks::clock::ClockSource;
-use crate::feed::Report;
-use crate::output::line::Event;
+use crate::clock::ClockSource;
+use crate::output::Event;
 use crate::view_state::ViewState;
+use crate::views::feed::Report;
 
-/// The last event about a view, and what is known of its source.
+/// The view's last event, and the state of the source.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ViewNews {
     told: Option<ViewState>,
     told_clock: Option<ClockSource>,
     told_why: Option<String>,
-    /// Cause of its loss.
     why: Option<String>,
     clock: Option<ClockSource>,
     has_ended: bool,
 }
 
 impl ViewNews {
-    /// Takes what the feed reports.
     pub(crate) fn take(&mut self, report: Report) {
         match report {
             Report::Opened { .. } => {}
@@ -32,18 +30,12 @@ impl ViewNews {
         }
     }
 
-    /// True once its recording is over.
     pub(crate) fn has_ended(&self) -> bool {
         self.has_ended
     }
 
-    /// The event about a state, if it, the cause of a loss or the source of times is another one than before. At the beginning every view
-    /// is down.
-    pub(crate) fn of(
-        &mut self,
-        view: &str,
-        state: ViewState,
-    ) -> Option<impl FnOnce(f64) -> Event + use<>> {
+    /// The event, if the state, the loss's cause or the clock has changed. Views are down at first.
+    pub(crate) fn of(&mut self, time_s: f64, view: &str, state: ViewState) -> Option<Event> {
         // A view without images is down before its connection is given up, which tells why.
         let is_other_cause =
             state == ViewState::Down && self.why.is_some() && self.told_why != self.why;
@@ -56,7 +48,7 @@ impl ViewNews {
         (self.told, self.told_clock) = (Some(state), self.clock);
         self.told_why = self.why.clone();
         let (why, clock, view) = (self.why_of(view, state), self.clock, view.to_owned());
-        Some(move |time_s| Event::View {
+        Some(Event::View {
             time_s,
             view,
             state,
@@ -68,7 +60,7 @@ impl ViewNews {
     fn why_of(&self, view: &str, state: ViewState) -> Option<String> {
         let why = match state {
             ViewState::Up | ViewState::Late => return None,
-            // Of a connection that is still open, no other cause is known yet.
+            // The connection is still open, so no cause is known yet.
             ViewState::Down => self.why.as_deref().unwrap_or("no images come"),
             ViewState::Moved => {
                 return Some(format!(
@@ -91,9 +83,9 @@ mod tests {
     fn a_state_and_a_clock_are_told_once_and_a_view_that_is_down_from_the_beginning_with_its_fault()
     {
         let mut news = ViewNews::default();
-        assert!(news.of("left", ViewState::Down).is_none());
+        assert!(news.of(0.0, "left", ViewState::Down).is_none());
         news.take(Report::Lost("nobody answers".into()));
-        let event = news.of("left", ViewState::Down).unwrap()(1.0);
+        let event = news.of(1.0, "left", ViewState::Down).unwrap();
         let Event::View { why, state, .. } = event else {
             panic!("{event:?}")
         };
@@ -101,33 +93,33 @@ mod tests {
             (why.as_deref(), state),
             (Some("nobody answers"), ViewState::Down)
         );
-        assert!(news.of("left", ViewState::Down).is_none());
+        assert!(news.of(0.0, "left", ViewState::Down).is_none());
         // It is reported before the state changes.
         news.take(Report::FirstImage {
             size_px: [1920, 1280],
             clock: ClockSource::Timestamps,
         });
-        assert!(news.of("left", ViewState::Down).is_none());
-        assert!(news.of("left", ViewState::Up).is_some());
-        assert!(news.of("left", ViewState::Up).is_none());
+        assert!(news.of(0.0, "left", ViewState::Down).is_none());
+        assert!(news.of(0.0, "left", ViewState::Up).is_some());
+        assert!(news.of(0.0, "left", ViewState::Up).is_none());
         news.take(Report::Clock(ClockSource::Sender));
-        let event = news.of("left", ViewState::Up).unwrap()(1.5);
+        let event = news.of(1.5, "left", ViewState::Up).unwrap();
         let Event::View { clock, .. } = event else {
             panic!("{event:?}")
         };
         assert_eq!(clock, Some(ClockSource::Sender));
-        assert!(news.of("left", ViewState::Up).is_none());
-        let event = news.of("left", ViewState::Moved).unwrap()(2.0);
+        assert!(news.of(0.0, "left", ViewState::Up).is_none());
+        let event = news.of(2.0, "left", ViewState::Moved).unwrap();
         assert!(format!("{event:?}").contains("dtd refit RUN --view left"));
-        let event = news.of("left", ViewState::Down).unwrap()(3.0);
+        let event = news.of(3.0, "left", ViewState::Down).unwrap();
         assert!(format!("{event:?}").contains("no images come"));
-        assert!(news.of("left", ViewState::Down).is_none());
+        assert!(news.of(0.0, "left", ViewState::Down).is_none());
         for cause in ["no image came for 2000 ms", "nobody answers"] {
             news.take(Report::Lost(cause.into()));
-            let event = news.of("left", ViewState::Down).unwrap()(4.0);
+            let event = news.of(4.0, "left", ViewState::Down).unwrap();
             assert!(format!("{event:?}").contains(cause));
             news.take(Report::Lost(cause.into()));
-            assert!(news.of("left", ViewState::Down).is_none());
+            assert!(news.of(0.0, "left", ViewState::Down).is_none());
         }
     }
 }

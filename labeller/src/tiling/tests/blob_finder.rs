@@ -6,10 +6,9 @@ use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize};
 
 /// Finds the box around all bright pixels of each connected run of columns in a window.
 pub(crate) struct BlobFinder {
-    /// Number of windows that it received.
     pub(crate) windows_seen: usize,
     size: WindowSize,
-    /// Factor by which images are shrunk for the first pass.
+    /// Shrink factor of the first pass.
     pub(crate) first_pass_shrink: u32,
 }
 
@@ -20,7 +19,6 @@ const LOW_SCORE: f64 = 0.3;
 const BLOB_WINDOW_PX: u32 = 640;
 
 impl Default for BlobFinder {
-    /// With tiles.
     fn default() -> Self {
         Self {
             windows_seen: 0,

@@ -3,36 +3,31 @@
 //! A few images wait for the search, and the newest replaces the oldest: that one was decoded, but is not searched. A recording that is
 //! read as fast as possible waits instead.
 
-pub(crate) mod open_limit;
-pub(crate) mod read_limit;
-pub(crate) mod slot;
-
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex};
 
 use dataset::video::DecodedImage;
 
-use crate::clocks::clock::{ClockSource, Clues, Stamp, Stamper};
+use crate::clock::{ClockSource, Clues, Stamp, Stamper};
 use crate::error::Error;
-use crate::feed::open_limit::OpenLimit;
-use crate::feed::read_limit::ReadLimit;
-use crate::feed::slot::Slot;
-use crate::options::Decoder;
+use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
-use crate::search::Searched;
-use crate::shared::{Pace, Shared, ViewStatus};
-use crate::source::Source;
+use crate::queue::{Queue, lock};
+use crate::source::address::{OpenFault, Patience};
 use crate::source::input::{End, Input, InputImage};
-use crate::source::place::{OpenFault, Patience};
+use crate::source::{Decoder, Source};
 use crate::view_state::image_look::Looks;
-use crate::view_state::{Seen, ViewState};
+use crate::view_state::{DecodedLook, ViewState, ViewWatch};
+use crate::views::open_limit::OpenLimit;
+use crate::views::read_limit::ReadLimit;
+use crate::views::search::Searched;
+use crate::views::shared::Shared;
 
 /// Milliseconds before a lost source is opened again: at first, and at most.
 const FIRST_DELAY_MS: u64 = 100;
 const MAX_DELAY_MS: u64 = 1_000;
 
-/// An image for the search.
 pub(crate) struct FeedImage {
     pub(crate) image: DecodedImage,
     /// When it was taken, in the time of answers, seconds.
@@ -42,7 +37,7 @@ pub(crate) struct FeedImage {
     /// When its last packet arrived, and when it was decoded.
     pub(crate) arrival_s: f64,
     pub(crate) decoded_s: f64,
-    /// Seconds that were added to its time, because its clock was compared with another.
+    /// Clock correction that is part of `time_s`, s.
     pub(crate) added_s: f64,
     /// False while the camera looks elsewhere or its images repeat: the search only sees whether that is over.
     pub(crate) can_be_measured: bool,
@@ -50,41 +45,40 @@ pub(crate) struct FeedImage {
     pub(crate) can_be_searched: bool,
 }
 
-/// Message from a thread of a view to the conductor.
+/// Message from a view's thread to the conductor.
 pub(crate) enum Message {
-    /// About the source of a view.
+    /// The feed's report.
     Report(usize, Report),
-    /// A searched image of a view.
+    /// A searched image.
     Searched(usize, Box<Searched>),
-    /// An image of a recording that must not be measured, at this time.
+    /// Skipped recorded image's time.
     Skipped(usize, f64),
-    /// The search of a view failed, for good.
+    /// A permanent failure.
     Failed(Error),
-    /// The search of a view has ended.
+    /// The search has ended.
     Finished(usize),
 }
 
-/// Report of a feed besides its images.
+/// News about the source.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Report {
     /// It was opened: the codec.
     Opened { codec: &'static str },
-    /// The first image of a connection.
+    /// The connection's first image.
     FirstImage {
         size_px: [u32; 2],
         clock: ClockSource,
     },
-    /// Another source gives the times of its images from now on.
+    /// The image times have a new origin.
     Clock(ClockSource),
     /// It was lost, or is not there.
     Lost(String),
     /// It can never be used.
     Useless(String),
-    /// Its recording is over.
+    /// The recording is over.
     Ended,
 }
 
-/// One view's feed.
 pub(crate) struct Feed {
     pub(crate) view: usize,
     pub(crate) name: String,
@@ -92,11 +86,11 @@ pub(crate) struct Feed {
     pub(crate) decoder: Decoder,
     /// Size of the images that the run knows.
     pub(crate) size_px: [u32; 2],
-    pub(crate) slot: Arc<Slot<FeedImage>>,
-    pub(crate) status: Arc<ViewStatus>,
+    pub(crate) queue: Arc<Queue<FeedImage>>,
+    pub(crate) status: Arc<Mutex<ViewWatch>>,
     pub(crate) messages: Sender<Message>,
     pub(crate) shared: Arc<Shared>,
-    /// Time of the last image, also of a connection before.
+    /// Time of the last image, also from an earlier connection.
     pub(crate) last_time_s: Option<f64>,
     pub(crate) open_limit: OpenLimit,
     pub(crate) read_limit: ReadLimit,
@@ -116,7 +110,7 @@ impl Feed {
                 self.report(report);
             }
             // After the cause, so that the event has it.
-            self.status.watch().set_connected(false);
+            lock(&self.status).set_connected(false);
             if is_over {
                 break;
             }
@@ -128,7 +122,7 @@ impl Feed {
             self.shared.sleep_until(self.shared.clock.now_s() + wait_s);
             delay_ms = (2 * delay_ms).min(MAX_DELAY_MS);
         }
-        self.slot.close();
+        self.queue.close();
     }
 
     fn report(&self, report: Report) {
@@ -191,7 +185,7 @@ impl Feed {
             Some(_) => {}
         }
         let is_other_size = size_px != self.size_px;
-        let seen = Seen {
+        let seen = DecodedLook {
             now_s: match shared.pace {
                 Pace::AsFastAsPossible => time_s,
                 _ => decoded_s,
@@ -203,7 +197,7 @@ impl Feed {
             is_damaged: image.is_damaged || is_other_size,
             look: connection.looks.next(image.image.luma()),
         };
-        let state = self.status.watch().take(seen);
+        let state = lock(&self.status).take(seen);
         let arrival_s = match stamp.clock {
             // It is due now.
             ClockSource::Recording => decoded_s,
@@ -235,8 +229,8 @@ impl Feed {
             can_be_searched,
         };
         if shared.pace == Pace::AsFastAsPossible {
-            self.slot.put_after(image);
-        } else if let Some(before) = self.slot.put(image)
+            self.queue.put_after(image);
+        } else if let Some(before) = self.queue.put(image)
             && before.can_be_measured
         {
             shared.metrics.count(self.view, Fate::Overload);
@@ -244,7 +238,7 @@ impl Feed {
         Ok(())
     }
 
-    /// Time of an image, the same as of answers, and what was added to that; `None` if it is not after the one before.
+    /// The image's stamp, answer time and clock correction; `None` if it is not after the previous one.
     fn stamp(
         &mut self,
         image: &InputImage,
@@ -288,7 +282,7 @@ impl Feed {
         is_after.then_some((stamp, time_s, added_s))
     }
 
-    /// The first images of a source must have the size of the run's camera. If later ones have another, the view is damaged.
+    /// The first images must have the camera size of the run. Later images with a different size count as damaged.
     fn check_first(&self, size_px: [u32; 2]) -> Result<(), OpenFault> {
         let [width, height] = size_px;
         let [known_width, known_height] = self.size_px;
@@ -301,7 +295,6 @@ impl Feed {
     }
 }
 
-/// State of an open source.
 #[derive(Default)]
 struct Connection {
     stamper: Stamper,
@@ -309,7 +302,6 @@ struct Connection {
     /// Source of the time of the last image.
     clock: Option<ClockSource>,
     images: u32,
-    /// Arrival of the last one.
     arrival_s: Option<f64>,
 }
 

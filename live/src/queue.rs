@@ -1,11 +1,16 @@
-//! Hands images from one thread to another: a few that wait, of which the oldest are dropped, or every one.
+//! Hand-over between threads: a bounded queue that drops the oldest item or waits, and locks that survive a panic.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A place for a few things, one after another.
-pub(crate) struct Slot<T> {
+/// Locks a value, also after a thread has panicked with it.
+pub(crate) fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
+    value.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Bounded queue.
+pub(crate) struct Queue<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
     most: usize,
@@ -16,19 +21,18 @@ struct State<T> {
     is_closed: bool,
 }
 
-/// Result of a wait for a thing.
+/// A wait's result.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Taken<T> {
-    /// It came.
+    /// The oldest item.
     Content(T),
-    /// Nothing came in this time.
+    /// Timeout.
     Nothing,
-    /// Nothing will come.
+    /// The queue is closed.
     Closed,
 }
 
-impl<T> Slot<T> {
-    /// A place for so many things.
+impl<T> Queue<T> {
     pub(crate) fn of(most: usize) -> Self {
         Self {
             state: Mutex::new(State {
@@ -40,23 +44,22 @@ impl<T> Slot<T> {
         }
     }
 
-    /// Puts a thing here at once, and returns the oldest one if there are too many.
+    /// Adds an item at once, and returns the oldest one if there are too many.
     pub(crate) fn put(&self, content: T) -> Option<T> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         state.waiting.push_back(content);
         self.changed.notify_all();
         let is_full = state.waiting.len() > self.most;
         is_full.then(|| state.waiting.pop_front()).flatten()
     }
 
-    /// True if nothing waits here.
     pub(crate) fn is_empty(&self) -> bool {
-        self.lock().waiting.is_empty()
+        lock(&self.state).waiting.is_empty()
     }
 
-    /// Puts a thing here when there is room. False: it was closed.
+    /// Adds an item when there is room; false if the queue is closed.
     pub(crate) fn put_after(&self, content: T) -> bool {
-        let state = self.lock();
+        let state = lock(&self.state);
         let is_occupied =
             |state: &mut State<T>| state.waiting.len() >= self.most && !state.is_closed;
         let mut state = self
@@ -70,9 +73,9 @@ impl<T> Slot<T> {
         !state.is_closed
     }
 
-    /// Takes the oldest thing here, or waits for one.
+    /// Takes the oldest item, or waits for one.
     pub(crate) fn take(&self, most: Duration) -> Taken<T> {
-        let state = self.lock();
+        let state = lock(&self.state);
         let is_empty = |state: &mut State<T>| state.waiting.is_empty() && !state.is_closed;
         let (mut state, _) = self
             .changed
@@ -88,14 +91,10 @@ impl<T> Slot<T> {
         }
     }
 
-    /// Nothing will be put here any more.
+    /// Ends the queue.
     pub(crate) fn close(&self) {
-        self.lock().is_closed = true;
+        lock(&self.state).is_closed = true;
         self.changed.notify_all();
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State<T>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -109,32 +108,32 @@ mod tests {
 
     #[test]
     fn the_newest_replaces_the_oldest_that_nobody_took() {
-        let slot = Slot::of(2);
+        let queue = Queue::of(2);
         assert_eq!(
-            [slot.put(1), slot.put(2), slot.put(3)],
+            [queue.put(1), queue.put(2), queue.put(3)],
             [None, None, Some(1)]
         );
-        assert_eq!(slot.take(LONG), Taken::Content(2));
-        assert_eq!(slot.take(LONG), Taken::Content(3));
-        assert!(slot.is_empty());
-        assert_eq!(slot.take(Duration::ZERO), Taken::Nothing);
+        assert_eq!(queue.take(LONG), Taken::Content(2));
+        assert_eq!(queue.take(LONG), Taken::Content(3));
+        assert!(queue.is_empty());
+        assert_eq!(queue.take(Duration::ZERO), Taken::Nothing);
     }
 
     #[test]
     fn one_after_another_loses_none_and_what_is_here_outlives_the_end() {
-        let slot = Slot::of(1);
+        let queue = Queue::of(1);
         thread::scope(|scope| {
             scope.spawn(|| {
                 for number in 0..100 {
-                    assert!(slot.put_after(number));
+                    assert!(queue.put_after(number));
                 }
-                slot.close();
+                queue.close();
             });
             for number in 0..100 {
-                assert_eq!(slot.take(LONG), Taken::Content(number));
+                assert_eq!(queue.take(LONG), Taken::Content(number));
             }
-            assert_eq!(slot.take(LONG), Taken::Closed);
-            assert!(!slot.put_after(100));
+            assert_eq!(queue.take(LONG), Taken::Closed);
+            assert!(!queue.put_after(100));
         });
     }
 }
