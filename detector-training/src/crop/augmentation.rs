@@ -65,8 +65,6 @@ pub struct Augmentation {
     pub paint_share: f64,
     /// Share whose aircraft shows no lights, where its pixels are known: none of them is brighter than the surrounding sky.
     pub unlit_share: f64,
-    /// Share of the resampled crops without antialiasing.
-    pub aliased_share: f64,
     /// Share with the edge of a cloud.
     pub cloud_edge_share: f64,
     /// Share with a gradient of brightness.
@@ -92,7 +90,6 @@ impl Default for Augmentation {
             texture_over_share: 0.3,
             paint_share: 0.3,
             unlit_share: 0.15,
-            aliased_share: 0.2,
             cloud_edge_share: 0.2,
             gradient_share: 0.3,
             structure_share: 0.2,
@@ -109,7 +106,6 @@ impl Augmentation {
     pub fn none() -> Self {
         Self {
             plain_share: 1.0,
-            aliased_share: 0.0,
             ..Self::default()
         }
     }
