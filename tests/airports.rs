@@ -13,7 +13,7 @@ use tiny::{MODEL, Tiny};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-/// Both hemispheres, both sides of Greenwich, 7 to 2,545 m.
+/// Airports in both hemispheres, on both sides of Greenwich, at 7 to 2,545 m.
 const AIRPORTS: [(&str, &str); 9] = [
     ("BIKF", "19"),
     ("EGLL", "27L"),

@@ -14,7 +14,7 @@ use testkit::command::{Dtd, json, said, text};
 use testkit::files::assert_same_contents;
 use testkit::{program_of_venv, repository};
 
-/// What `kill` sends.
+/// Signal of `kill`.
 const SIGKILL: i32 = 9;
 /// Far longer than anything here takes.
 const TOO_LONG: Duration = Duration::from_secs(180);
@@ -54,7 +54,7 @@ static UNDISTURBED: LazyLock<PathBuf> = LazyLock::new(|| {
     corpus
 });
 
-/// Committed scenarios of a corpus, and those in work in which something exists.
+/// Committed scenarios, and those in work with existing files.
 fn made_and_begun(corpus: &Path, what: &str) -> (usize, usize) {
     let folders = fs::read_dir(corpus.join("scenarios")).into_iter().flatten();
     let (mut made, mut begun) = (0, 0);
@@ -68,7 +68,7 @@ fn made_and_begun(corpus: &Path, what: &str) -> (usize, usize) {
     (made, begun)
 }
 
-/// Waits until a run has made this many scenarios and works on another one, in which something exists.
+/// Waits until a run has made this many scenarios and has files of a further one.
 fn until_at_work(run: &mut Child, corpus: &Path, wanted: usize, what: &str) {
     let began = Instant::now();
     loop {
@@ -87,8 +87,8 @@ fn until_at_work(run: &mut Child, corpus: &Path, wanted: usize, what: &str) {
 fn a_run_that_is_killed_again_and_again_ends_with_the_bytes_of_an_undisturbed_one() {
     let folder = tempdir().unwrap();
     let corpus = folder.path().join("corpus");
-    // Each run makes one more, so that what the last one left is gone; some are killed as soon as they have a folder, some while
-    // they record.
+    // Each run makes one more, so that leftovers of the last one are gone; some are killed as soon as they have a folder, some while they
+    // record.
     for (made, what) in [
         (0, ""),
         (1, "views/left.mp4"),

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use tiny::{Tiny, said};
 
-/// Changes that no other check of the corpus notices: a flipped bit in a comment, another visibility, an empty file, none.
+/// Changes that no other check of the corpus notices: a flipped bit in a comment, a different visibility, an empty file, none.
 fn damage(path: &Path, how: usize) {
     let text = fs::read_to_string(path).unwrap();
     match how {

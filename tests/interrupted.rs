@@ -1,5 +1,5 @@
-//! Ctrl-C in the verbs that take long: they end with 75 and say what to do, and the same command then arrives at the bytes of an
-//! undisturbed one. So does a training with the settings that another one saved.
+//! Ctrl-C in the verbs that take long: they end with 75 and say what to do, and the same command then arrives at the bytes of undisturbed
+//! runs. So does a training with saved settings.
 
 mod tiny;
 
@@ -16,11 +16,11 @@ use testkit::command::{json, said};
 use testkit::files::{assert_same_contents, contents};
 use tiny::{SCENARIOS, Tiny, label_otherwise};
 
-/// The first signal after the start of a command, and the step by which the next one comes later.
+/// Time of the first signal after a command's start, and the delay to the next one.
 const LATER: Duration = Duration::from_millis(4);
 /// Attempts to hit a verb while it is at work.
 const MAX_ATTEMPTS: u32 = 300;
-/// What a verb says at the first signal, if it was at work.
+/// Message at the first signal, for a working verb.
 const IS_STOPPING: &str = "stopping cleanly";
 
 const DETECTOR: &str = "
@@ -50,7 +50,7 @@ fn run(tiny: &Tiny, line: &str) -> Output {
     output
 }
 
-/// What a command leaves and prints: undisturbed, and interrupted and run again.
+/// Files and output of a command: undisturbed, and interrupted and run again.
 struct Ran {
     undisturbed: (Tiny, Output),
     interrupted: Output,
@@ -103,7 +103,7 @@ fn interrupted(line: &str, prepare: impl Fn(&Tiny)) -> Ran {
 }
 
 impl Ran {
-    /// The command said how to go on; with `--json` also what is left.
+    /// The command said how to go on; with `--json` also the remaining work.
     fn resumes(&self) -> &Self {
         let said = said(&self.interrupted);
         assert!(said.contains("interrupted: "), "{said}");

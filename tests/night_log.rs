@@ -1,4 +1,4 @@
-//! The log of a night: every line has its time, or is an object for a program, and peers can neither fill nor forge it.
+//! A night's log: every line has its time, or is an object for a program, and peers can neither fill nor forge it.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -23,7 +23,7 @@ fn recorded(arguments: &[&str]) -> Vec<String> {
     lines.lines().map(str::to_owned).collect()
 }
 
-/// Whether a text begins like `2026-11-26T00:00:05Z`.
+/// True if a text begins like `2026-11-26T00:00:05Z`.
 fn begins_with_a_time(line: &str) -> bool {
     let form = b"0000-00-00T00:00:00Z";
     line.len() >= form.len()
@@ -149,7 +149,7 @@ fn a_flood_of_bad_datagrams_is_a_few_lines_and_none_of_its_bytes_reaches_the_ter
     );
     let client = UdpSocket::bind("127.0.0.1:0").unwrap();
     let simulator = stand_in.address("udp");
-    // A write to a dataref that does not exist, with a name that clears the screen and begins a line of its own.
+    // A write to a dataref that does not exist, with a name that clears the screen and begins a separate line.
     let name = b"\x1b[2J\n2026-11-26T00:00:05Z ERROR all is lost";
     for number in 0..5_000_u32 {
         let mut write = b"DREF\0\0\0\x80\x3f".to_vec();
@@ -159,7 +159,7 @@ fn a_flood_of_bad_datagrams_is_a_few_lines_and_none_of_its_bytes_reaches_the_ter
         client.send_to(&write, simulator).unwrap();
         client.send_to(&number.to_le_bytes(), simulator).unwrap();
     }
-    // A reading that is answered comes after all of it.
+    // An answered reading comes after everything.
     let mut request = b"RREF\0\x0a\0\0\0\0\0\0\0sim/time/total_running_time_sec".to_vec();
     request.resize(413, 0);
     client

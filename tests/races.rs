@@ -1,8 +1,7 @@
 //! Any two verbs at once on one corpus: nothing is lost, no seal breaks, other people's files stay, and the exit codes are correct.
 //!
-//! Each round copies a corpus in which every verb has something to do, starts two verbs with a random delay, and checks the result.
-//! `DTD_RACE_ROUNDS` is the number of rounds for each pair (1), `DTD_RACE_SEED` draws the delays, `DTD_RACE_VERBS=label,push`
-//! restricts the pairs.
+//! Each round copies a corpus with work for every verb, starts two verbs with a random delay, and checks the result. `DTD_RACE_ROUNDS` is
+//! the number of rounds for each pair (1), `DTD_RACE_SEED` draws the delays, `DTD_RACE_VERBS=label,push` restricts the pairs.
 
 mod tiny;
 
@@ -21,7 +20,7 @@ use rand_chacha::ChaCha12Rng;
 use serde_json::Value;
 use tiny::{TOO_LONG, Tiny, said};
 
-/// The verbs that work on a corpus, with `{store}` for the URL of an object store and `{model}` for the detector.
+/// The verbs that work on a corpus, with `{store}` for an object store's URL and `{model}` for the detector.
 const VERBS: [(&str, &str); 10] = [
     ("plan", "plan sweep.toml --against corpus --json"),
     ("generate", "generate sweep.toml --out corpus --json"),
@@ -48,8 +47,8 @@ const NOTES: [&str; 3] = [
     "run.notes.tmp",
 ];
 
-/// A corpus in which every verb has work: a scenario is still to be recorded, or to be downloaded from the store, which has it; two
-/// have labels that are slightly off, within every check's tolerance.
+/// A corpus with work for every verb: a scenario is still to be recorded, or to be downloaded from the store, which has it; two have labels
+/// that are slightly off, within every check's tolerance.
 struct Start {
     tiny: Tiny,
     /// The scenario that is only in the store.
@@ -103,7 +102,7 @@ fn findings(tiny: &Tiny, corpus: &str) -> Value {
     report["findings"].clone()
 }
 
-/// Whether a verb may end so while `other` ran.
+/// True if a verb may end so while `other` ran.
 fn is_true_ending(verb: &str, other: &str, output: &Output) -> bool {
     let adds_scenarios = ["generate", "fetch"].contains(&other);
     let words = said(output);
@@ -114,7 +113,7 @@ fn is_true_ending(verb: &str, other: &str, output: &Output) -> bool {
         && (words.contains("dtd label") || words.contains("dtd detect"));
     match output.status.code() {
         Some(0) => true,
-        // Another process holds it; the message says so.
+        // A second process holds it; the message says so.
         Some(75) => words.contains("error: "),
         // A scenario that the other one changed in the meantime differs from the store's, and its detections are newer.
         Some(3) if verb == "fetch" => {
@@ -146,7 +145,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
             None => wrong.push(format!("{verb} hung")),
             Some(output) => {
                 let words = said(output);
-                // A message names what is missing and why, not an error number.
+                // A message names the missing file and the reason, not an error number.
                 let is_raw = words.contains("panicked") || words.contains("os error");
                 if !is_true_ending(verb, partner, output) || is_raw {
                     wrong.push(format!("{verb} ended with {}: {words}", output.status));
@@ -205,7 +204,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
     wrong
 }
 
-/// Whether a file should have been renamed by the end.
+/// True if a file should have been renamed by the end.
 fn is_leftover(name: &str) -> bool {
     Path::new(name).components().any(|part| {
         let part = part.as_os_str().to_string_lossy();
@@ -216,7 +215,7 @@ fn is_leftover(name: &str) -> bool {
     })
 }
 
-/// A run's results must come from its weights: another run's metrics are worse than none.
+/// A run's results must come from its weights: metrics from a different run are worse than none.
 fn mixed_run(tiny: &Tiny) -> Option<String> {
     let metrics = tiny.path("run/metrics.json");
     let stored = fs::read(&metrics).ok()?;

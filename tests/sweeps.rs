@@ -10,7 +10,7 @@ use serde_json::Value;
 use testkit::command::{Dtd, said};
 use testkit::{program_of_venv, repository};
 
-/// A valid sweep; the cases change one line of it.
+/// A valid sweep; each case changes one line.
 const SOUND: &str = r#"#:schema ./sweep.schema.json
 [corpus]
 name = "small"
@@ -98,7 +98,7 @@ hfov_deg = 10
 touchdown_past_threshold_m = 617.7
 "#;
 
-/// Who can find a mistake: a schema knows structure and ranges of numbers; only the command knows names, files and sums.
+/// Detector of a mistake: a schema knows structure and ranges of numbers; only the command knows names, files and sums.
 #[derive(PartialEq)]
 enum By {
     Schema,
@@ -106,8 +106,8 @@ enum By {
 }
 use By::{CommandOnly, Schema};
 
-/// The original text, its replacement, the position that the message must point at (the first occurrence of these words in the
-/// changed sweep), words that must be in it, and who finds it.
+/// The original text, its replacement, the position that the message must point at (these words' first occurrence in the changed sweep),
+/// words that must be in it, and who finds it.
 type Case = (&'static str, &'static str, &'static str, &'static str, By);
 
 #[rustfmt::skip]

@@ -21,6 +21,8 @@ use dataset::tables::pixel_box::PixelBox;
 
 /// Share of resampled crops.
 const RESAMPLED_SHARE: f64 = 0.5;
+/// Share of augmented crops without antialiasing.
+const ALIASED_SHARE: f64 = 0.2;
 /// Image pixels per pixel in a resampled crop: less than one enlarges.
 const SCALE_RANGE: std::ops::Range<f64> = 0.7..1.2;
 /// Maximum distance between an aircraft's centre and its crop, px.
@@ -151,7 +153,7 @@ pub(crate) fn random_crop(
     augmentation: &Augmentation,
     rng: &mut impl Rng,
 ) -> (Vec<f32>, Option<CropTruth>, bool) {
-    let aliased = rng.random_bool(augmentation.aliased_share);
+    let aliased = rng.random_bool(ALIASED_SHARE) && augmentation.plain_share < 1.0;
     let mut pixels = placement.cut(picture, side_px, aliased);
     let mut truth = picture.aircraft.map(|truth| CropTruth {
         pixel_box: placement.box_in_crop(&truth.pixel_box, side_px),

@@ -21,7 +21,7 @@ use mock_xplane::render::Scene;
 
 /// Size of the crop, pixels, and how much it is enlarged.
 const CROP: (u32, u32, u32) = (80, 48, 10);
-/// Width of an image in the sheet, and of its crop, pixels.
+/// Widths of images and crops in the sheet, pixels.
 const SHEET: (u32, u32) = (640, 256);
 const USAGE: &str = "usage: look SWEEP.toml OUT [NM ...]";
 
@@ -58,7 +58,7 @@ fn main() {
     }
 }
 
-/// One image and its crop.
+/// Draws an image and its crop.
 fn look(
     name: &str,
     common: &Common,

@@ -1,4 +1,4 @@
-//! Compares a plan with an existing corpus: what is complete, what is missing, what does not match.
+//! Compares a plan with an existing corpus: complete, missing and mismatched scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -13,34 +13,34 @@ use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
 use store::{Committed, CorpusStore, StoreError};
 
+use crate::generate::FolderState;
 use crate::plan::MeasuredSize;
 
 /// Records that are read from an object store at the same time.
 const QUESTIONS_AT_ONCE: usize = 16;
 
-/// State of a scenario of a plan in a corpus.
+/// Scenario state in a corpus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
     /// Sealed in the corpus, with exactly the same parameters.
     Whole,
-    /// In the corpus's plan, not yet recorded.
+    /// Planned in the corpus, not yet recorded.
     ToMake,
-    /// Only in this plan.
+    /// New in this plan.
     New,
-    /// In the corpus with other parameters.
+    /// Present in the corpus with different parameters.
     Changed,
-    /// In the corpus, but without a seal, or with missing or truncated files: its folder must be moved away before the scenario can be
-    /// recorded again.
+    /// Present without a seal, or with missing or truncated files: its folder must be moved away before the scenario can be recorded again.
     Damaged,
 }
 
-/// The difference between a plan and a corpus.
+/// Difference between a plan and a corpus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Against {
     /// Scenarios that the plan adds to, changes in and removes from the corpus's plan.
     pub difference: Difference,
-    /// For each scenario of the plan, in its order.
+    /// State per scenario, in plan order.
     pub standings: Vec<Standing>,
     /// Faults of the damaged ones, by identifier.
     pub damaged: BTreeMap<String, String>,
@@ -60,12 +60,13 @@ impl Against {
         };
         let (mut seals, mut damaged) = (BTreeMap::new(), BTreeMap::new());
         for scenario in &plan.scenarios {
-            match look(&corpus.scenario(&scenario.id))? {
-                Found::Nothing => {}
-                Found::Sealed(seal) => {
+            let folder = corpus.scenario(&scenario.id);
+            match FolderState::of(&folder, seal::faults_at_a_glance)? {
+                FolderState::Absent => {}
+                FolderState::Sealed(seal) => {
                     seals.insert(scenario.id.clone(), seal);
                 }
-                Found::Damaged(what) => {
+                FolderState::Damaged(what) => {
                     damaged.insert(scenario.id.clone(), what);
                 }
             }
@@ -82,7 +83,7 @@ impl Against {
         Ok(against)
     }
 
-    /// Compares a plan with a corpus in an object store, of which it reads the plan, the seals and the records.
+    /// Compares a plan with a corpus in an object store: reads plan, seals and records from there.
     pub fn compare_with_store<'a>(
         plan: &'a Plan,
         store: &'a CorpusStore,
@@ -164,7 +165,7 @@ impl Against {
         }
     }
 
-    /// The scenarios of the plan with this state.
+    /// Planned scenarios in this state.
     pub fn standing<'a>(
         &'a self,
         plan: &'a Plan,
@@ -174,7 +175,6 @@ impl Against {
         pairs.filter_map(move |(scenario, its)| (*its == standing).then_some(scenario))
     }
 
-    /// The records of the complete scenarios.
     fn records(&self, plan: &Plan, corpus: &Corpus) -> dataset::Result<Vec<ScenarioRecord>> {
         let whole = self.standing(plan, Standing::Whole);
         whole
@@ -183,7 +183,6 @@ impl Against {
     }
 }
 
-/// Bytes and images of complete scenarios.
 fn measure(records: &[ScenarioRecord], corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
     let mut size = MeasuredSize {
         bytes: 0,
@@ -210,35 +209,6 @@ async fn record_in_store(
             Ok(Some(ScenarioRecord::parse(&bytes, &path)?))
         }
         None => Ok(None),
-    }
-}
-
-/// Result of looking at a scenario's folder.
-enum Found {
-    Nothing,
-    Sealed(Seal),
-    Damaged(String),
-}
-
-/// Looks at a folder as quickly as possible: it may be one of thousands.
-fn look(folder: &ScenarioFolder) -> dataset::Result<Found> {
-    let seal = match folder.seal() {
-        Ok(Some(seal)) => seal,
-        // Once more: a recording may have been finished between the two looks.
-        Ok(None) if folder.root().exists() => match folder.seal() {
-            Ok(None) => return Ok(Found::Damaged("it has no seal (DONE.json)".into())),
-            Ok(Some(seal)) => seal,
-            Err(error) => return Err(error),
-        },
-        Ok(None) => return Ok(Found::Nothing),
-        Err(error) if error.is_damage() => return Ok(Found::Damaged(error.to_string())),
-        Err(error) => return Err(error),
-    };
-    match seal::faults_at_a_glance(folder.root()) {
-        Ok(faults) if faults.is_empty() => Ok(Found::Sealed(seal)),
-        Ok(faults) => Ok(Found::Damaged(faults.join("; "))),
-        Err(error) if error.is_damage() => Ok(Found::Damaged(error.to_string())),
-        Err(error) => Err(error),
     }
 }
 

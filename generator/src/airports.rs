@@ -1,20 +1,19 @@
-//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the format of a sweep. And [`import()`], which makes such
-//! tables from published ones.
+//! Built-in runways, which need no definition in a sweep (`airports.toml`, in the sweep format), and [`import()`], which makes such tables
+//! from published ones.
 
 mod import;
 mod sources;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::LazyLock;
 
 use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::runway::Runway;
-use dataset::numbers::limits::{Check, FieldOutOfLimits};
+use dataset::numbers::limits::Check;
 use serde::Deserialize;
 
 pub use import::{Conflict, ImportError, Imported, UNCONFIRMED, import};
-pub use sources::SourceError;
 
 use crate::sweep::AirportTable;
 
@@ -29,74 +28,31 @@ static BUNDLED: LazyLock<BTreeMap<String, AirportTable>> = LazyLock::new(|| {
     parsed.airport
 });
 
-/// The built-in runway of these names.
+/// Built-in runway by airport and designator.
 pub fn bundled(airport: &str, runway: &str) -> Option<Runway> {
     let table = BUNDLED.get(airport)?.runway.get(runway)?;
     table.complete(airport, runway, None).ok()
 }
 
-/// The time zone of a built-in airport.
 pub(crate) fn time_zone(airport: &str) -> Option<&'static str> {
     BUNDLED.get(airport)?.time_zone.as_deref()
 }
 
-/// Reasons why a file does not define a runway.
-#[derive(Debug, thiserror::Error)]
-pub enum RunwayFileError {
-    /// It cannot be read.
-    #[error(transparent)]
-    Unreadable(#[from] dataset::Error),
-    /// It is not TOML, or its tables are not those of airports.
-    #[error("{}: {cause}", path.display())]
-    NotATable {
-        /// The file.
-        path: PathBuf,
-        /// Place and reason.
-        cause: toml::de::Error,
-    },
-    /// The runway is not defined, or not completely.
-    #[error("{}: no {missing} in [airport.{airport}.runway.{runway}]", path.display())]
-    Missing {
-        /// The file.
-        path: PathBuf,
-        /// The airport.
-        airport: String,
-        /// The runway.
-        runway: String,
-        /// The missing value, or `table`.
-        missing: &'static str,
-    },
-    /// A number that no runway has.
-    #[error("{}: {fault}", path.display())]
-    OutOfLimits {
-        /// The file.
-        path: PathBuf,
-        /// Key, value and range.
-        fault: FieldOutOfLimits,
-    },
-}
-
-/// A runway of a file with `[airport]` tables, such as a sweep or what [`import()`] makes; completed from the built-in one.
+/// Reads a runway from a file with `[airport]` tables, such as a sweep or the result of [`import()`]; completed from the built-in one.
 ///
 /// # Errors
 /// The file cannot be read, or does not define the runway completely.
-pub fn in_file(path: &Path, airport: &str, runway: &str) -> Result<Runway, RunwayFileError> {
-    let not_a_table = |cause| RunwayFileError::NotATable {
-        path: path.to_owned(),
-        cause,
+pub fn in_file(path: &Path, airport: &str, runway: &str) -> dataset::Result<Runway> {
+    let missing = |what: &str| {
+        dataset::Error::corpus(
+            path,
+            format!("no {what} in [airport.{airport}.runway.{runway}]"),
+        )
     };
-    let missing = |missing| RunwayFileError::Missing {
-        path: path.to_owned(),
-        airport: airport.to_owned(),
-        runway: runway.to_owned(),
-        missing,
-    };
+    let not_a_table = |error: toml::de::Error| dataset::Error::corpus(path, error);
     let text = outside_file::read_text(path, FileKind::SWEEP)?;
-    let all: toml::Table = toml::from_str(&text).map_err(not_a_table)?;
-    let tables = all
-        .get("airport")
-        .cloned()
-        .ok_or_else(|| missing("table"))?;
+    let mut all: toml::Table = toml::from_str(&text).map_err(not_a_table)?;
+    let tables = all.remove("airport").ok_or_else(|| missing("table"))?;
     let tables: BTreeMap<String, AirportTable> = tables.try_into().map_err(not_a_table)?;
     let table = tables
         .get(airport)
@@ -109,15 +65,12 @@ pub fn in_file(path: &Path, airport: &str, runway: &str) -> Result<Runway, Runwa
     let mut check = Check::default();
     runway.check(&mut check);
     match check.first() {
-        Some(fault) => Err(RunwayFileError::OutOfLimits {
-            path: path.to_owned(),
-            fault,
-        }),
+        Some(fault) => Err(dataset::Error::corpus(path, fault)),
         None => Ok(runway),
     }
 }
 
-/// All of them: airport and runway.
+/// Airport and designator per built-in runway.
 pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
     BUNDLED.iter().flat_map(|(airport, table)| {
         let runways = table.runway.keys();

@@ -1,4 +1,4 @@
-//! Records the scenarios of a plan: flies, records, seals and commits them, with one simulator or several.
+//! Records planned scenarios: flies, records, seals and commits them, with one simulator or several.
 //!
 //! A scenario is recorded in `<id>.partial/` and renamed when it is complete, so a run can be stopped or killed at any moment and
 //! the next one resumes: finished scenarios are skipped, unfinished ones are discarded and recorded again. Runs may work on one
@@ -6,7 +6,7 @@
 //! scenarios of others, takes over those of runs that die, and so ends only when all its scenarios are finished or set aside.
 //!
 //! ```text
-//! generate: plan, what is whole, simulators  ->  run: workers  ->  queue: claims  ->  record: one scenario
+//! generate: plan, complete scenarios, simulators  ->  run: workers  ->  queue: claims  ->  record: one scenario
 //!                                                      uploads: one scenario to the object store  <-
 //! ```
 
@@ -14,6 +14,7 @@ mod error;
 mod event;
 mod followed;
 mod freeze;
+mod options;
 mod outcome;
 mod record;
 mod remote;
@@ -25,22 +26,22 @@ mod trial;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::claim::Claim;
 use dataset::corpus::set_aside::SetAside;
 use dataset::plan::{Common, Picture, Plan, PlannedScenario};
-use dataset::video::VideoEncoder;
 use dataset::work::memory;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
-use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelKind, Screen};
-use xplane_bridge::{LocalUdp, block_bytes};
+use xplane_bridge::block_bytes;
+use xplane_bridge::pixels::{PixelChoice, PixelKind};
 
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
+pub(crate) use freeze::FolderState;
+pub use options::{Cancel, GenerateOptions};
 pub use outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
 pub use remote::Remote;
 pub use run::patience::Patience;
@@ -48,67 +49,18 @@ pub use session::restart::Restart;
 pub use session::simulators::Simulators;
 pub use session::{BadSimulator, SimulatorTarget};
 pub use space::free_bytes;
-/// A switch that can be set once, from any thread, e.g. by Ctrl-C.
-pub use tokio_util::sync::CancellationToken as Cancel;
 pub use trial::trial;
 
-use crate::plan::shard::Shard;
 use crate::plan::{expand, room_bytes};
 use crate::sweep::Sweep;
 use event::Reporter;
 use record::Work;
-use record::pictures::Pictures;
+use record::image_source::ImageSource;
 use run::Run;
 use run::attempt::unless_cancelled;
 use session::Session;
 
-/// What to record, and with which simulators.
-#[derive(Debug, Clone)]
-pub struct GenerateOptions {
-    /// The simulators; each records one scenario at a time.
-    pub simulators: Simulators,
-    /// The program that becomes the stand-in when called with `mock-xplane`: the `dtd` command itself.
-    pub stand_in_program: PathBuf,
-    /// The local side of UDP towards simulators that run already; with several, the port of the first, and the next ones follow.
-    pub local_udp: LocalUdp,
-    /// Source of the images.
-    pub pixels: PixelChoice,
-    /// The screen to grab, if the images come from one.
-    pub screen: Arc<dyn Screen>,
-    /// What encodes the videos, if the user chose: it is tried before anything is recorded.
-    pub encoder: Option<VideoEncoder>,
-    /// Identifiers of the scenarios to record; empty for all.
-    pub only: Vec<String>,
-    /// This run's shard of the plan.
-    pub shard: Shard,
-    /// Timeouts and retries.
-    pub patience: Patience,
-    /// How to restart the simulators, if they can be.
-    pub restart: Option<Restart>,
-    /// The object store of the corpus; its folder is then only the stage.
-    pub remote: Option<Remote>,
-}
-
-impl GenerateOptions {
-    /// All scenarios, by these simulators; a stand-in is started as `dtd`.
-    pub fn new(simulators: impl Into<Simulators>) -> Self {
-        Self {
-            simulators: simulators.into(),
-            stand_in_program: "dtd".into(),
-            local_udp: LocalUdp::default(),
-            pixels: PixelChoice::Auto,
-            screen: Arc::new(FfmpegScreen::here()),
-            encoder: None,
-            only: Vec::new(),
-            shard: Shard::WHOLE,
-            patience: Patience::default(),
-            restart: None,
-            remote: None,
-        }
-    }
-}
-
-/// Records the scenarios of a sweep in a corpus; see the module.
+/// Records a sweep's scenarios in a corpus; see the module.
 ///
 /// # Errors
 /// Before anything is written: the corpus was started from a different sweep, a scenario of `only` is not in the plan, or there is no
@@ -273,16 +225,12 @@ fn wanted<'a>(
         .iter()
         .find(|id| !plan.scenarios.iter().any(|s| s.id == **id))
     {
-        let example = plan
-            .scenarios
-            .first()
-            .map(|s| s.id.clone())
-            .unwrap_or_default();
-        return Err(GenerateError::UnknownScenario {
-            id: id.clone(),
-            scenarios: plan.scenarios.len(),
-            example,
-        });
+        let scenarios = &plan.scenarios;
+        let example = scenarios.first().map_or("", |scenario| &scenario.id);
+        return Err(GenerateError::BadOption(format!(
+            "there is no scenario {id} among the {} of the plan; identifiers look like {example}, `dtd plan` lists them",
+            scenarios.len()
+        )));
     }
     let mine = options.shard.part_of(&plan.scenarios);
     Ok(mine
@@ -290,7 +238,7 @@ fn wanted<'a>(
         .collect())
 }
 
-/// The largest scenarios that may be on disk at the same time: all of them, or those on a stage from which they are uploaded.
+/// The largest scenarios that may be on disk at the same time: all, or those waiting on a stage for upload.
 fn at_once_on_disk<'a>(
     to_make: &[&'a PlannedScenario],
     options: &GenerateOptions,
@@ -331,7 +279,7 @@ async fn open_sessions(
         return Ok(Vec::new());
     }
     let targets = options.simulators.with_local_udp(&options.local_udp);
-    let pictures = &Pictures::new(options.pixels, options.screen.clone(), picture);
+    let pictures = &ImageSource::new(options.pixels, options.screen.clone(), picture);
     let opening = targets
         .enumerate()
         .map(|(number, (target, local_udp))| async move {
@@ -346,10 +294,8 @@ async fn open_sessions(
     }
     if sessions.iter().all(|(_, trouble)| trouble.is_some()) {
         return Err(match sessions.swap_remove(0).1 {
-            Some(ScenarioError::Bridge(error)) => error.into(),
-            Some(ScenarioError::StandIn(error)) => error.into(),
-            Some(ScenarioError::Tape { tape, cause }) => GenerateError::Tape { tape, cause },
-            _ => GenerateError::Cancelled,
+            Some(ScenarioError::Cancelled) | None => GenerateError::Cancelled,
+            Some(error) => GenerateError::Simulator(Box::new(error)),
         });
     }
     Ok(sessions)

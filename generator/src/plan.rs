@@ -1,8 +1,8 @@
 //! From a sweep to a plan: the scenarios, their cost and their split.
 //!
-//! Expansion is a pure function of a checked sweep. A scenario is determined by its parameters (time, weather, profile and repeat)
-//! and the master seed, never by its position among the others: a sweep that grows adds scenarios and leaves the others as they
-//! are. What a plan is on disk: [`dataset::plan`].
+//! Expansion is a pure function. A scenario is determined by its parameters (time, weather, profile and repeat) and the master seed, never
+//! by its position among the others: a sweep that grows adds scenarios and leaves the others as they are. The format on disk is in
+//! [`dataset::plan`].
 
 mod duration;
 mod estimate;

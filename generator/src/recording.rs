@@ -11,17 +11,16 @@ mod table;
 use std::io::{BufReader, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::{fmt, io};
 
 use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::Runway;
-use dataset::numbers::limits::FieldOutOfLimits;
 
 pub(crate) use files::matching_files;
-pub(crate) use plausibility::GO_AROUND_M;
-use plausibility::Seen;
+use plausibility::ApproachPath;
 pub use plausibility::{Allowed, Implausible};
+pub(crate) use plausibility::{CORRIDOR_M, GO_AROUND_M, GRAVITY_MPS2};
+pub(crate) use survey::AFTER_TARGET_S;
 use survey::Survey;
 use table::{HEAD_BYTES, Rows};
 
@@ -30,86 +29,18 @@ use crate::trajectory::{BadFlight, Trajectory};
 /// Reasons why there are no recordings, or why one cannot be flown. Every message names the file or the pattern.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The folder of the sweep has a name that a pattern cannot contain.
-    #[error("the folder {} is not UTF-8", folder.display())]
-    FolderNotText {
-        /// The folder.
-        folder: PathBuf,
-    },
-    /// The pattern has no meaning.
-    #[error("{pattern:?} is not a valid glob: {cause}")]
-    BadPattern {
-        /// The pattern.
-        pattern: String,
-        /// Cause.
-        cause: glob::PatternError,
-    },
-    /// A folder cannot be searched.
-    #[error("cannot list {}: {cause}", folder.display())]
-    Unlistable {
-        /// The folder.
-        folder: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
-    /// No file matches the pattern.
-    #[error("no file matches {}; expected at least one recording", pattern.display())]
-    NoMatch {
-        /// The pattern in its folder.
-        pattern: PathBuf,
-    },
+    /// There is no usable file, or a line that is none of a recording.
+    #[error("{0}")]
+    Unusable(String),
     /// The file cannot be read.
     #[error(transparent)]
     Unreadable(#[from] dataset::Error),
-    /// Columns are missing.
-    #[error(
-        "{}: no column {missing}; the first line, read with {separator} as the separator, names {found}",
-        path.display()
-    )]
-    MissingColumns {
-        /// The file.
-        path: PathBuf,
-        /// Their names.
-        missing: String,
-        /// The names in the first line.
-        found: String,
-        /// The separator that was used.
-        separator: &'static str,
-    },
-    /// A field that cannot be read.
-    #[error("{}:{line}: {column} is {found:?}; expected {expected}", path.display())]
-    NotAValue {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: u64,
-        /// The column.
-        column: &'static str,
-        /// Its content.
-        found: String,
-        /// The expected form.
-        expected: &'static str,
-    },
-    /// The file is not a table.
-    #[error("{}: {cause}", path.display())]
-    NotATable {
-        /// The file.
-        path: PathBuf,
-        /// Line and reason.
-        cause: csv::Error,
-    },
-    /// A number that no airliner has.
-    #[error("{}:{line}: {fault}", path.display())]
-    OutOfLimits {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: u64,
-        /// Column, value and range.
-        fault: FieldOutOfLimits,
-    },
     /// The states are not a flight, or not an approach to the sweep's runway.
-    #[error("{}{} {fault}", path.display(), Line(*line))]
+    #[error(
+        "{}{} {fault}",
+        path.display(),
+        line.map_or_else(String::new, |line| format!(":{line}:"))
+    )]
     Flight {
         /// The file.
         path: PathBuf,
@@ -118,7 +49,7 @@ pub enum RecordingError {
         /// Fault of the flight.
         fault: BadFlight,
     },
-    /// Its columns contradict each other, or it does not land on the runway.
+    /// The columns contradict each other, or the flight does not land on the runway.
     #[error("{} {fault}", path.display())]
     Implausible {
         /// The file.
@@ -126,15 +57,6 @@ pub enum RecordingError {
         /// The contradiction.
         fault: Implausible,
     },
-}
-
-/// A line after the name of its file.
-struct Line(Option<u64>);
-
-impl fmt::Display for Line {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.map_or(Ok(()), |line| write!(f, ":{line}:"))
-    }
 }
 
 /// A recorded flight, read and checked.
@@ -169,12 +91,7 @@ impl Recording {
             return Err(implausible(fault));
         }
         let again = || {
-            (&file)
-                .rewind()
-                .map_err(|error| RecordingError::NotATable {
-                    path: path.to_owned(),
-                    cause: error.into(),
-                })?;
+            (&file).rewind().map_err(dataset::Error::io("read", path))?;
             Rows::new(path, BufReader::with_capacity(HEAD_BYTES, &file))
         };
         let Some(found) = survey.approach() else {
@@ -194,15 +111,12 @@ impl Recording {
             .iter()
             .find_map(|row| Some((row.line, row.fault.clone()?)))
         {
-            return Err(RecordingError::OutOfLimits {
-                path: path.to_owned(),
-                line,
-                fault,
-            });
+            let file = path.display();
+            return Err(RecordingError::Unusable(format!("{file}:{line}: {fault}")));
         }
         let states: Vec<FlightState> = rows.iter().map(|row| row.state).collect();
-        let seen = Seen::new(&states, runway, inbound);
-        seen.units().map_err(implausible)?;
+        let path_flown = ApproachPath::new(&states, runway, inbound);
+        path_flown.units().map_err(implausible)?;
         let trajectory =
             Trajectory::new(states.clone()).map_err(|fault| RecordingError::Flight {
                 path: path.to_owned(),
@@ -216,7 +130,7 @@ impl Recording {
                 line: None,
                 fault,
             })?;
-        seen.path(allow).map_err(implausible)?;
+        path_flown.path(allow).map_err(implausible)?;
         Ok(Self {
             file: path
                 .file_name()
@@ -228,7 +142,7 @@ impl Recording {
         })
     }
 
-    /// Identifier of the trajectory: the file's name and the start of its hash, because two folders may contain files of one name.
+    /// Identifier of the trajectory: file name and start of the hash, because two folders may contain files with the same name.
     pub(crate) fn trajectory_id(&self) -> String {
         let stem = self
             .file

@@ -1,13 +1,13 @@
 //! Seeds: one per scenario, and the same on any machine.
 //!
 //! A scenario is defined by its parameters, not by its position in a list: its name is its coordinates, its seed a hash of name and master
-//! seed, and each of its values is drawn from a separate generator. So a sweep grows without changing existing scenarios.
+//! seed, and each value is drawn from a separate generator. So a sweep grows without changing existing scenarios.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
-/// The seed of a scenario: 53 bits of a hash of the master seed and the scenario's identifier. 53, because some languages read JSON
-/// numbers as floats.
+/// Scenario seed: 53 bits from a hash of the master seed and the scenario's identifier. 53, because some languages read JSON numbers as
+/// floats.
 pub fn of_scenario(master: u64, id: &str) -> u64 {
     let mut hasher = blake3::Hasher::new_derive_key("dtd scenario seed v1");
     hasher.update(&master.to_le_bytes());
@@ -15,12 +15,12 @@ pub fn of_scenario(master: u64, id: &str) -> u64 {
     first_u64(hasher.finalize()) >> 11
 }
 
-/// The generator of a seed. ChaCha, because its output is fixed; `rand`'s standard generator may change with its version.
+/// Generator for a seed. ChaCha, because its output is fixed; `rand`'s standard generator may change with its version.
 pub fn generator(seed: u64) -> ChaCha12Rng {
     ChaCha12Rng::from_seed(blake3::derive_key("dtd generator v1", &seed.to_le_bytes()))
 }
 
-/// The generator of one value of a scenario, by the value's name: values that are drawn later, or not at all, change no other.
+/// Generator for one value, by name: values that are drawn later, or not at all, change no other.
 pub fn of_value(scenario_seed: u64, name: &str) -> ChaCha12Rng {
     let mut hasher = blake3::Hasher::new_derive_key("dtd value v1");
     hasher.update(&scenario_seed.to_le_bytes());

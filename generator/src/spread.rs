@@ -1,4 +1,4 @@
-//! A number, or a spread from which each scenario draws its own.
+//! A number, or a spread to draw from per scenario.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 
-/// Variation of a value from scenario to scenario.
+/// Variation between scenarios.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spread {
     /// Constant: `10.0`.
@@ -37,7 +37,7 @@ pub enum Spread {
         /// Greatest value.
         max: f64,
     },
-    /// One of several, all equally likely: `{ one_of = [5, 7.5, 10] }`.
+    /// Choice between values, all equally likely: `{ one_of = [5, 7.5, 10] }`.
     OneOf(Vec<f64>),
 }
 
@@ -47,12 +47,12 @@ impl Default for Spread {
     }
 }
 
-/// Minimum width of a truncated normal distribution, standard deviations: a narrower one is almost uniform anyway, and would be hit
-/// too seldom.
+/// Minimum width of truncated normal distributions, standard deviations: a narrower one is almost uniform anyway, and would be hit too
+/// seldom.
 const NARROWEST_TRUNCATION_SD: f64 = 0.1;
 
 impl Spread {
-    /// Key of the standard deviation: the one number of a spread to which the value's limits do not apply.
+    /// Key of the standard deviation: the only number exempt from the value's limits.
     pub(crate) const DEVIATION: &str = "sd";
 
     /// Draws a value. Uses only additions and multiplications: functions of the system's mathematics library differ in their last
@@ -63,8 +63,7 @@ impl Spread {
             Self::Uniform { min, max } => min + (max - min) * unit(rng),
             Self::Normal { mean, sd } => mean + sd * bell(rng),
             Self::Truncated { mean, sd, min, max } => loop {
-                // The mean is within, and the interval is no narrower than a tenth of a deviation: at worst one in 26 draws is
-                // accepted.
+                // The mean is within, and the interval is no narrower than 0.1 standard deviations: at worst one in 26 draws is accepted.
                 let value = mean + sd * bell(rng);
                 if (*min..=*max).contains(&value) {
                     return value;
@@ -75,7 +74,7 @@ impl Spread {
         }
     }
 
-    /// The same spread of higher values.
+    /// The spread, shifted upwards.
     #[must_use]
     pub(crate) fn higher_by(&self, more: f64) -> Self {
         match self {
@@ -246,7 +245,7 @@ impl JsonSchema for Spread {
         "Spread".into()
     }
 
-    /// In place, because every use has its own limits.
+    /// Inlined, because every use has its own limits.
     fn inline_schema() -> bool {
         true
     }

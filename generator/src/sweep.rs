@@ -5,7 +5,6 @@
 
 mod check;
 mod document;
-mod error;
 mod grid;
 mod imaging;
 mod picture;
@@ -27,7 +26,6 @@ use dataset::plan::{Picture, PlannedCamera};
 use dataset::video::VideoSettings;
 
 pub use document::Corpus;
-pub use error::SweepError;
 pub use grid::Combination;
 pub use grid::split::SplitFractions;
 pub use imaging::{ImagingTable, Preset, SeeingTable, SensorTable, StreamTable, SwayTable};
@@ -38,6 +36,17 @@ pub use schema::schema;
 pub use start::recorded::{RecordedFlights, RecordedRule};
 pub use start::{Fly, Start};
 pub use weather::{CloudTable, WeatherTable};
+
+/// Reasons why a sweep cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    Unreadable(dataset::Error),
+    /// The file has a mistake.
+    #[error(transparent)]
+    Invalid(#[from] TomlError),
+}
 
 /// A checked sweep, with the recordings that it names already read.
 #[derive(Debug, Clone)]
@@ -50,7 +59,7 @@ pub struct Sweep {
     pub aircraft: String,
     /// Name of the camera rig.
     pub rig_name: String,
-    /// Its cameras.
+    /// Cameras of the rig.
     pub cameras: Vec<PlannedCamera>,
     /// Aim of each scenario's cameras, if not as in the rig.
     pub aim: Option<AimTable>,
@@ -64,7 +73,7 @@ pub struct Sweep {
     pub day_of_year: u32,
     /// Local time minus UTC, hours.
     pub utc_offset_h: f64,
-    /// The same by the time zone of the airport, if it is known.
+    /// Offset by the airport's time zone, if it is known, hours.
     pub zone_offset_h: Option<f64>,
     /// Size and rate of the images.
     pub picture: Picture,
@@ -97,14 +106,15 @@ impl Sweep {
         Ok(Self::parse(path, &folder, text)?)
     }
 
-    /// Checks the text of a sweep; `path` is its name in messages, paths in it are relative to `folder`.
+    /// Parses and checks a sweep; `path` is its name in messages, paths in it are relative to `folder`.
     pub fn parse(path: &Path, folder: &Path, text: String) -> Result<Self, TomlError> {
         let file = TomlFile::new(path, &text);
         let rejected = |fault: Fault| file.rejected(&fault.key, &fault.message);
+        let tables: toml::Table = toml::from_str(&text).unwrap_or_default();
         let document = file
             .parse()
-            .map_err(|error| weather::unsupported(&text).map_or(error, rejected))?;
-        check::check(document, folder, &text).map_err(rejected)
+            .map_err(|error| weather::unsupported(&tables).map_or(error, rejected))?;
+        check::check(document, tables, folder, &text).map_err(rejected)
     }
 
     /// Number of scenarios that the sweep expands to.
@@ -135,8 +145,8 @@ impl Sweep {
             .collect()
     }
 
-    /// The profile of a combination: its own, or one drawn from `[start]`. A profile that is added to `[start]` is drawn by some scenarios
-    /// and changes no other.
+    /// A combination's profile: its own, or one drawn from `[start]`. A profile that is added to `[start]` is drawn by some scenarios and
+    /// changes no other.
     pub(crate) fn profile_of<'a>(
         &'a self,
         combination: &'a Combination,

@@ -24,7 +24,7 @@ impl Head {
     /// The head, or the reason why this is not a sweep.
     fn parse(sweep: &[u8]) -> Result<Self, String> {
         let text = std::str::from_utf8(sweep).map_err(|error| error.to_string())?;
-        // In the middle of a sentence: without the line that it is about.
+        // The message is embedded in a sentence: without the line itself.
         toml::from_str(text).map_err(|error| error.message().to_owned())
     }
 }

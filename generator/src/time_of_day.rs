@@ -13,7 +13,7 @@ pub struct TimeOfDay {
     pub minute: u32,
 }
 
-const SECONDS_PER_DAY: f64 = 86_400.0;
+pub(crate) const SECONDS_PER_DAY: f64 = 86_400.0;
 const DAYS_PER_YEAR: i64 = 365;
 
 impl TimeOfDay {
@@ -37,7 +37,6 @@ impl TimeOfDay {
         self.hour * 60 + self.minute
     }
 
-    /// The time this many minutes after midnight.
     pub(crate) fn from_minutes(minutes: u32) -> Self {
         Self {
             hour: minutes / 60 % 24,

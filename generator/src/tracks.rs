@@ -6,8 +6,8 @@
 //! ```
 //!
 //! Receivers measure times, positions, ground speeds and altitudes; X-Plane's recordings have the attitude as well. Everything else is
-//! derived, and each row of a recording says which of both its position and its attitude are. Wind is not known: heading is the track, and
-//! airspeed the ground speed.
+//! derived, and each row states the origin of position and attitude. Wind is not known: heading is the track, and airspeed the ground
+//! speed.
 
 mod arrival;
 mod attitude;
@@ -28,10 +28,8 @@ use dataset::geometry::runway::Runway;
 use serde::Serialize;
 
 use arrival::FURTHEST_M;
-pub use arrival::NoArrival;
 pub use axis::ArrivalAxis;
 pub(crate) use axis::{JudgedTracks, arrival_axis};
-pub use formats::TrackFileError;
 
 use crate::recording::{Implausible, Recording, RecordingError};
 
@@ -84,19 +82,6 @@ pub struct TrackImport {
     pub refused: Vec<RefusedTrack>,
 }
 
-/// Reasons why no recording can be written.
-#[derive(Debug, thiserror::Error)]
-pub enum TrackImportError {
-    /// A recording cannot be written.
-    #[error("cannot write {}: {cause}", path.display())]
-    Write {
-        /// The recording.
-        path: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
-}
-
 /// Makes recordings of the arrivals at a runway, in an existing folder. A file that cannot be read is refused like a track.
 ///
 /// # Errors
@@ -105,7 +90,7 @@ pub fn import_tracks(
     files: &[PathBuf],
     runway: &Runway,
     folder: &Path,
-) -> Result<TrackImport, TrackImportError> {
+) -> dataset::Result<TrackImport> {
     let mut outcome = TrackImport::default();
     for file in files {
         let refused = |aircraft: Option<String>, reason: String| RefusedTrack {
@@ -159,7 +144,7 @@ pub fn import_tracks(
     Ok(outcome)
 }
 
-/// A name of a file without characters that mean something in a path.
+/// Replaces characters that mean something in a path.
 fn plain(name: &str) -> String {
     let plain = |letter: char| letter.is_alphanumeric() || "-_.".contains(letter);
     name.chars()
@@ -169,15 +154,8 @@ fn plain(name: &str) -> String {
 
 /// Writes a recording beside its place, reads it as a sweep would, and puts it there if it is accepted; else returns the reason. An
 /// existing file stays.
-fn write_checked(
-    path: &Path,
-    text: &str,
-    runway: &Runway,
-) -> Result<Option<String>, TrackImportError> {
-    let failed = |cause| TrackImportError::Write {
-        path: path.to_owned(),
-        cause,
-    };
+fn write_checked(path: &Path, text: &str, runway: &Runway) -> dataset::Result<Option<String>> {
+    let failed = |error| dataset::Error::io("write", path)(error);
     let folder = path.parent().unwrap_or(Path::new("."));
     let staged = tempfile::Builder::new()
         .suffix(".csv")

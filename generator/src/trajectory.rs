@@ -1,4 +1,4 @@
-//! A flight as states in time, and its states at the ticks of a scenario.
+//! A flight as states in time, and its states at ticks.
 //!
 //! [`dataset::geometry::flight`] interpolates between two states.
 
@@ -15,7 +15,7 @@ mod inbound;
 
 /// States may be this far apart, seconds: over longer gaps an aircraft turns too much for a cubic.
 pub(crate) const MAX_GAP_S: f64 = 2.0;
-/// Positions may differ from what the velocities on both sides imply by this much, metres, plus a tenth of the displacement.
+/// Maximum deviation of positions from the velocities on both sides, metres, plus a tenth of the displacement.
 const VELOCITY_TOLERANCE_M: f64 = 1.0;
 
 /// A flight that can be replayed.
@@ -24,13 +24,13 @@ pub struct Trajectory {
     states: Vec<FlightState>,
 }
 
-/// Reasons why states do not form a trajectory, or a trajectory is not an approach. The text continues "the flight" or the name of a file.
+/// Reasons why states do not form a trajectory, or a trajectory is not an approach. The text continues "the flight" or a file name.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BadFlight {
-    /// Not enough to interpolate.
+    /// There are too few states to interpolate.
     #[error("has {states} states, expected at least 2")]
     TooFewStates {
-        /// Their number.
+        /// Number of states.
         states: usize,
     },
     /// A number that no airliner has.
@@ -60,9 +60,9 @@ pub enum BadFlight {
     Jump {
         /// Index of the state, from 0.
         row: usize,
-        /// Its time.
+        /// Time of the state.
         time_s: f64,
-        /// Distance from where the velocities put it.
+        /// Distance from the expected position.
         off_m: f64,
         /// Largest allowed deviation.
         allowed_m: f64,
@@ -70,7 +70,7 @@ pub enum BadFlight {
         step_s: f64,
         /// Distance from the state before.
         way_m: f64,
-        /// The same by the velocities.
+        /// Distance by the velocities.
         expected_m: f64,
     },
     /// It leads elsewhere.
@@ -79,7 +79,7 @@ pub enum BadFlight {
          its last {last_m:.0} m"
     )]
     Elsewhere {
-        /// Distance at which the approach should begin.
+        /// Required start distance.
         start_dtd_m: f64,
         /// Airport and runway.
         runway: String,
@@ -93,9 +93,9 @@ pub enum BadFlight {
         "takes {takes_s:.0} s from {start_dtd_m:.0} m to the touchdown target; expected at most {MAX_APPROACH_S} s"
     )]
     TooLong {
-        /// Its duration.
+        /// Duration of the approach.
         takes_s: f64,
-        /// Distance at which it begins.
+        /// Start distance.
         start_dtd_m: f64,
     },
 }
@@ -112,7 +112,7 @@ impl BadFlight {
     }
 }
 
-/// The part of a trajectory that a scenario shows.
+/// Part of a trajectory to show.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Window {
     /// Time of tick 0 in the trajectory, seconds.
@@ -188,13 +188,12 @@ impl Trajectory {
             .unwrap_or_else(|| unreachable!("a trajectory has at least two states"))
     }
 
-    /// The last approach of the flight: from the moment at which `start_dtd_m` metres remain along the course (or where the aircraft is
-    /// furthest out, if it never is as far) until the touchdown target is passed (or the last state, if that is earlier).
+    /// The last approach of the flight: from `start_dtd_m` metres to go along the course (or from the furthest position, if it never is as
+    /// far) until the touchdown target is passed (or the last state, if that is earlier).
     pub fn approach(&self, runway: &Runway, start_dtd_m: f64) -> Result<Window, BadFlight> {
         self.along_course(runway).approach(start_dtd_m)
     }
 
-    /// The trajectory relative to the course of a runway.
     pub(crate) fn along_course<'a>(&'a self, runway: &'a Runway) -> AlongCourse<'a> {
         let mut seen = AlongCourse {
             trajectory: self,
@@ -207,7 +206,7 @@ impl Trajectory {
         seen
     }
 
-    /// The states at all ticks of a window; their times count from tick 0.
+    /// States at all ticks in the window; times count from tick 0.
     pub fn resample(&self, window: Window, rate: FrameRate) -> Vec<FlightState> {
         (0..window.ticks(rate))
             .map(|tick| {
@@ -230,8 +229,8 @@ impl Trajectory {
     }
 }
 
-/// A trajectory with the remaining distance at each of its states: geodesics are expensive, and thousands of scenarios may fly one
-/// recording from slightly different distances.
+/// A trajectory with the remaining distance at each state: geodesics are expensive, and thousands of scenarios may fly one recording from
+/// slightly different distances.
 #[derive(Debug, Clone)]
 pub struct AlongCourse<'a> {
     trajectory: &'a Trajectory,
@@ -283,8 +282,8 @@ impl AlongCourse<'_> {
         RunwayCoordinates::of(position, self.target, self.runway.course_true_deg).along_track_m
     }
 
-    /// The time between the state before `index` and this one at which `level_m` metres remain; the state's own time if not even the
-    /// state before is further away.
+    /// The time when `level_m` metres remain, between the state before `index` and this one; the state's own time if not even the state
+    /// before is further away.
     fn crossing_at(&self, index: usize, level_m: f64) -> f64 {
         let mut high = self.time_of(index);
         if index == 0 || self.to_go_m[index - 1] <= level_m {

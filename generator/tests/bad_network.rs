@@ -12,7 +12,7 @@ use mock_xplane::server::{Faults, ServerOptions};
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::{Running, quiet};
 
-/// One scenario that flies live from 2 NM under clouds, two small views.
+/// A scenario that flies live from 2 NM under clouds, two small views.
 fn sweep_toml() -> String {
     SmallSweep {
         name: "faults",

@@ -1,4 +1,4 @@
-//! Faults during a long run: simulators that die, freeze or are several, scenarios that another process holds or no simulator can fly.
+//! Faults during a long run: simulators that die, freeze or are several, scenarios that a second process holds or no simulator can fly.
 //! Whatever happens, the corpus ends with the bytes of an undisturbed run. Kills, signals and runs at once: `tests/durability.rs`.
 
 mod small_corpus;
@@ -72,7 +72,7 @@ async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
     let both = vec![SimulatorTarget::Address(dying), stand_in().await];
     let mut options = options(both, &[]);
     options.patience.simulator = Duration::from_millis(50);
-    // On a busy machine it may accept a second connection before it is dead, which costs its scenario another attempt.
+    // On a busy machine it may accept a second connection before it is dead, which costs its scenario one more attempt.
     options.patience.attempts = 4;
     let mut gone = Vec::new();
     let made = run_until(small_sweep(), corpus.path(), &options, |event| {
@@ -128,7 +128,6 @@ struct Faulty {
     freeze_in: AtomicU32,
 }
 
-/// The engine of a stand-in that has them.
 struct FaultyEngine(Arc<Faulty>);
 
 impl Engine for FaultyEngine {
@@ -255,7 +254,7 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     assert_eq!(first.await.unwrap().failed.len(), 1);
     assert_eq!(reasons(), 1);
 
-    // Another machine learns of it, and adds its own reasons.
+    // A second machine reads it, and adds its own reasons.
     let elsewhere = tempdir().unwrap();
     let mut before = Vec::new();
     let second = run_until(&sweep, elsewhere.path(), &only_foggy, |event| {

@@ -1,5 +1,5 @@
 //! Recordings that are no approach in the units of their columns are rejected with the reason, before anything is planned; unusual
-//! approaches are not. All of them are made from the recorded flights of tests/data/flights.
+//! approaches are not. All are made from the recorded flights of tests/data/flights.
 
 mod implausible;
 

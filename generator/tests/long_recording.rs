@@ -1,4 +1,4 @@
-//! A recording that begins hours before its approach is read in little memory. The test has a process of its own, whose peak it measures.
+//! A recording that begins hours before its approach is read in little memory. The test runs in a separate process, whose peak it measures.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};

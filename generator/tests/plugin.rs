@@ -21,7 +21,7 @@ use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{DoctorOptions, examine};
 use xplane_bridge::profile::{Finding, KnownProfile, PacedBy, Profile};
 
-/// One recorded flight from 1.5 NM, an image every four seconds.
+/// A recorded flight from 1.5 NM, an image every four seconds.
 fn sweep_toml() -> String {
     SmallSweep {
         name: "plugin",

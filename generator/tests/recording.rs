@@ -143,7 +143,10 @@ async fn a_trial_measures_a_scenario_of_every_weather() {
     let nobody = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let nobody = SimulatorTarget::Address(nobody.local_addr().unwrap());
     let error = trial(&sweep, &small_corpus::options(nobody, &[]), &Cancel::new()).await;
-    assert!(matches!(error, Err(GenerateError::Bridge(_))), "{error:?}");
+    assert!(
+        matches!(error, Err(GenerateError::Simulator(_))),
+        "{error:?}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -258,7 +261,7 @@ async fn what_cannot_begin_is_said_at_once_and_leaves_nothing() {
         began.elapsed()
     );
     assert!(
-        matches!(error, GenerateError::Bridge(_)) && !error.is_bad_input(),
+        matches!(error, GenerateError::Simulator(_)) && !error.is_bad_input(),
         "{error}"
     );
     assert!(!corpus.exists());

@@ -38,7 +38,7 @@ fn grabbing(target: SimulatorTarget, display: &str, kind: PixelKind) -> Generate
     }
 }
 
-/// All images of a video, with their timestamps.
+/// All images in a video, with timestamps.
 fn pictures(path: &Path) -> Vec<(i64, Vec<u8>)> {
     let mut reader = VideoReader::open(path).unwrap();
     let mut all = Vec::new();

@@ -1,5 +1,5 @@
 //! Tracks of receivers become recordings. They are made from recorded flights as a receiver would report them: late positions at full
-//! seconds, repeated rows, altitudes in steps of 25 ft above another pressure.
+//! seconds, repeated rows, altitudes in steps of 25 ft above a different pressure.
 
 use std::fmt::Write;
 use std::fs;
@@ -39,7 +39,6 @@ fn place(state: &FlightState) -> [f64; 3] {
     [at.along_track_m, at.cross_track_m, at.height_over_target_m]
 }
 
-/// A report of a receiver.
 #[derive(Clone)]
 struct Report {
     time_s: f64,
@@ -111,7 +110,6 @@ fn import(folder: &Path, text: &str) -> TrackImport {
     import_tracks(&[file], &runway(), &out).unwrap()
 }
 
-/// The only recording of an import.
 fn only(import: &TrackImport) -> PathBuf {
     assert_eq!(import.refused, []);
     import.imported[0].recording.clone()

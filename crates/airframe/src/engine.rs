@@ -8,7 +8,7 @@ use crate::{
 };
 
 const SEGMENTS: usize = 24;
-/// Lateral distance of an engine's axis from the plane of symmetry, metres.
+/// Lateral distance between engine axis and plane of symmetry, metres.
 const RIGHT_M: f64 = 4.83;
 /// Height of the axis: the cowling clears the ground by about half a metre.
 const DOWN_M: f64 = 1.60;

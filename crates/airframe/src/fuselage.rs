@@ -8,7 +8,7 @@ use crate::{Material, Mesh, at, solid::add_loft};
 
 const SEGMENTS: usize = 32;
 
-/// Cross-section of a body: an ellipse upright at a station.
+/// Upright elliptic cross-section at a station.
 struct Ellipse {
     station_m: f64,
     half_width_m: f64,

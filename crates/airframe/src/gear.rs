@@ -11,15 +11,14 @@ pub const WHEEL_HEIGHT_BELOW_CG_M: f64 = 3.2;
 const TYRE_SEGMENTS: usize = 20;
 const LEG_SEGMENTS: usize = 8;
 
-/// One leg with two wheels.
+/// Leg with two wheels.
 struct Leg {
-    /// Pivot of the leg.
     hinge: DVec3,
     /// Axis about which retraction turns the leg, by the right-hand rule.
     hinge_axis: DVec3,
     wheel_radius_m: f64,
     wheel_width_m: f64,
-    /// Half the distance between the centres of the two wheels.
+    /// Lateral offset of each wheel's centre.
     half_track_m: f64,
     leg_radius_m: f64,
 }

@@ -1,4 +1,4 @@
-//! The shape of a Boeing 737-800: one mesh, drawn by the stand-in and boxed by the labeller.
+//! Shape model for a Boeing 737-800: one mesh, drawn by the stand-in and boxed by the labeller.
 //!
 //! Input: positions of flaps and gear. Output: a triangle mesh in body axes about the centre of gravity. The stand-in simulator
 //! draws it and the labeller boxes it, so both use the same silhouette. Main dimensions follow Boeing's "737 Airplane
@@ -37,8 +37,7 @@ pub const HEIGHT_M: f64 = 12.5;
 /// on the nose wheels.
 const CG_STATION_M: f64 = 18.2;
 
-/// The mesh of a Boeing 737-800 (about three thousand triangles): closed solids that may intersect, wound counter-clockwise as seen
-/// from outside.
+/// Boeing 737-800 mesh (about three thousand triangles): closed solids that may intersect, wound counter-clockwise as seen from outside.
 pub fn boeing_737_800(configuration: Configuration) -> Mesh {
     let flap_ratio = configuration.flap_ratio.clamp(0.0, 1.0);
     let gear_ratio = configuration.gear_ratio.clamp(0.0, 1.0);

@@ -4,16 +4,15 @@ use glam::{DMat3, DVec3};
 
 use crate::{Material, Mesh, at, solid::add_loft};
 
-/// Points on one side of an airfoil between its leading and its trailing edge.
+/// Points per airfoil side between leading and trailing edge.
 const POINTS_PER_SIDE: usize = 6;
 /// Deflection of full flaps, radians.
 const FULL_FLAP_RAD: f64 = 40.0 * std::f64::consts::PI / 180.0;
-/// Chord of a flap, as a part of the local wing chord.
+/// Flap chord, as a part of the local wing chord.
 const FLAP_CHORD_RATIO: f64 = 0.26;
 /// Aft travel of full flaps, as a part of the local wing chord.
 const FLAP_TRAVEL_RATIO: f64 = 0.12;
 
-/// An airfoil section.
 #[derive(Clone, Copy)]
 struct Section {
     leading_edge: DVec3,
@@ -130,7 +129,7 @@ fn flap(wing: &[Section], right_m: f64, flap_ratio: f64) -> Section {
     }
 }
 
-/// The section of a surface at a span station, between its neighbours.
+/// Interpolated section at a span station.
 fn section_at(sections: &[Section], right_m: f64) -> Section {
     let outer = sections
         .iter()
@@ -198,7 +197,7 @@ impl Section {
         outline
     }
 
-    /// Half the thickness of a symmetric NACA four-digit airfoil with a closed trailing edge.
+    /// Half-thickness by the symmetric NACA four-digit formula with a closed trailing edge.
     fn half_thickness_m(&self, x: f64) -> f64 {
         let form = 0.2969 * x.sqrt() - 0.1260 * x - 0.3516 * x.powi(2) + 0.2843 * x.powi(3)
             - 0.1036 * x.powi(4);

@@ -1,6 +1,6 @@
 //! Materials of the aircraft's parts, and how they reflect light.
 
-/// Surface of a part.
+/// Surface material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Material {
     /// White paint of the fuselage.

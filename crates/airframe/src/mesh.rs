@@ -13,7 +13,7 @@ pub struct Mesh {
     pub triangles: Vec<Triangle>,
 }
 
-/// One face of a [`Mesh`].
+/// Face of a [`Mesh`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Triangle {
     /// Indices of the corners in [`Mesh::vertices`].
@@ -23,7 +23,7 @@ pub struct Triangle {
 }
 
 impl Mesh {
-    /// The three corners of a triangle of this mesh, metres in body axes.
+    /// Corners of a triangle, metres in body axes.
     pub fn corners(&self, triangle: &Triangle) -> [DVec3; 3] {
         triangle.indices.map(|index| self.vertices[index as usize])
     }

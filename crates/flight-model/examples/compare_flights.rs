@@ -1,4 +1,4 @@
-//! Draws the six recorded flights of an independent model and the built-in model's twins of them.
+//! Plots six flights recorded from an independent model, and the built-in model's twins.
 //!
 //! `cargo run --release -p flight-model --example compare_flights -- docs/images` writes flights.svg (height, cross-track, airspeed and
 //! sink rate over the distance to touchdown) and flight-spectra.svg (airspeed and sink rate on the final approach by frequency).
@@ -15,13 +15,13 @@ const SEEDS: u64 = 8;
 /// Length of the final approach that is averaged into one point, metres.
 const BIN_M: f64 = 200.0;
 const BINS: usize = 90;
-/// The stabilised final approach, of which spectra are taken, metres before the target.
+/// Stabilised final approach for the spectra, metres before the target.
 const FINAL_M: std::ops::Range<f64> = 740.0..7_840.0;
 const RECORDED: RGBColor = RGBColor(20, 22, 26);
 const TWINS: RGBColor = RGBColor(0, 114, 178);
 const INK: RGBColor = RGBColor(55, 60, 67);
 
-/// A quantity: its name with unit, its value, the range of its axis.
+/// Quantity: name with unit, value, axis range.
 type Quantity = (&'static str, fn(&FlightState) -> f64, std::ops::Range<f64>);
 type Panel<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
@@ -85,7 +85,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Means of a quantity over stretches of the approach: nautical miles to the target and value.
+/// Means over stretches of the approach: nautical miles to the target and value.
 fn profile(states: &[FlightState], of: fn(&FlightState) -> f64) -> Vec<(f64, f64)> {
     let mut sums = vec![(0.0, 0.0); BINS];
     for state in states.iter().filter(|state| !state.on_ground) {

@@ -1,4 +1,4 @@
-//! Lift, drag and side force of a 737-800 in approach configurations.
+//! Lift, drag and side force: a 737-800 in approach configurations.
 //!
 //! Input: motion through the air in body axes, density, flaps, gear, spoilers. Output: force in body axes, and the trim for level
 //! flight. The lift line goes through the pitch angles of the recorded flights (96 m/s with flaps 0.25: 5.2 degrees level; 71.6 m/s
@@ -7,6 +7,8 @@
 use dataset::geometry::pose::Controls;
 use glam::DVec3;
 
+/// Standard gravity, metres per second squared.
+pub(crate) const GRAVITY_MPS2: f64 = 9.806_65;
 /// Landing mass, kilograms.
 pub(crate) const MASS_KG: f64 = 55_000.0;
 const WING_AREA_M2: f64 = 124.6;
@@ -27,23 +29,21 @@ const SIDE_FORCE_PER_RAD: f64 = -0.9;
 /// Trim for level flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Trim {
-    /// Angle of attack, radians.
     pub(crate) angle_of_attack_rad: f64,
     /// Drag, newtons: the thrust of level flight.
     pub(crate) drag_n: f64,
 }
 
-/// Trim of level flight at a true airspeed.
 pub(crate) fn level_trim(airspeed_mps: f64, density_kg_per_m3: f64, controls: Controls) -> Trim {
     let pressure_n = dynamic_force_n(airspeed_mps, density_kg_per_m3);
-    let lift = MASS_KG * super::GRAVITY_MPS2 / pressure_n;
+    let lift = MASS_KG * GRAVITY_MPS2 / pressure_n;
     Trim {
         angle_of_attack_rad: (lift - lift_at_zero_angle(controls)) / LIFT_PER_RAD,
         drag_n: pressure_n * drag_coefficient(lift, controls, 0.0),
     }
 }
 
-/// Time after which a change of pitch has turned the flight path (1 - 1/e of it), seconds.
+/// Time constant with which the flight path follows the pitch, seconds.
 pub(crate) fn path_lag_s(airspeed_mps: f64, density_kg_per_m3: f64) -> f64 {
     MASS_KG * airspeed_mps / (dynamic_force_n(airspeed_mps, density_kg_per_m3) * LIFT_PER_RAD)
 }
@@ -91,7 +91,6 @@ fn drag_coefficient(lift: f64, controls: Controls, spoiler_ratio: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::GRAVITY_MPS2;
 
     const LANDING: Controls = Controls {
         flap_ratio: 0.75,

@@ -1,7 +1,7 @@
-//! The air of a flight: density and motion.
+//! Density and motion of the air.
 //!
-//! Input: the weather, the height, the aircraft's heading. Output: density after the International Standard Atmosphere (ISO 2533)
-//! and velocity of the air: a mean wind that grows with height by the power law, discrete gusts of it, and turbulence.
+//! Input: the weather, the height, the aircraft's heading. Output: density after the International Standard Atmosphere (ISO 2533) and
+//! velocity of the air: a mean wind that grows with height by the power law, discrete gusts, and turbulence.
 
 use dataset::conditions::Weather;
 use glam::{DMat3, DVec3};
@@ -9,7 +9,6 @@ use glam::{DMat3, DVec3};
 use super::gust::Gusts;
 use super::turbulence::Turbulence;
 
-/// Height at which weather reports give the wind, metres.
 const REPORTED_WIND_HEIGHT_M: f64 = 10.0;
 /// Exponent of the power law over open flat ground in neutral air (Davenport 1960); also fits the recorded flights.
 const POWER_LAW_EXPONENT: f64 = 1.0 / 7.0;
@@ -23,18 +22,16 @@ pub(crate) fn density_kg_per_m3(altitude_msl_m: f64) -> f64 {
     SEA_LEVEL_DENSITY_KG_PER_M3 * (1.0 - 2.255_77e-5 * altitude_msl_m).powf(4.255_88)
 }
 
-/// Motion of the air at the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct AirMotion {
     /// Direction that the air moves to, north, east and down, metres per second.
     pub(crate) velocity_ned_mps: DVec3,
-    /// The turbulent part of it.
+    /// Turbulent part of the velocity.
     pub(crate) turbulence_ned_mps: DVec3,
     /// Rotation of the air about the flight path, radians per second, right wing down positive.
     pub(crate) roll_rad_per_s: f64,
 }
 
-/// The air of one flight.
 #[derive(Debug)]
 pub(crate) struct Air {
     wind_at_10_m_ned_mps: DVec3,
@@ -61,16 +58,15 @@ impl Air {
         self.wind_at_10_m_ned_mps * (height_m / REPORTED_WIND_HEIGHT_M).powf(POWER_LAW_EXPONENT)
     }
 
-    /// The air's motion at `time_s`, `step_s` after the last call, for an aircraft at a height above ground.
+    /// The air's motion at `time_s`, one step after the last call, for an aircraft at a height above ground.
     pub(crate) fn step(
         &mut self,
         time_s: f64,
         height_m: f64,
         heading_rad: f64,
         airspeed_mps: f64,
-        step_s: f64,
     ) -> AirMotion {
-        let gust = self.turbulence.step(height_m, airspeed_mps, step_s);
+        let gust = self.turbulence.step(height_m, airspeed_mps);
         let turbulence_ned_mps = DMat3::from_rotation_z(heading_rad)
             * DVec3::new(gust.along_mps, gust.right_mps, gust.down_mps);
         let wind = self.mean_wind_ned_mps(height_m) * (1.0 + self.gusts.factor_at(time_s));

@@ -1,22 +1,22 @@
 //! The flying aircraft: a point mass with attitude.
 //!
-//! Input: the autopilot's commands and the motion of the air. Output: position, velocity and attitude a time step later, over the
-//! WGS-84 ellipsoid. Lift, drag and side force act on the mass; the attitude follows the commands with the lags and limits of a
-//! transport aircraft and turns into gusts like a weathercock. This determines what a distant camera sees: path, speed, crab,
-//! pitch. The flexible rest of a 737 (moments of elevator and aileron, engine spool curves) is not modelled.
+//! Input: the autopilot's commands and the motion of the air. Output: position, velocity and attitude a time step later, over the WGS-84
+//! ellipsoid. Lift, drag and side force act on the mass; the attitude follows the commands with a transport aircraft's lags and limits and
+//! turns into gusts like a weathercock. This determines the distant view: path, speed, crab, pitch. Other 737 dynamics (moments of elevator
+//! and aileron, engine spool curves) are not modelled.
 
 use airframe::WHEEL_HEIGHT_BELOW_CG_M;
 use dataset::geometry::geodesy::{Geodetic, WGS84_FLATTENING, WGS84_SEMI_MAJOR_M};
 use dataset::geometry::pose::{Controls, Pose};
 use glam::{DMat3, DVec3};
 
-use super::GRAVITY_MPS2;
-use super::aerodynamics::{self, MASS_KG};
+use super::aerodynamics::{self, GRAVITY_MPS2, MASS_KG};
 use super::air::{AirMotion, density_kg_per_m3};
 use super::landing_gear;
+use super::time_step::STEP_S;
 
 /// Pitch under attitude control: natural frequency, radians per second, and damping ratio.
-const PITCH_FREQUENCY_RAD_PER_S: f64 = 1.0;
+pub(crate) const PITCH_FREQUENCY_RAD_PER_S: f64 = 1.0;
 const PITCH_DAMPING: f64 = 0.6;
 /// Weathercock stiffness in pitch: nose-down acceleration for each radian of gust angle, 1/s^2.
 const PITCH_WEATHERCOCK_PER_S2: f64 = 1.2;
@@ -29,11 +29,8 @@ const RUDDER_STIFFNESS_PER_S2: f64 = 1.5;
 const BANK_GAIN_PER_S: f64 = 0.8;
 const MAX_BANK_RATE_RAD_PER_S: f64 = 0.12;
 const BANK_RATE_LAG_S: f64 = 0.5;
-/// Part of the air's rotation that the wing follows before the ailerons answer.
-const ROLL_GUST_RESPONSE: f64 = 1.0;
 /// Swept wings roll away from a sideslip: roll rate for each radian, 1/s.
 const ROLL_PER_SIDESLIP_PER_S: f64 = 1.4;
-/// Lag of the engines' thrust, seconds.
 const THRUST_LAG_S: f64 = 1.5;
 /// Travel of flaps and gear, part of full travel per second.
 const FLAP_RATE_PER_S: f64 = 0.04;
@@ -41,7 +38,6 @@ const GEAR_RATE_PER_S: f64 = 0.08;
 /// Spoilers rise in this time after touchdown, seconds.
 const SPOILER_TIME_S: f64 = 1.5;
 
-/// Commands of the autopilot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Commands {
     /// Bank, radians, right wing down positive.
@@ -59,7 +55,6 @@ pub(crate) struct Commands {
     pub(crate) braking_mps2: f64,
 }
 
-/// State of the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Aircraft {
     pub(crate) position: Geodetic,
@@ -95,15 +90,9 @@ impl Aircraft {
         (self.velocity_ned_mps - air_velocity_ned_mps).length()
     }
 
-    /// Advances by `step_s` seconds. The ground is level at `ground_msl_m`.
-    pub(crate) fn step(
-        &mut self,
-        commands: &Commands,
-        air: &AirMotion,
-        ground_msl_m: f64,
-        step_s: f64,
-    ) {
-        self.move_controls(commands, step_s);
+    /// Advances by one step. The ground is level at `ground_msl_m`.
+    pub(crate) fn step(&mut self, commands: &Commands, air: &AirMotion, ground_msl_m: f64) {
+        self.move_controls(commands);
         let ned_from_body = DMat3::from_rotation_z(self.heading_rad)
             * DMat3::from_rotation_y(self.pitch_rad)
             * DMat3::from_rotation_x(self.bank_rad);
@@ -128,15 +117,15 @@ impl Aircraft {
         self.on_ground = contact.is_some();
         let acceleration = flying + contact.unwrap_or(DVec3::ZERO) - self.transport_acceleration();
 
-        self.turn(commands, air, through_air, step_s);
+        self.turn(commands, air, through_air);
         // Semi-implicit Euler: the stiff landing gear stays stable at 120 Hz.
-        self.velocity_ned_mps += acceleration * step_s;
-        self.move_over_ellipsoid(step_s);
+        self.velocity_ned_mps += acceleration * STEP_S;
+        self.move_over_ellipsoid();
     }
 
-    fn move_controls(&mut self, commands: &Commands, step_s: f64) {
+    fn move_controls(&mut self, commands: &Commands) {
         let towards = |now: f64, wanted: f64, rate_per_s: f64| {
-            now + (wanted - now).clamp(-rate_per_s * step_s, rate_per_s * step_s)
+            now + (wanted - now).clamp(-rate_per_s * STEP_S, rate_per_s * STEP_S)
         };
         let controls = &mut self.controls;
         controls.flap_ratio = towards(
@@ -153,10 +142,10 @@ impl Aircraft {
         if self.on_ground || self.spoiler_ratio > 0.0 {
             self.spoiler_ratio = towards(self.spoiler_ratio, 1.0, 1.0 / SPOILER_TIME_S);
         }
-        self.thrust_n += (commands.thrust_n - self.thrust_n) * step_s / THRUST_LAG_S;
+        self.thrust_n += (commands.thrust_n - self.thrust_n) * STEP_S / THRUST_LAG_S;
     }
 
-    fn turn(&mut self, commands: &Commands, air: &AirMotion, through_air: DVec3, step_s: f64) {
+    fn turn(&mut self, commands: &Commands, air: &AirMotion, through_air: DVec3) {
         let airspeed = through_air.length().max(20.0);
         let sideslip = (through_air.y / airspeed).clamp(-1.0, 1.0).asin();
 
@@ -165,21 +154,21 @@ impl Aircraft {
             * (commands.pitch_rad - self.pitch_rad)
             - 2.0 * PITCH_DAMPING * PITCH_FREQUENCY_RAD_PER_S * self.pitch_rate_rad_per_s
             - PITCH_WEATHERCOCK_PER_S2 * gust_angle;
-        self.pitch_rate_rad_per_s += pitch_acceleration * step_s;
-        self.pitch_rad += self.pitch_rate_rad_per_s * step_s;
+        self.pitch_rate_rad_per_s += pitch_acceleration * STEP_S;
+        self.pitch_rad += self.pitch_rate_rad_per_s * STEP_S;
 
         let wanted_rate = (BANK_GAIN_PER_S * (commands.bank_rad - self.bank_rad))
             .clamp(-MAX_BANK_RATE_RAD_PER_S, MAX_BANK_RATE_RAD_PER_S);
-        // In a deliberate sideslip the crew holds the wing with aileron.
-        let disturbed_rate = wanted_rate + ROLL_GUST_RESPONSE * air.roll_rad_per_s
+        // The wing follows the rotating air before the ailerons answer. In a deliberate sideslip the crew holds it with aileron.
+        let disturbed_rate = wanted_rate + air.roll_rad_per_s
             - (1.0 - commands.align_ratio) * ROLL_PER_SIDESLIP_PER_S * sideslip;
         self.bank_rate_rad_per_s +=
-            (disturbed_rate - self.bank_rate_rad_per_s) * step_s / BANK_RATE_LAG_S;
+            (disturbed_rate - self.bank_rate_rad_per_s) * STEP_S / BANK_RATE_LAG_S;
         if self.on_ground {
             // The main wheels hold the wings level.
             self.bank_rate_rad_per_s = -self.bank_rad / 0.5;
         }
-        self.bank_rad += self.bank_rate_rad_per_s * step_s;
+        self.bank_rad += self.bank_rate_rad_per_s * STEP_S;
 
         let coordinated_rate = GRAVITY_MPS2 * self.bank_rad.tan() / airspeed;
         let off_alignment = wrapped_rad(commands.align_heading_rad - self.heading_rad);
@@ -187,8 +176,8 @@ impl Aircraft {
             + commands.align_ratio * RUDDER_STIFFNESS_PER_S2 * off_alignment
             - YAW_DAMPING_PER_S
                 * (self.heading_rate_rad_per_s - (1.0 - commands.align_ratio) * coordinated_rate);
-        self.heading_rate_rad_per_s += heading_acceleration * step_s;
-        self.heading_rad = wrapped_rad(self.heading_rad + self.heading_rate_rad_per_s * step_s);
+        self.heading_rate_rad_per_s += heading_acceleration * STEP_S;
+        self.heading_rad = wrapped_rad(self.heading_rad + self.heading_rate_rad_per_s * STEP_S);
     }
 
     /// Rate of turn of the north-east-down axes crossed with the velocity: the local axes move with the aircraft around the earth.
@@ -202,10 +191,10 @@ impl Aircraft {
         rate.cross(self.velocity_ned_mps)
     }
 
-    fn move_over_ellipsoid(&mut self, step_s: f64) {
+    fn move_over_ellipsoid(&mut self) {
         let (meridian_m, parallel_m) = self.curvature_radii_m();
         let cos_latitude = self.position.latitude_deg.to_radians().cos();
-        let step = self.velocity_ned_mps * step_s;
+        let step = self.velocity_ned_mps * STEP_S;
         self.position.latitude_deg += (step.x / meridian_m).to_degrees();
         self.position.longitude_deg += (step.y / (parallel_m * cos_latitude)).to_degrees();
         self.position.altitude_msl_m -= step.z;
@@ -224,7 +213,7 @@ impl Aircraft {
     }
 }
 
-/// The same direction in [-pi, pi).
+/// Wraps an angle to [-pi, pi).
 pub(crate) fn wrapped_rad(angle_rad: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     (angle_rad + PI).rem_euclid(TAU) - PI
@@ -234,7 +223,6 @@ pub(crate) fn wrapped_rad(angle_rad: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const STEP_S: f64 = 1.0 / 120.0;
     const STILL: AirMotion = AirMotion {
         velocity_ned_mps: DVec3::ZERO,
         turbulence_ned_mps: DVec3::ZERO,
@@ -279,7 +267,7 @@ mod tests {
 
     fn fly(aircraft: &mut Aircraft, commands: &Commands, air: &AirMotion, seconds: f64) {
         for _ in 0..(seconds / STEP_S).round() as usize {
-            aircraft.step(commands, air, 0.0, STEP_S);
+            aircraft.step(commands, air, 0.0);
         }
     }
 

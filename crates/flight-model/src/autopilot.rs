@@ -7,17 +7,17 @@
 use dataset::geometry::pose::Controls;
 use xplane_bridge::fly::FlyRequest;
 
-use super::GRAVITY_MPS2;
-use super::aerodynamics::{self, MASS_KG};
+use super::aerodynamics::{self, GRAVITY_MPS2, MASS_KG};
 use super::air::{SEA_LEVEL_DENSITY_KG_PER_M3, density_kg_per_m3};
-use super::aircraft::{Aircraft, Commands};
+use super::aircraft::{Aircraft, Commands, PITCH_FREQUENCY_RAD_PER_S};
 use super::technique::Technique;
+use super::time_step::AUTOPILOT_STEP_S;
 use super::vertical_guidance::{Situation, VerticalGuidance};
 
 /// Localizer: time constants for correcting the offset and the rate of offset, seconds.
 const OFFSET_TIME_S: f64 = 10.0;
 const OFFSET_RATE_TIME_S: f64 = 4.0;
-/// Angle at which the localizer is approached when the start does not already converge with it, radians.
+/// Intercept angle of the localizer if the start does not converge with it, radians.
 const INTERCEPT_RAD: f64 = 0.35;
 /// A start that converges by at least this much keeps its angle until capture, radians.
 const CONVERGING_RAD: f64 = 0.05;
@@ -34,8 +34,6 @@ const FLARE_CHANGE_MPS2: f64 = 2.0;
 const PITCH_GAIN: f64 = 0.3;
 const FLARE_PITCH_GAIN: f64 = 1.2;
 const PITCH_INTEGRAL_PER_S: f64 = 0.10;
-/// Lag between demanded and flown pitch, to lead the demand by, seconds.
-const PITCH_LAG_S: f64 = 1.0;
 const PITCH_LIMITS_RAD: (f64, f64) = (-0.07, 0.17);
 
 /// Filters of measured airspeed: for the thrust, and for the pitch trim, seconds. Trim that followed every gust would use more information
@@ -60,7 +58,6 @@ const NOSE_DOWN_RAD_PER_S: f64 = 0.03;
 const STEERING_RAD_PER_M: f64 = 0.006;
 const MAX_STEERING_RAD: f64 = 0.05;
 
-/// Autopilot of one flight.
 #[derive(Debug)]
 pub(crate) struct Autopilot {
     technique: Technique,
@@ -79,7 +76,6 @@ pub(crate) struct Autopilot {
 }
 
 impl Autopilot {
-    /// The autopilot of this flight.
     pub(crate) fn new(request: &FlyRequest, technique: Technique) -> Self {
         Self {
             technique,
@@ -115,17 +111,16 @@ impl Autopilot {
         aircraft: &Aircraft,
         airspeed_mps: f64,
         landed: bool,
-        step_s: f64,
     ) -> Commands {
         let trim_airspeed_mps = filtered(
             &mut self.trim_airspeed_mps,
             airspeed_mps,
-            step_s / TRIM_FILTER_S,
+            AUTOPILOT_STEP_S / TRIM_FILTER_S,
         );
         let airspeed_mps = filtered(
             &mut self.airspeed_mps,
             airspeed_mps,
-            step_s / AIRSPEED_FILTER_S,
+            AUTOPILOT_STEP_S / AIRSPEED_FILTER_S,
         );
         let density = density_kg_per_m3(aircraft.position.altitude_msl_m);
         let equivalent = (density / SEA_LEVEL_DENSITY_KG_PER_M3).sqrt();
@@ -136,19 +131,12 @@ impl Autopilot {
             aircraft.controls,
         );
         if landed {
-            return self.roll_out(now, aircraft, controls, step_s);
+            return self.roll_out(now, aircraft, controls);
         }
-        let bank_rad = self.bank_rad(now, step_s);
-        let pitch_rad = self.pitch_rad(now, aircraft.controls, trim_airspeed_mps, density, step_s);
+        let bank_rad = self.bank_rad(now);
+        let pitch_rad = self.pitch_rad(now, aircraft.controls, trim_airspeed_mps, density);
         let wanted_mps = self.technique.speed_mps(before_threshold_m) / equivalent;
-        let thrust_n = self.thrust_n(
-            now,
-            aircraft.controls,
-            airspeed_mps,
-            wanted_mps,
-            density,
-            step_s,
-        );
+        let thrust_n = self.thrust_n(now, aircraft.controls, airspeed_mps, wanted_mps, density);
         let align_part =
             (ALIGN_HEIGHTS_M.0 - now.wheel_height_m) / (ALIGN_HEIGHTS_M.0 - ALIGN_HEIGHTS_M.1);
         Commands {
@@ -162,7 +150,7 @@ impl Autopilot {
         }
     }
 
-    fn bank_rad(&mut self, now: &Situation, step_s: f64) -> f64 {
+    fn bank_rad(&mut self, now: &Situation) -> f64 {
         let limit = *self.closing_limit.get_or_insert_with(|| {
             let closing_rad =
                 (-now.right_of_course_m.signum() * now.right_rate_mps).atan2(now.ground_speed_mps);
@@ -185,7 +173,7 @@ impl Autopilot {
         self.bank_command_rad = towards(
             self.bank_command_rad,
             wanted_rad,
-            BANK_COMMAND_RATE_RAD_PER_S * step_s,
+            BANK_COMMAND_RATE_RAD_PER_S * AUTOPILOT_STEP_S,
         );
         self.bank_command_rad
     }
@@ -196,7 +184,6 @@ impl Autopilot {
         controls: Controls,
         airspeed_mps: f64,
         density: f64,
-        step_s: f64,
     ) -> f64 {
         let wanted = self.vertical.climb_mps(now);
         let change = if self.vertical.is_flaring() {
@@ -205,13 +192,13 @@ impl Autopilot {
             CLIMB_CHANGE_MPS2
         };
         let before = *self.climb_demand_mps.get_or_insert(wanted);
-        let demand = towards(before, wanted, change * step_s);
+        let demand = towards(before, wanted, change * AUTOPILOT_STEP_S);
         self.climb_demand_mps = Some(demand);
-        let demand_mps2 = (demand - before) / step_s;
+        let demand_mps2 = (demand - before) / AUTOPILOT_STEP_S;
 
         let error_rad = (demand - now.climb_mps) / airspeed_mps;
         self.pitch_integral_rad = (self.pitch_integral_rad
-            + PITCH_INTEGRAL_PER_S * error_rad * step_s)
+            + PITCH_INTEGRAL_PER_S * error_rad * AUTOPILOT_STEP_S)
             .clamp(-0.05, 0.05);
         let trim_rad =
             aerodynamics::level_trim(airspeed_mps, density, controls).angle_of_attack_rad;
@@ -219,7 +206,7 @@ impl Autopilot {
         // the recorded autopilot, whose path mode is lightly damped.
         let (lead_s, gain) = if self.vertical.is_flaring() {
             (
-                aerodynamics::path_lag_s(airspeed_mps, density) + PITCH_LAG_S,
+                aerodynamics::path_lag_s(airspeed_mps, density) + 1.0 / PITCH_FREQUENCY_RAD_PER_S,
                 FLARE_PITCH_GAIN,
             )
         } else {
@@ -240,7 +227,6 @@ impl Autopilot {
         airspeed_mps: f64,
         wanted_mps: f64,
         density: f64,
-        step_s: f64,
     ) -> f64 {
         if self.vertical.is_flaring() && now.wheel_height_m < THRUST_BACK_BELOW_M {
             return THRUST_LIMITS_N.0;
@@ -251,7 +237,7 @@ impl Autopilot {
             .wanted_airspeed_mps
             .replace(wanted_mps)
             .unwrap_or(wanted_mps);
-        let scheduled_mps2 = (wanted_mps - before_mps) / step_s;
+        let scheduled_mps2 = (wanted_mps - before_mps) / AUTOPILOT_STEP_S;
         let acceleration =
             (scheduled_mps2 + SPEED_GAIN_PER_S * error_mps + self.speed_integral_mps2)
                 .clamp(ACCELERATION_LIMITS_MPS2.0, ACCELERATION_LIMITS_MPS2.1);
@@ -261,23 +247,17 @@ impl Autopilot {
         // The integral pauses while the levers are at a stop, or it would overshoot when they leave it.
         if (THRUST_LIMITS_N.0..THRUST_LIMITS_N.1).contains(&thrust_n) {
             self.speed_integral_mps2 = (self.speed_integral_mps2
-                + SPEED_INTEGRAL_PER_S2 * error_mps * step_s)
+                + SPEED_INTEGRAL_PER_S2 * error_mps * AUTOPILOT_STEP_S)
                 .clamp(-0.3, 0.3);
         }
         thrust_n.clamp(THRUST_LIMITS_N.0, THRUST_LIMITS_N.1)
     }
 
-    fn roll_out(
-        &mut self,
-        now: &Situation,
-        aircraft: &Aircraft,
-        controls: Controls,
-        step_s: f64,
-    ) -> Commands {
+    fn roll_out(&mut self, now: &Situation, aircraft: &Aircraft, controls: Controls) -> Commands {
         self.pitch_command_rad = towards(
             self.pitch_command_rad,
             GROUND_PITCH_RAD,
-            NOSE_DOWN_RAD_PER_S * step_s,
+            NOSE_DOWN_RAD_PER_S * AUTOPILOT_STEP_S,
         );
         let steering_rad = (-STEERING_RAD_PER_M
             * (now.right_of_course_m + 2.0 * now.right_rate_mps))
@@ -299,7 +279,7 @@ impl Autopilot {
     }
 }
 
-/// A first-order filter's value after a step that is `part` of its time constant.
+/// Advances a first-order filter by `part` time constants.
 fn filtered(value: &mut Option<f64>, measured: f64, part: f64) -> f64 {
     let before = value.unwrap_or(measured);
     *value.insert(before + (measured - before) * part)

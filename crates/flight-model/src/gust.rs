@@ -1,8 +1,7 @@
 //! Discrete gusts: the wind freshens for some seconds and drops again.
 //!
-//! Input: mean wind, intensity of turbulence, time. Output: a factor by which the mean wind is stronger at that time. Each gust has
-//! the "1 - cosine" shape of MIL-F-8785C 3.7.2; strength, duration and waiting time are drawn. Continuous turbulence alone is
-//! Gaussian and lacks these.
+//! Input: mean wind, intensity of turbulence, time. Output: the relative increase in mean wind. Each gust has the "1 - cosine" shape of
+//! MIL-F-8785C 3.7.2; strength, duration and waiting time are drawn. Continuous turbulence alone is Gaussian and lacks these.
 
 use rand_chacha::ChaCha12Rng;
 
@@ -17,7 +16,6 @@ const FIRST_RATIO: f64 = 1.0 / 3.0;
 /// Strongest gust, as a part of the mean wind: airports report 22 kt gusting 33 kt.
 const STRONGEST_FACTOR: f64 = 0.5;
 
-/// The gusts of one flight.
 #[derive(Debug)]
 pub(crate) struct Gusts {
     generator: ChaCha12Rng,
@@ -41,7 +39,7 @@ impl Gusts {
         gusts
     }
 
-    /// By which fraction of itself the mean wind is stronger at `time_s` (seconds, never decreasing).
+    /// Relative increase in mean wind at `time_s` (seconds, never decreasing).
     pub(crate) fn factor_at(&mut self, time_s: f64) -> f64 {
         while time_s > self.begins_s + self.duration_s {
             self.draw_next(self.begins_s + self.duration_s);

@@ -6,13 +6,13 @@
 
 use glam::DVec3;
 
-use super::GRAVITY_MPS2;
+use super::aerodynamics::GRAVITY_MPS2;
 
 /// Compression of the struts under the weight, metres.
 pub(crate) const STATIC_TRAVEL_M: f64 = 0.15;
 /// Damping ratio of the struts: the aircraft does not bounce.
 const STRUT_DAMPING: f64 = 0.9;
-/// Time constant in which tyres stop sideways motion, seconds.
+/// Time constant of sideways tyre friction, seconds.
 const SIDEWAYS_TIME_S: f64 = 0.6;
 const ROLLING_FRICTION: f64 = 0.015;
 

@@ -4,8 +4,8 @@
 //! at 30 Hz from the start to 6 s after touchdown (or to the time limit). A pure function: the same request in the same weather
 //! gives the same bytes.
 //!
-//! A point mass with attitude under an ILS autopilot flies through a moving atmosphere; each of these has its own file. The model
-//! is compared with flights of an independent one (`tests/recorded_flights.rs`).
+//! A point mass with attitude under an ILS autopilot flies through a moving atmosphere, with a file per part. The model is compared with an
+//! independent model's flights (`tests/recorded_flights.rs`).
 //!
 //! The stand-in flies with it, and so does `dtd generate` for sweeps whose flights are computed ahead instead of flown by X-Plane.
 
@@ -19,6 +19,7 @@ mod gust;
 mod landing_gear;
 mod random;
 mod technique;
+mod time_step;
 mod turbulence;
 mod vertical_guidance;
 
@@ -33,27 +34,20 @@ use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use glam::DVec3;
 use xplane_bridge::fly::FlyRequest;
 
+use aerodynamics::GRAVITY_MPS2;
 use air::{Air, SEA_LEVEL_DENSITY_KG_PER_M3, density_kg_per_m3};
 use aircraft::{Aircraft, Commands};
 use autopilot::Autopilot;
 use technique::Technique;
+pub use time_step::OUTPUT_RATE_HZ;
+use time_step::{STEP_S, STEPS_PER_STATE};
 use vertical_guidance::Situation;
 
-/// Standard gravity, metres per second squared.
-const GRAVITY_MPS2: f64 = 9.806_65;
-
-/// Version of the flights: another one for the same request and weather has another version. It is part of the plans of computed flights.
+/// Version of the flights: changes with any flight's bytes. It is part of plans with computed flights.
 pub const VERSION: u32 = 1;
 
-/// Rate of the states of a flight, hertz.
-pub const OUTPUT_RATE_HZ: u32 = 30;
 /// A flight ends this long after the wheels first touch, seconds.
 const ROLL_OUT_S: f64 = 6.0;
-
-/// Integration steps per state, and per update of the autopilot.
-const STEPS_PER_STATE: u64 = 4;
-const STEP_S: f64 = 1.0 / (OUTPUT_RATE_HZ as f64 * STEPS_PER_STATE as f64);
-const AUTOPILOT_STEP_S: f64 = 1.0 / OUTPUT_RATE_HZ as f64;
 
 /// A flight that did not end on the runway.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -68,7 +62,6 @@ pub struct NotLanded {
     pub last: Option<Box<FlightState>>,
 }
 
-/// Its last place.
 fn place_of(last: Option<&FlightState>) -> String {
     last.map_or_else(String::new, |state| {
         let pose = state.pose;
@@ -120,7 +113,6 @@ pub fn fly(request: &FlyRequest, weather: &Weather) -> Vec<FlightState> {
     states
 }
 
-/// A flight in progress.
 struct Flight<'a> {
     runway: &'a Runway,
     target: Geodetic,
@@ -176,7 +168,7 @@ impl<'a> Flight<'a> {
         flight
     }
 
-    /// Trims the aircraft for the steady flight at the start of its plan: no jolt in the first seconds.
+    /// Trims the aircraft for steady flight at the start: no jolt in the first seconds.
     fn trim(&mut self, technique: &Technique, start_speed_mps: f64) {
         let situation = self.situation();
         let before_threshold_m = situation.to_target_m - self.runway.touchdown_past_threshold_m;
@@ -194,13 +186,8 @@ impl<'a> Flight<'a> {
 
     fn commands(&mut self, landed: bool) -> Commands {
         let situation = self.situation();
-        self.autopilot.commands(
-            &situation,
-            &self.aircraft,
-            self.airspeed_mps,
-            landed,
-            AUTOPILOT_STEP_S,
-        )
+        self.autopilot
+            .commands(&situation, &self.aircraft, self.airspeed_mps, landed)
     }
 
     fn step(&mut self, time_s: f64, commands: &Commands) {
@@ -211,10 +198,9 @@ impl<'a> Flight<'a> {
             self.aircraft.position.altitude_msl_m - ground_msl_m,
             self.aircraft.heading_rad,
             self.airspeed_mps,
-            STEP_S,
         );
         self.airspeed_mps = self.aircraft.airspeed_mps(air.velocity_ned_mps);
-        self.aircraft.step(commands, &air, ground_msl_m, STEP_S);
+        self.aircraft.step(commands, &air, ground_msl_m);
     }
 
     fn situation(&self) -> Situation {

@@ -1,4 +1,4 @@
-//! Random numbers of a flight: one stream for each thing that varies, all from the flight's seed.
+//! Random numbers: one stream per varying part, all from the flight's seed.
 //!
 //! Input: the seed of the request. Output: generators that never share a number, so that a change in one part of the model (one
 //! gust more, one pilot habit more) leaves the numbers of all other parts unchanged. ChaCha has streams built in and its output is
@@ -7,24 +7,20 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-/// The parts of a flight that draw numbers. Discriminants are stream numbers: append, never renumber.
+/// Parts that draw numbers. Discriminants are stream numbers: append, never renumber.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Stream {
     /// Habits of the crew: speeds, distances, flare.
     Technique = 1,
     /// Turbulence along the flight path.
     TurbulenceAlong = 2,
-    /// Turbulence to the right.
     TurbulenceRight = 3,
-    /// Turbulence downwards.
     TurbulenceDown = 4,
-    /// Turbulence that rolls.
     TurbulenceRoll = 5,
     /// Discrete gusts of the wind.
     Gusts = 6,
 }
 
-/// The generator of one part of the flight with this seed.
 pub(crate) fn generator(seed: u64, stream: Stream) -> ChaCha12Rng {
     let mut generator = ChaCha12Rng::seed_from_u64(seed);
     generator.set_stream(stream as u64);

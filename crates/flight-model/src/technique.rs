@@ -33,16 +33,16 @@ const GEAR_DOWN_AT_M: f64 = 14_800.0;
 const EARLIER_PER_MPS: f64 = 500.0;
 /// Differences up to this are within the habits of crews, metres per second.
 const HABITUAL_MPS: f64 = 4.0;
-/// Below this excess over the final speed, flaps and gear are already out whatever the distance, metres per second.
+/// Flap ratio by excess over the final speed, metres per second: flaps and gear are out below it at any distance.
 const FLAPS_NEEDED_BELOW_MPS: [(f64, f64); 3] = [(14.0, 0.375), (5.0, 0.625), (3.0, 0.75)];
 
-/// One crew's numbers.
+/// Crew-specific numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Technique {
     start_speed_mps: f64,
     final_speed_mps: f64,
     earlier_m: f64,
-    /// Height of the wheels at which the flare begins, metres.
+    /// Wheel height at the beginning of the flare, metres.
     pub(crate) flare_height_m: f64,
     /// Rate of descent at the end of the flare, metres per second.
     pub(crate) touchdown_sink_mps: f64,
@@ -51,8 +51,8 @@ pub(crate) struct Technique {
 }
 
 impl Technique {
-    /// The crew of a flight. `start_speed_mps` is the equivalent airspeed at the start, `headwind_mps` the wind at 10 m
-    /// against the landing course (negative: tailwind).
+    /// Draws a crew. `start_speed_mps` is the equivalent airspeed at the start, `headwind_mps` the wind at 10 m against the landing course
+    /// (negative: tailwind).
     pub(crate) fn of(seed: u64, start_speed_mps: f64, headwind_mps: f64) -> Self {
         let mut generator = random::generator(seed, Stream::Technique);
         let addition_mps = (HEADWIND_PART * headwind_mps).clamp(0.0, MAX_ADDITION_MPS);

@@ -1,4 +1,4 @@
-//! Observable properties of a flight: capture, path, landing, wind, determinism.
+//! Observable flight properties: capture, path, landing, wind, determinism.
 
 use dataset::geometry::approach_profile::ApproachProfile;
 use testkit::approach::{above_path_m, relative, touchdown_past_threshold_m};

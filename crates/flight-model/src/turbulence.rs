@@ -5,10 +5,12 @@
 //! altitude model below 1,000 ft, its 1,750 ft scale length above 2,000 ft, linear in between. White noise drives the spectrum's
 //! rational filters; first-order parts are stepped exactly, so the variance does not depend on the time step.
 
+use airframe::SPAN_M;
 use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use rand_chacha::ChaCha12Rng;
 
 use super::random::{self, Stream, standard_normal};
+use super::time_step::STEP_S;
 
 /// Wind at 20 ft that MIL-F-8785C calls severe (light is 15 kt, moderate 30 kt): the meaning of intensity 1.
 const SEVERE_WIND_AT_20_FT_MPS: f64 = 45.0 * MPS_PER_KNOT;
@@ -17,13 +19,9 @@ const SEVERE_WIND_AT_20_FT_MPS: f64 = 45.0 * MPS_PER_KNOT;
 /// instead; this line goes through the recorded flights, whose airspeed fluctuates that much more at 2,500 ft.
 const HIGH_SIGMA_PER_WIND_AT_20_FT: f64 = 0.22;
 
-/// Below this height the low altitude model's vertical scale length would go to zero.
+/// Minimum height for the low altitude model, metres: its vertical scale length would go to zero.
 const MIN_HEIGHT_M: f64 = 5.0;
 
-/// Span of the wing, for the rolling gust, metres.
-const SPAN_M: f64 = 35.8;
-
-/// Gusts at one instant.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Gust {
     /// Velocity of the air along the flight path, metres per second.
@@ -45,7 +43,6 @@ struct Scales {
     length_vertical_m: f64,
 }
 
-/// Turbulence of one flight.
 #[derive(Debug)]
 pub(crate) struct Turbulence {
     wind_at_20_ft_mps: f64,
@@ -67,8 +64,8 @@ impl Turbulence {
         }
     }
 
-    /// The gusts `step_s` later, at a height above ground, through air that comes at `airspeed_mps`.
-    pub(crate) fn step(&mut self, height_m: f64, airspeed_mps: f64, step_s: f64) -> Gust {
+    /// The gusts one step later, at a height above ground, through air that comes at `airspeed_mps`.
+    pub(crate) fn step(&mut self, height_m: f64, airspeed_mps: f64) -> Gust {
         let scales = Scales::at(self.wind_at_20_ft_mps, height_m);
         let airspeed_mps = airspeed_mps.max(10.0);
         let horizontal_s = scales.length_horizontal_m / airspeed_mps;
@@ -77,11 +74,11 @@ impl Turbulence {
         let roll_length_m = (scales.length_vertical_m * SPAN_M).sqrt();
         let roll_s = roll_length_m / 2.6 / airspeed_mps;
         Gust {
-            along_mps: scales.sigma_horizontal_mps * self.along.step(horizontal_s, step_s),
-            right_mps: scales.sigma_horizontal_mps * self.right.step(horizontal_s, step_s),
-            down_mps: scales.sigma_vertical_mps * self.down.step(vertical_s, step_s),
+            along_mps: scales.sigma_horizontal_mps * self.along.step(horizontal_s),
+            right_mps: scales.sigma_horizontal_mps * self.right.step(horizontal_s),
+            down_mps: scales.sigma_vertical_mps * self.down.step(vertical_s),
             roll_rad_per_s: 1.9 * scales.sigma_vertical_mps / roll_length_m
-                * self.roll.step(roll_s, step_s),
+                * self.roll.step(roll_s),
         }
     }
 }
@@ -116,7 +113,7 @@ impl Scales {
         }
     }
 
-    /// Above 2,000 ft: the same in all directions.
+    /// Isotropic scales above 2,000 ft.
     fn high(wind_at_20_ft_mps: f64) -> Self {
         let sigma_mps = HIGH_SIGMA_PER_WIND_AT_20_FT * wind_at_20_ft_mps;
         let length_m = 1_750.0 * METERS_PER_FOOT;
@@ -142,8 +139,8 @@ impl FirstOrder {
         Self { noise, value }
     }
 
-    fn step(&mut self, time_constant_s: f64, step_s: f64) -> f64 {
-        let keep = (-step_s / time_constant_s).exp();
+    fn step(&mut self, time_constant_s: f64) -> f64 {
+        let keep = (-STEP_S / time_constant_s).exp();
         self.value =
             keep * self.value + (1.0 - keep * keep).sqrt() * standard_normal(&mut self.noise);
         self.value
@@ -165,9 +162,9 @@ impl SecondOrder {
         Self { first, second }
     }
 
-    fn step(&mut self, time_constant_s: f64, step_s: f64) -> f64 {
-        let keep = (-step_s / time_constant_s).exp();
-        let drive = self.first.step(time_constant_s, step_s);
+    fn step(&mut self, time_constant_s: f64) -> f64 {
+        let keep = (-STEP_S / time_constant_s).exp();
+        let drive = self.first.step(time_constant_s);
         self.second = keep * self.second + (1.0 - keep) * drive;
         // 1 + sqrt(3) T s on the second lag's output; 1/sqrt(2) makes the variance 1.
         let root_3 = 3.0_f64.sqrt();
@@ -181,13 +178,11 @@ mod tests {
 
     use super::*;
 
-    const STEP_S: f64 = 1.0 / 120.0;
-
     fn series(height_m: f64, seconds: f64) -> Vec<Gust> {
         let mut turbulence = Turbulence::new(2.0 / 3.0, 11);
         let steps = (seconds / STEP_S) as usize;
         (0..steps)
-            .map(|_| turbulence.step(height_m, 72.0, STEP_S))
+            .map(|_| turbulence.step(height_m, 72.0))
             .collect()
     }
 
@@ -247,7 +242,7 @@ mod tests {
     fn no_intensity_means_no_gust_at_all() {
         let mut turbulence = Turbulence::new(0.0, 3);
         let still = (0..1_000).all(|_| {
-            let gust = turbulence.step(300.0, 72.0, STEP_S);
+            let gust = turbulence.step(300.0, 72.0);
             gust.along_mps == 0.0 && gust.right_mps == 0.0 && gust.down_mps == 0.0
         });
         assert!(still);

@@ -5,8 +5,8 @@
 //! glide path's law demands a climb as long as the path is far above, and takes over once it demands less than the previous
 //! segment.
 //!
-//! The glide path is a height over the ellipsoid that grows as the tangent of its angle times the distance to the target,
-//! without the earth's curvature (27 m at 10 NM): that is how charts place their fixes and how the recorded flights went down.
+//! The glide path's height over the ellipsoid is the distance to the target times the tangent of the angle, without the earth's curvature
+//! (27 m at 10 NM): that is how charts place their fixes and how the recorded flights went down.
 
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::runway::Runway;
@@ -23,7 +23,7 @@ const MAX_CLIMB_MPS: f64 = 4.1;
 const STEP_STEEPER: f64 = 1.35;
 /// Nearer to a level than this counts as being there, metres.
 const LEVELLED_M: f64 = 25.0;
-/// A glide path met from above or from below without a level segment is approached at these parts of its angle.
+/// Descent angles towards a glide path met from above or below without a level segment, relative to the glide path's.
 const STEEPER_FROM_ABOVE: f64 = 1.3;
 const SHALLOWER_FROM_BELOW: f64 = 0.25;
 
@@ -37,7 +37,6 @@ const SINK_PER_LONG_M: f64 = 0.01;
 pub(crate) struct Situation {
     /// Distance along the course to the touchdown target, metres.
     pub(crate) to_target_m: f64,
-    /// Offset to the right of the course, metres.
     pub(crate) right_of_course_m: f64,
     /// Rate of that offset, metres per second.
     pub(crate) right_rate_mps: f64,
@@ -45,9 +44,7 @@ pub(crate) struct Situation {
     pub(crate) height_m: f64,
     /// Height of the wheels over the ground, metres.
     pub(crate) wheel_height_m: f64,
-    /// Speed over ground, metres per second.
     pub(crate) ground_speed_mps: f64,
-    /// Rate of climb, metres per second.
     pub(crate) climb_mps: f64,
 }
 
@@ -58,7 +55,6 @@ enum Phase {
     Flare { time_constant_s: f64 },
 }
 
-/// Vertical guidance of one flight.
 #[derive(Debug)]
 pub(crate) struct VerticalGuidance {
     profile: ApproachProfile,

@@ -1,4 +1,4 @@
-//! Compares the flight model with six flights of an independent one; see `testkit_simulator::recorded_flights`.
+//! Compares the flight model with an independent model's six flights; see `testkit_simulator::recorded_flights`.
 //!
 //! A flight in turbulence is one draw of many, so twins are flown with several seeds, and figures are compared by the geometric
 //! mean of their ratios over the five flights in moving air.
@@ -18,7 +18,6 @@ const FINAL_M: std::ops::Range<f64> = 740.0..7_840.0;
 
 struct Recorded {
     flight: RecordedFlight,
-    /// One for each seed.
     twins: Vec<Vec<FlightState>>,
 }
 
@@ -50,7 +49,7 @@ fn band_amplitude(values: &[f64], (from_hz, to_hz): (f64, f64)) -> f64 {
         .sqrt()
 }
 
-/// Figures of a final approach that must match the recorded flights.
+/// Final approach figures that must match the recorded flights.
 fn figures(states: &[FlightState]) -> BTreeMap<&'static str, f64> {
     let states = final_approach(states);
     let series = |of: fn(&FlightState) -> f64| -> Vec<f64> { states.iter().map(of).collect() };

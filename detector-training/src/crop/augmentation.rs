@@ -62,9 +62,6 @@ pub struct Augmentation {
     pub paint_share: f64,
     /// Share of crops without landing lights, where the aircraft's pixels are known: none is brighter than the surrounding sky.
     pub unlit_share: f64,
-    /// Share of the resampled crops without antialiasing.
-    #[serde(skip)]
-    pub(crate) aliased_share: f64,
     /// Share of crops with a cloud's edge.
     pub cloud_edge_share: f64,
     /// Share with a gradient of brightness.
@@ -90,7 +87,6 @@ impl Default for Augmentation {
             texture_over_share: 0.3,
             paint_share: 0.3,
             unlit_share: 0.15,
-            aliased_share: 0.2,
             cloud_edge_share: 0.2,
             gradient_share: 0.3,
             structure_share: 0.2,
@@ -107,7 +103,6 @@ impl Augmentation {
     pub fn none() -> Self {
         Self {
             plain_share: 1.0,
-            aliased_share: 0.0,
             ..Self::default()
         }
     }

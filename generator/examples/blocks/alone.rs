@@ -28,7 +28,7 @@ pub(crate) struct Steps {
     pub(crate) encoding: Duration,
 }
 
-/// The screen and the window of a recording.
+/// Screen and window for a recording.
 pub(crate) struct Stage<'a> {
     pub(crate) xvfb: &'a Xvfb,
     pub(crate) window: &'a dyn DisplayWindow,
@@ -54,7 +54,7 @@ impl Stage<'_> {
     }
 }
 
-/// The steps of images in the middle of a scenario, mean of its views.
+/// Steps in the middle of a scenario, mean over views.
 pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Steps, Box<dyn Error>> {
     let opened = Corpus::open(corpus)?.scenario(id).open()?;
     let (record, calibration, frames) = (opened.record()?, opened.calibration()?, opened.frames()?);

@@ -108,16 +108,13 @@ pub(crate) async fn covers(
     Ok(())
 }
 
-/// Recording of the scenarios of a corpus.
 #[derive(Default)]
 struct Run {
     seed: u32,
     /// Duration of each scenario without disturbance, from its flight to its last image.
     expected_s: BTreeMap<String, f64>,
     seconds: BTreeMap<String, f64>,
-    /// Covered area of each scenario.
     areas: BTreeMap<String, Area>,
-    /// Scenarios in which a cover was noticed.
     noticed: BTreeSet<String>,
     repeated_attempts: Vec<String>,
 }
@@ -231,7 +228,7 @@ fn show(form: Form, area: Area, covers: &mock_xplane::server::WindowCovers, disp
     }
 }
 
-/// Images of a scenario that show a cover.
+/// Images that show a cover.
 fn covered_pictures(
     expected: &Corpus,
     found: &Corpus,
@@ -262,7 +259,7 @@ fn covered_pictures(
     Ok(covered)
 }
 
-/// The share of the pixels of an area that differ as a cover does.
+/// Share of the area's pixels that differ as a cover does.
 fn differing_share(one: &[u8], other: &[u8], [left, top, width, height]: Area) -> f64 {
     let mut differing = 0;
     for y in top..top + height {

@@ -1,10 +1,10 @@
 //! Recording in blocks off the screen, with the stand-in that hosts the plugin and shows its frames on an X server (Xvfb).
 //!
-//! `cargo run --release -p dtd-generator --example blocks -- frames` counts the frames that the simulator draws per image, at 60 frames
-//! a second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 images per second from two views.
-//! Frames are counted from the moment at which the flight is known to the last image, so that settling and probes are included; the
-//! check of the window before and after is not, nor is the trial before the first scenario. Arguments: width and height of the images
-//! (480 320), the first and the last lag (0 4).
+//! `cargo run --release -p dtd-generator --example blocks -- frames` counts the frames that the simulator draws per image, at 60 frames a
+//! second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 images per second from two views. Frames
+//! are counted from the known flight to the last image, so that settling and probes are included; the check of the window before and after
+//! is not, nor is the trial before the first scenario. Arguments: width and height of the images (480 320), the first and the last lag (0
+//! 4).
 //!
 //! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:
 //! scenarios of each weather (25), a seed (0), and a JSON file to which the figures are added, else they are printed.
@@ -40,12 +40,12 @@ use xplane_bridge::LocalUdp;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 
-/// Of a screen.
+/// Refresh rate of the screen.
 const FRAMES_PER_S: f64 = 60.0;
 /// Cores that the rate at full speed is compared with, and the share of them that the three steps should use.
 const CORES: f64 = 2.0;
 const GOAL: f64 = 0.7;
-/// On each side of the image.
+/// Margin on each side of the image.
 const MARGIN_PX: u32 = 16;
 /// Name of the corpus of [`Recording::record`].
 const SPEED: &str = "speed";
@@ -160,7 +160,6 @@ struct Recording {
     folder: tempfile::TempDir,
 }
 
-/// A recorded scenario.
 struct Recorded {
     id: String,
     frames: u64,

@@ -1,4 +1,4 @@
-//! Makes the table of a runway from published ones, and compares them: a course that is off by 0.1 degrees moves the path by 32 m at 10 NM.
+//! Makes a runway's table from published ones, and compares them: a course that is off by 0.1 degrees moves the path by 32 m at 10 NM.
 //!
 //! Courses are geodesics between the ends, never the stated ones. Where tables differ, the one is recommended whose centreline meets the
 //! localizer's antenna, else the one on whose centreline arrivals fly, else the one whose length is the stated one.
@@ -17,21 +17,21 @@ use serde::Serialize;
 
 use line::{Line, differences, recommended};
 
-use super::sources::{Aid, Facts, SourceError, Wanted};
-use crate::tracks::{ArrivalAxis, RefusedTrack, TrackFileError, arrival_axis};
+use super::sources::{Aid, Facts, Wanted};
+use crate::tracks::{ArrivalAxis, RefusedTrack, arrival_axis};
 
 /// Tables contradict each other beyond these differences: metres over ground, metres of height.
-const PLACE_M: f64 = 10.0;
-const HEIGHT_M: f64 = 5.0;
+const PLACE_TOLERANCE_M: f64 = 10.0;
+const HEIGHT_TOLERANCE_M: f64 = 5.0;
 /// The distance of the ends may differ from the stated length by this much, metres: overruns are counted differently.
-const LENGTH_M: f64 = 50.0;
-/// Distances of glide path antennas past the threshold, metres; others belong to another threshold.
+const LENGTH_TOLERANCE_M: f64 = 50.0;
+/// Distances of glide path antennas past the threshold, metres; others belong to a different threshold.
 const ANTENNA_M: std::ops::RangeInclusive<f64> = 150.0..=600.0;
-/// Without a glide path antenna: 3 degrees, over the threshold at a height of 50 ft.
+/// Default without a glide path antenna: 3 degrees, 50 ft over the threshold.
 const USUAL_GLIDE_PATH_DEG: f64 = 3.0;
 const USUAL_TOUCHDOWN_M: f64 = 291.0;
 
-/// Reasons that a message has room for.
+/// Maximum number of reasons in a message.
 const MAX_REASONS: usize = 5;
 /// A runway without a second source.
 pub const UNCONFIRMED: &str =
@@ -40,54 +40,15 @@ pub const UNCONFIRMED: &str =
 /// Reasons why no runway could be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
-    /// A file says nothing.
+    /// A file cannot be used.
     #[error(transparent)]
-    Source(#[from] SourceError),
-    /// A file of tracks cannot be read.
-    #[error(transparent)]
-    Tracks(#[from] TrackFileError),
-    /// No track can be used to check the runway.
-    #[error(
-        "no track can be used to check {airport} {runway}: {}",
-        reasons(left_out)
-    )]
-    NoArrival {
-        /// The airport.
-        airport: String,
-        /// The runway.
-        runway: String,
-        /// The tracks.
-        left_out: Vec<RefusedTrack>,
-    },
-    /// No file has the runway.
-    #[error(
-        "no ends of {airport} {runway} in {}; {}",
-        files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", "),
-        if seen.is_empty() { "the airport is in none of them".to_owned() } else { format!("they have runways {}", seen.join(", ")) }
-    )]
-    NoRunway {
-        /// The airport.
-        airport: String,
-        /// The runway.
-        runway: String,
-        /// The files.
-        files: Vec<PathBuf>,
-        /// Runways of this airport in them.
-        seen: Vec<String>,
-    },
-    /// No file has its height.
-    #[error(
-        "no elevation of {airport} {runway}: apt.dat has none for a runway; add OurAirports' runways.csv or earth_nav.dat"
-    )]
-    NoElevation {
-        /// The airport.
-        airport: String,
-        /// The runway.
-        runway: String,
-    },
+    File(#[from] dataset::Error),
+    /// The files lack the runway, its elevation or its arrivals.
+    #[error("{0}")]
+    Missing(String),
 }
 
-/// A figure of two tables that differ.
+/// Figure on which two tables differ.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Conflict {
     /// The key of the sweep.
@@ -98,16 +59,16 @@ pub struct Conflict {
     pub recommended: String,
 }
 
-/// A runway with the source of each figure.
+/// Runway with a source per figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Imported {
     /// The runway.
     pub runway: Runway,
     /// Figures on which tables differ.
     pub conflicts: Vec<Conflict>,
-    /// The line that arrivals fly, relative to the runway.
+    /// Line flown by arrivals, relative to the runway.
     pub arrivals: Option<ArrivalAxis>,
-    /// Tracks that are no part of that line.
+    /// Tracks excluded from that line.
     pub tracks_left_out: Vec<RefusedTrack>,
     /// Sources that agree with the centreline within 5 m across and 0.02 degrees. Empty: unconfirmed.
     pub confirmed_by: Vec<String>,
@@ -120,7 +81,7 @@ pub struct Imported {
 /// Reads `files` and makes the runway; arrivals in `tracks` judge it.
 ///
 /// # Errors
-/// A file that is no table, or none with the runway; tracks of which none lands on it.
+/// A file is no table, no table has the runway, or no track lands on it.
 pub fn import(
     airport: &str,
     runway: &str,
@@ -149,22 +110,28 @@ pub fn import(
     }
     let has_arrival = lines.iter().any(|line| line.arrivals.is_some());
     if !(tracks.is_empty() || lines.is_empty() || has_arrival) {
-        return Err(ImportError::NoArrival {
-            airport: airport.to_owned(),
-            runway: runway.to_owned(),
-            left_out: lines.swap_remove(0).left_out,
-        });
+        return Err(ImportError::Missing(format!(
+            "no track can be used to check {airport} {runway}: {}",
+            reasons(&lines[0].left_out)
+        )));
     }
     let Some((table, reason)) = recommended(&lines) else {
         let mut seen = facts.seen;
         seen.sort();
         seen.dedup();
-        return Err(ImportError::NoRunway {
-            airport: airport.to_owned(),
-            runway: runway.to_owned(),
-            files: files.to_vec(),
-            seen,
-        });
+        let names: Vec<String> = files
+            .iter()
+            .map(|file| file.display().to_string())
+            .collect();
+        let found = if seen.is_empty() {
+            "the airport is in none of them".to_owned()
+        } else {
+            format!("they have runways {}", seen.join(", "))
+        };
+        return Err(ImportError::Missing(format!(
+            "no ends of {airport} {runway} in {}; {found}",
+            names.join(", ")
+        )));
     };
     let mut conflicts = Vec::new();
     let localizers = localizer.map(|(place, ..)| place).zip(facts.opposite);
@@ -188,7 +155,7 @@ pub fn import(
     }
     if let Some(localizer_m) = best
         .localizer_m
-        .filter(|localizer_m| *localizer_m > PLACE_M)
+        .filter(|localizer_m| *localizer_m > PLACE_TOLERANCE_M)
     {
         conflicts.push(Conflict {
             figure: "course_true_deg",
@@ -211,7 +178,7 @@ pub fn import(
     }
     let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
     let off_m = stated_m.map_or(0.0, |stated_m| best.off_length_m(stated_m));
-    if off_m > LENGTH_M {
+    if off_m > LENGTH_TOLERANCE_M {
         conflicts.push(Conflict {
             figure: "threshold",
             found: format!(
@@ -236,10 +203,9 @@ pub fn import(
     });
     let (altitude_msl_m, elevation_from) =
         elevation(&lines, antenna.map(|antenna| antenna.1), &mut conflicts).ok_or_else(|| {
-            ImportError::NoElevation {
-                airport: airport.to_owned(),
-                runway: runway.to_owned(),
-            }
+            ImportError::Missing(format!(
+                "no elevation of {airport} {runway}: apt.dat has none for a runway; add OurAirports' runways.csv or earth_nav.dat"
+            ))
         })?;
     let (touchdown_past_threshold_m, glide_path_deg, glide_path_from) = match antenna {
         Some((past_m, _, angle_deg)) => (
@@ -294,7 +260,7 @@ pub fn import(
 }
 
 impl Imported {
-    /// The table of a sweep.
+    /// The runway as a sweep table.
     pub fn toml(&self) -> String {
         let Runway {
             airport,
@@ -357,7 +323,7 @@ impl Imported {
     }
 }
 
-/// The reasons for which tracks are left out; of many, the first.
+/// Reasons for excluded tracks, at most [`MAX_REASONS`].
 fn reasons(left_out: &[RefusedTrack]) -> String {
     let shown = left_out.iter().take(MAX_REASONS);
     let mut text: Vec<String> = shown.map(ToString::to_string).collect();
@@ -372,7 +338,7 @@ fn reasons(left_out: &[RefusedTrack]) -> String {
 fn is_beside_localizers(table: &Line<'_>, lines: &[Line<'_>]) -> bool {
     let misses = |line: &Line<'_>| {
         line.localizer_m
-            .is_none_or(|localizer_m| localizer_m > PLACE_M)
+            .is_none_or(|localizer_m| localizer_m > PLACE_TOLERANCE_M)
     };
     let agreeing = lines
         .iter()
@@ -396,7 +362,7 @@ fn elevation(
     match (of_end, antenna_m) {
         (Some((end_m, source)), antenna_m) => {
             if let Some(antenna_m) =
-                antenna_m.filter(|antenna_m| (antenna_m - end_m).abs() > HEIGHT_M)
+                antenna_m.filter(|antenna_m| (antenna_m - end_m).abs() > HEIGHT_TOLERANCE_M)
             {
                 conflicts.push(Conflict {
                     figure: "threshold.altitude_msl_m",
@@ -419,7 +385,6 @@ fn round(value: f64, digits: i32) -> f64 {
     (value * factor).round() / factor
 }
 
-/// To a centimetre.
 fn rounded(place: Geodetic) -> Geodetic {
     Geodetic {
         latitude_deg: round(place.latitude_deg, 7),

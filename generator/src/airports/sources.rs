@@ -1,46 +1,41 @@
-//! Published tables of a runway: its ends (X-Plane's `apt.dat`, OurAirports) and its landing aids (X-Plane's `earth_nav.dat`).
+//! Published runway tables: ends (X-Plane's `apt.dat`, OurAirports) and landing aids (X-Plane's `earth_nav.dat`).
 //!
-//! Tables of the whole world are read line by line; the kind of a file follows from its content, never from its name.
+//! Tables of the whole world are read line by line; file kinds follow from the content, never from the name.
 
 mod apt_dat;
 mod earth_nav;
 mod our_airports;
 
-use std::io::{self, BufRead, BufReader, Read, Seek};
-use std::path::{Path, PathBuf};
+use std::io::{BufRead, BufReader, Read, Seek};
+use std::path::Path;
 
 use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::geodesy::LatLon;
 
 /// A table of airports; the whole world in `apt.dat` has 400 MB.
 const AIRPORT_TABLE: FileKind = FileKind::new("table of airports", 4 << 30);
-/// Bytes of a file that tell its kind, and the longest line.
+/// Bytes that determine a file's kind, and the longest line.
 const HEAD_BYTES: u64 = 4_096;
 const MAX_LINE: u64 = 65_536;
 
-/// One end of a runway.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct End {
-    /// Its designator, e.g. `02L`.
     pub(super) name: String,
-    /// The end of the pavement on the centreline.
+    /// End of the pavement on the centreline.
     pub(super) place: LatLon,
-    /// Distance of the landing threshold from there, metres.
+    /// Distance to the landing threshold, metres.
     pub(super) displaced_m: f64,
     /// Height above mean sea level, metres.
     pub(super) elevation_m: Option<f64>,
 }
 
-/// A runway by one table, seen from the end where aircraft land.
+/// Runway by one table, seen from the landing end.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Ends {
-    /// The table.
     pub(super) source: &'static str,
     pub(super) near: End,
     pub(super) far: End,
-    /// Its length as the table states it, metres.
     pub(super) stated_length_m: Option<f64>,
-    /// Its width, metres.
     pub(super) width_m: Option<f64>,
 }
 
@@ -50,7 +45,6 @@ pub(super) enum Aid {
     Localizer {
         place: LatLon,
         frequency_mhz: f64,
-        /// As the table states it, degrees.
         course_magnetic_deg: Option<f64>,
     },
     GlidePath {
@@ -60,7 +54,7 @@ pub(super) enum Aid {
     },
 }
 
-/// The content of files on one runway.
+/// Facts about a runway, from all files.
 #[derive(Debug, Default)]
 pub(super) struct Facts {
     pub(super) ends: Vec<Ends>,
@@ -71,41 +65,6 @@ pub(super) struct Facts {
     pub(super) seen: Vec<String>,
 }
 
-/// Reasons why a file says nothing.
-#[derive(Debug, thiserror::Error)]
-pub enum SourceError {
-    /// It cannot be opened.
-    #[error(transparent)]
-    Unusable(#[from] dataset::Error),
-    /// It cannot be read.
-    #[error("cannot read {}: {cause}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
-    /// Another kind of file.
-    #[error(
-        "{} is no table of runways: expected X-Plane's apt.dat or earth_nav.dat, or runways.csv of OurAirports",
-        path.display()
-    )]
-    Unknown {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A line that is not as its table says.
-    #[error("{}:{line}: {why}", path.display())]
-    BadLine {
-        /// The file.
-        path: PathBuf,
-        /// Its number, from 1.
-        line: u64,
-        /// Expected and found.
-        why: String,
-    },
-}
-
 /// The airport and the runway that are looked for.
 pub(super) struct Wanted<'a> {
     pub(super) airport: &'a str,
@@ -113,7 +72,7 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// The same runway in the other direction: 20R for 02L.
+    /// Designator of the opposite direction: 20R for 02L.
     fn opposite(&self) -> Option<String> {
         let digits = self
             .runway
@@ -132,19 +91,15 @@ impl Wanted<'_> {
 }
 
 impl Facts {
-    /// Adds what a file says.
-    pub(super) fn read(&mut self, path: &Path, wanted: &Wanted<'_>) -> Result<(), SourceError> {
-        let unreadable = |cause| SourceError::Unreadable {
-            path: path.to_owned(),
-            cause,
-        };
+    /// Adds a file's facts.
+    pub(super) fn read(&mut self, path: &Path, wanted: &Wanted<'_>) -> dataset::Result<()> {
         let mut file = outside_file::open(path, AIRPORT_TABLE)?;
         let mut head = Vec::new();
         (&mut file)
             .take(HEAD_BYTES)
             .read_to_end(&mut head)
-            .map_err(unreadable)?;
-        file.rewind().map_err(unreadable)?;
+            .map_err(dataset::Error::io("read", path))?;
+        file.rewind().map_err(dataset::Error::io("read", path))?;
         let head = String::from_utf8_lossy(&head);
         let lines = Lines {
             path,
@@ -158,14 +113,15 @@ impl Facts {
         } else if earth_nav::is_one(&head) {
             earth_nav::read(lines, wanted, self)
         } else {
-            Err(SourceError::Unknown {
-                path: path.to_owned(),
-            })
+            Err(dataset::Error::corpus(
+                path,
+                "is no table of runways: expected X-Plane's apt.dat or earth_nav.dat, or runways.csv of OurAirports",
+            ))
         }
     }
 }
 
-/// The lines of a file, with bounded memory.
+/// Line reader with bounded memory.
 struct Lines<'a, R> {
     path: &'a Path,
     reader: R,
@@ -174,28 +130,22 @@ struct Lines<'a, R> {
 
 impl<R: BufRead> Lines<'_, R> {
     /// The next line, without bytes that are not UTF-8.
-    fn next(&mut self) -> Result<Option<String>, SourceError> {
+    fn next(&mut self) -> dataset::Result<Option<String>> {
         let mut bytes = Vec::new();
         let length = (&mut self.reader)
             .take(MAX_LINE)
             .read_until(b'\n', &mut bytes)
-            .map_err(|cause| SourceError::Unreadable {
-                path: self.path.to_owned(),
-                cause,
-            })?;
+            .map_err(dataset::Error::io("read", self.path))?;
         self.number += 1;
         if length as u64 == MAX_LINE {
-            return Err(self.bad(format!("a line of more than {MAX_LINE} bytes")));
+            return Err(self.bad(&format!("a line of more than {MAX_LINE} bytes")));
         }
         Ok((length > 0).then(|| String::from_utf8_lossy(&bytes).trim_end().to_owned()))
     }
 
-    fn bad(&self, why: String) -> SourceError {
-        SourceError::BadLine {
-            path: self.path.to_owned(),
-            line: self.number,
-            why,
-        }
+    fn bad(&self, why: &str) -> dataset::Error {
+        let place = format!("{}:{}", self.path.display(), self.number);
+        dataset::Error::corpus(Path::new(&place), why)
     }
 
     /// A field as a number in a range.
@@ -204,21 +154,16 @@ impl<R: BufRead> Lines<'_, R> {
         what: &str,
         text: Option<&str>,
         range: std::ops::RangeInclusive<f64>,
-    ) -> Result<f64, SourceError> {
+    ) -> dataset::Result<f64> {
         let text = text.unwrap_or_default();
         let number = text.parse().ok().filter(|number| range.contains(number));
         number.ok_or_else(|| {
             let (least, most) = (range.start(), range.end());
-            self.bad(format!("{what} is {text:?}; expected {least} to {most}"))
+            self.bad(&format!("{what} is {text:?}; expected {least} to {most}"))
         })
     }
 
-    /// Latitude and longitude, degrees.
-    fn place(
-        &self,
-        latitude: Option<&str>,
-        longitude: Option<&str>,
-    ) -> Result<LatLon, SourceError> {
+    fn place(&self, latitude: Option<&str>, longitude: Option<&str>) -> dataset::Result<LatLon> {
         Ok(LatLon {
             latitude_deg: self.number("the latitude", latitude, -90.0..=90.0)?,
             longitude_deg: self.number("the longitude", longitude, -180.0..=180.0)?,

@@ -33,7 +33,7 @@ pub enum GenerateError {
         /// Difference between the two plans.
         difference: String,
     },
-    /// The plan of a store is damaged, and the sweep does not give all of it.
+    /// The store's plan is damaged, and the sweep lacks some of its scenarios.
     #[error(
         "{}: is damaged, and the sweep of this run lacks scenario {id}, which is there; use the sweep that the corpus was made from, or \
          `dtd push` an intact copy of the corpus", plan.display()
@@ -44,19 +44,10 @@ pub enum GenerateError {
         /// The scenario.
         id: String,
     },
-    /// A requested scenario does not exist.
-    #[error(
-        "there is no scenario {id} among the {scenarios} of the plan; identifiers look like {example}, `dtd plan` lists them"
-    )]
-    UnknownScenario {
-        /// The requested identifier.
-        id: String,
-        /// Number of scenarios in the plan.
-        scenarios: usize,
-        /// The first of them.
-        example: String,
-    },
-    /// A folder is in the place of a scenario.
+    /// An option that must be changed first.
+    #[error("{0}")]
+    BadOption(String),
+    /// A foreign folder has a scenario's name.
     #[error("{}: a folder with this name is there, but {message}; move it away first, then the scenario will be recorded again", folder.display())]
     ForeignFolder {
         /// The folder.
@@ -72,39 +63,12 @@ pub enum GenerateError {
         /// Fault and remedy.
         message: String,
     },
-    /// The corpus path is taken by something else.
-    #[error("{}: is a file, expected a folder, or a name under which one can be made", path.display())]
-    NotAFolder {
-        /// The path.
-        path: PathBuf,
-    },
-    /// A command to restart simulators that are no X-Plane.
-    #[error(
-        "--restart-simulator: {simulator} {why}; the command is for an X-Plane that is named by HOST:PORT or `auto`"
-    )]
-    NotRestartable {
-        /// Its name.
-        simulator: String,
-        /// Reason why it cannot be restarted.
-        why: &'static str,
-    },
     /// The run was cancelled before anything was written.
     #[error("stopped before anything was made")]
     Cancelled,
-    /// The simulator does not answer.
+    /// The simulator does not answer, the stand-in does not start, or the tape contains no session to record from.
     #[error(transparent)]
-    Bridge(#[from] BridgeError),
-    /// The stand-in does not start.
-    #[error(transparent)]
-    StandIn(#[from] StandInError),
-    /// The tape contains no session to record from.
-    #[error("{}", no_session(tape, cause))]
-    Tape {
-        /// The tape.
-        tape: PathBuf,
-        /// Cause.
-        cause: Box<ScenarioError>,
-    },
+    Simulator(Box<ScenarioError>),
     /// A trial scenario cannot be recorded.
     #[error("the trial that measures this simulator failed: {0}")]
     Trial(Box<ScenarioError>),
@@ -114,7 +78,7 @@ pub enum GenerateError {
          without --encoder, which encodes on the processor, or choose another"
     )]
     Encoder {
-        /// FFmpeg's name of it.
+        /// FFmpeg's encoder name.
         encoder: &'static str,
         /// Requirements of the encoder.
         needs: &'static str,
@@ -141,7 +105,7 @@ fn no_session(tape: &Path, cause: &ScenarioError) -> String {
     )
 }
 
-/// Describes the fault of a tape; for a simulator the advice would be to switch something on.
+/// Describes a tape's fault; for a simulator the advice would be to switch something on.
 fn why_no_session(error: &ScenarioError) -> String {
     match error {
         ScenarioError::Bridge(BridgeError::NobodyAnswers { .. } | BridgeError::NoPlugin { .. }) => {
@@ -157,13 +121,10 @@ impl GenerateError {
         match self {
             Self::OtherPlan { .. }
             | Self::LostPlan { .. }
-            | Self::UnknownScenario { .. }
+            | Self::BadOption(_)
             | Self::ForeignFolder { .. }
             | Self::NotAStage { .. }
-            | Self::Tape { .. }
-            | Self::NotRestartable { .. }
-            | Self::Encoder { .. }
-            | Self::NotAFolder { .. } => true,
+            | Self::Encoder { .. } => true,
             // A path where no corpus can be created.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
                 source.kind(),
@@ -174,7 +135,11 @@ impl GenerateError {
             ),
             Self::Corpus(error) => error.is_bad_content(),
             Self::Store(error) => error.is_bad_input(),
-            Self::Bridge(BridgeError::Pixels(error)) => error.is_bad_input(),
+            Self::Simulator(error) => match error.as_ref() {
+                ScenarioError::Tape { .. } => true,
+                ScenarioError::Bridge(BridgeError::Pixels(error)) => error.is_bad_input(),
+                _ => false,
+            },
             _ => false,
         }
     }
@@ -204,10 +169,10 @@ pub enum ScenarioError {
         /// Time waited.
         waited: Duration,
     },
-    /// The simulator did not do what was requested.
+    /// The simulator did not follow a request.
     #[error(transparent)]
     Bridge(#[from] BridgeError),
-    /// Another version came back after a restart.
+    /// The simulator has a different version after a restart.
     #[error(
         "the simulator was {before} when the run began, and is {found} now: its images may differ. Run the same command again to \
          go on with this version"
@@ -246,24 +211,13 @@ pub enum ScenarioError {
     /// The simulator flew something that is not a flight.
     #[error("the flight {0} {WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT}")]
     LiveFlight(BadFlight),
-    /// The plan names a recording that the sweep does not.
-    #[error("the flight {file} with hash {blake3} is not among the recordings of the sweep")]
-    NoRecording {
-        /// Its file name.
-        file: String,
-        /// Its hash.
-        blake3: String,
-    },
-    /// The plan has a flight that is no recording without its profile.
-    #[error("the flight is no recording, but the plan does not say how to fly it")]
-    NoLiveStart,
+    /// The plan has a flight that the sweep cannot give.
+    #[error("the plan does not match the sweep: {0}")]
+    NoFlight(String),
     /// The flight model does not land.
     #[error(transparent)]
     NotLanded(#[from] NotLanded),
-    /// The thread that computes a flight panicked.
-    #[error("computing the flight failed: {0}")]
-    Computing(JoinError),
-    /// An image does not show what was requested.
+    /// An image does not match its request.
     #[error("tick {tick}, view {view}: the simulator did not draw what was requested: {what}")]
     NotInStep {
         /// Tick that was due.
@@ -279,9 +233,9 @@ pub enum ScenarioError {
          simulator's window covered, minimised or still loading?"
     )]
     Blank {
-        /// Its tick.
+        /// Tick of the image.
         tick: u32,
-        /// Its view.
+        /// View of the image.
         view: String,
         /// Red, green, blue.
         color: [u8; 3],
@@ -294,23 +248,20 @@ pub enum ScenarioError {
         /// The view.
         view: String,
     },
-    /// A thread that wrote a video panicked.
-    #[error("the encoder of view {view} stopped: {cause}")]
-    Encoder {
-        /// The view.
-        view: String,
+    /// A thread panicked.
+    #[error("{task} failed: {cause}")]
+    Panicked {
+        /// Work of the thread.
+        task: String,
         /// Panic message.
         cause: JoinError,
     },
-    /// The thread that hashes and renames panicked.
-    #[error("sealing the scenario failed: {0}")]
-    Sealing(JoinError),
     /// Files cannot be written.
     #[error(transparent)]
     Corpus(#[from] dataset::Error),
 }
 
-/// The cause of a failed attempt, which decides what the run does next.
+/// Cause of a failed attempt, which decides the run's next step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Blame {
     /// The run was cancelled.
@@ -326,8 +277,14 @@ pub(super) enum Blame {
 }
 
 impl ScenarioError {
-    /// The meaning of an error if a tape acts as the simulator: not that a plugin holds a dataref, or a menu is open, but that the
-    /// recorded client did something else.
+    /// Wraps the panic of a thread that did `task`.
+    pub(super) fn panicked(task: impl Into<String>) -> impl FnOnce(JoinError) -> Self {
+        let task = task.into();
+        move |cause| Self::Panicked { task, cause }
+    }
+
+    /// Interprets an error if a tape acts as the simulator: the recorded client did something else; no plugin holds a dataref, no menu is
+    /// open.
     pub(super) fn of_tape(self, tape: &Path) -> Self {
         let what = match self {
             Self::Bridge(BridgeError::Refused { text, .. }) => text,
@@ -371,10 +328,8 @@ impl ScenarioError {
             self,
             Self::NotOnTape { .. }
                 | Self::Flight(_)
-                | Self::NoRecording { .. }
-                | Self::NoLiveStart
+                | Self::NoFlight(_)
                 | Self::NotLanded(_)
-                | Self::Computing(_)
                 | Self::Corpus(dataset::Error::Corpus { .. })
                 | Self::Bridge(
                     BridgeError::BadConditions(_)
@@ -401,7 +356,6 @@ impl ScenarioError {
         }
     }
 
-    /// Component to blame.
     pub(super) fn blame(&self, corpus: &Path) -> Blame {
         match self {
             Self::Cancelled => Blame::Nobody,

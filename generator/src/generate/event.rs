@@ -1,11 +1,11 @@
-//! Events of a run.
+//! Run events.
 
 use std::sync::{Mutex, PoisonError};
 
 use dataset::corpus::effective_weather::EffectiveQuantity;
 use xplane_bridge::profile::KnownProfile;
 
-/// Event of a run, for display.
+/// Run event, for display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event<'a> {
     /// The run begins.
@@ -19,7 +19,7 @@ pub enum Event<'a> {
     },
     /// The encoder that the user chose passed its trial.
     EncoderTried {
-        /// FFmpeg's name of it.
+        /// FFmpeg's encoder name.
         encoder: &'a str,
         /// Duration, seconds.
         seconds: f64,
@@ -28,7 +28,7 @@ pub enum Event<'a> {
     SetAsideBefore {
         /// Identifier of the scenario.
         id: &'a str,
-        /// Reason of its last failure.
+        /// Reason for the last failure.
         reason: &'a str,
     },
     /// `splits.json` of the corpus was lost; it is regenerated from plan and seed.
@@ -40,46 +40,46 @@ pub enum Event<'a> {
         /// Bytes needed, approximately.
         needed: u64,
     },
-    /// Only scenarios of other processes are left.
+    /// The remaining scenarios belong to other processes.
     Waiting {
         /// Number of scenarios that they are recording.
         scenarios: usize,
-        /// Process that records the first of them.
+        /// Process that records the first one.
         holder: &'a str,
     },
     /// A scenario begins.
     Started {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
         /// Expected number of ticks.
         ticks: u32,
     },
-    /// Its flight is known: from now on the number of ticks is exact.
+    /// The flight is known: from now on the number of ticks is exact.
     Flown {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
         /// Number of ticks.
         ticks: u32,
     },
-    /// All views of a tick are captured.
+    /// A tick is complete in all views.
     Captured {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
-        /// Ticks so far.
+        /// Number of complete ticks.
         done: u32,
     },
     /// A scenario is complete.
     Committed {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
         /// Number of ticks.
         ticks: u32,
         /// Duration, seconds.
         seconds: f64,
     },
-    /// A scenario was drawn under another weather than planned; its record says so.
+    /// A scenario was drawn in different weather than planned; its record says so.
     Marked {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
         /// Differences between the two.
         differences: &'a str,
@@ -99,7 +99,7 @@ pub enum Event<'a> {
     },
     /// A scenario is committed in the object store.
     Uploaded {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
         /// Duration of the upload, seconds.
         seconds: f64,
@@ -116,9 +116,9 @@ pub enum Event<'a> {
         /// Cause and reaction.
         reason: &'a str,
     },
-    /// Another process finished a scenario in the meantime.
+    /// A scenario was finished by a different process in the meantime.
     MadeElsewhere {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
         /// Expected number of ticks.
         ticks: u32,
@@ -132,16 +132,16 @@ pub enum Event<'a> {
     },
     /// A scenario is set aside.
     Failed {
-        /// Its identifier.
+        /// Scenario identifier.
         id: &'a str,
         /// Reason.
         reason: &'a str,
     },
-    /// Profile of a simulator behind a plugin as made by `dtd doctor`, or its absence. Reported once per simulator.
+    /// Plugin simulator's profile by `dtd doctor`, or its absence. Reported once per simulator.
     Profile {
         /// Name of the simulator.
         simulator: &'a str,
-        /// Its profile, or how to get one.
+        /// Profile, or the way to get one.
         known: &'a KnownProfile,
     },
     /// A simulator stopped answering; the run waits for it.
@@ -179,10 +179,9 @@ pub enum Event<'a> {
     },
 }
 
-/// Receives the events of a run.
+/// Receiver of run events.
 pub type OnEvent<'a> = dyn FnMut(Event<'_>) + Send + 'a;
 
-/// Lets several workers send to one listener.
 pub(super) struct Reporter<'a>(Mutex<&'a mut OnEvent<'a>>);
 
 impl<'a> Reporter<'a> {

@@ -7,24 +7,23 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather, WeatherDifference};
 
-/// Scenarios in which a quantity differs before it counts as not followed.
+/// Number of scenarios with a differing quantity before it counts as not followed.
 const ALIKE: usize = 3;
 
-/// The experience with one simulator.
+/// Experience with one simulator.
 #[derive(Debug, Default)]
 pub(super) struct Followed {
-    /// For each quantity, the scenarios in which it differed, with what was reported.
+    /// Scenarios with differing weather and the reported value, by quantity.
     differed: BTreeMap<EffectiveQuantity, BTreeMap<String, Option<f64>>>,
     not_followed: BTreeSet<EffectiveQuantity>,
 }
 
 impl Followed {
-    /// The quantities that are not followed.
     pub(super) fn not_followed(&self) -> BTreeSet<EffectiveQuantity> {
         self.not_followed.clone()
     }
 
-    /// Notes what differed in a scenario; returns the quantities that count as not followed from now on.
+    /// Notes a scenario's differences; returns the quantities that count as not followed from now on.
     pub(super) fn differed(
         &mut self,
         id: &str,
@@ -44,8 +43,8 @@ impl Followed {
         news
     }
 
-    /// Notes what a recorded scenario showed. A quantity that is as planned and not what it was in a scenario where it differed follows
-    /// after all; so it does if the same scenario has it right at another attempt.
+    /// Notes a recorded scenario's weather. A quantity is followed after all if it is as planned and has changed since a scenario where it
+    /// differed, or if a repeated attempt at the same scenario has it right.
     pub(super) fn shown(&mut self, id: &str, shown: &EffectiveWeather) {
         for (quantity, scenarios) in &mut self.differed {
             let Some(value) = shown.value(*quantity) else {
@@ -111,7 +110,7 @@ mod tests {
         for (number, id) in ["a", "b", "c", "d"].into_iter().enumerate() {
             assert_eq!(followed.differed(id, &visibility(30e3, 80e3)), [], "{id}");
             match number % 2 {
-                // Another one is right, with another visibility.
+                // A second scenario is right, with a different visibility.
                 0 => followed.shown("other", &right(50e3)),
                 // Its retry is right.
                 _ => followed.shown(id, &right(80e3)),

@@ -1,15 +1,15 @@
-//! The result of a run.
+//! Run results.
 
 use serde::Serialize;
 
-/// Outcome of a run for its scenarios, each list in the order of the plan.
+/// Outcome of all scenarios, each list in plan order.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Outcome {
     /// Recorded by this run; for a corpus in an object store also uploaded.
     pub committed: Vec<String>,
     /// Complete already, or recorded by others while this run waited.
     pub skipped: Vec<String>,
-    /// Scenarios of `committed` that were drawn under another weather than planned, with the differences.
+    /// Scenarios of `committed` drawn in different weather than planned, with the differences.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub marked: Vec<MarkedScenario>,
     /// Set aside, with the reason of the last attempt.
@@ -26,7 +26,7 @@ pub struct Outcome {
 /// A scenario that could not be recorded.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FailedScenario {
-    /// Its identifier.
+    /// Scenario identifier.
     pub id: String,
     /// Reason.
     pub reason: String,
@@ -35,7 +35,7 @@ pub struct FailedScenario {
 /// A scenario whose weather at the aircraft differs from the planned one.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct MarkedScenario {
-    /// Its identifier.
+    /// Scenario identifier.
     pub id: String,
     /// Differences between the two.
     pub differences: Vec<String>,
@@ -59,7 +59,7 @@ pub enum Stopped {
     },
     /// The object store does not accept the scenarios.
     Store {
-        /// Its message, where everything is, how to resume.
+        /// Store's message, location of all files, way to resume.
         reason: String,
     },
     /// The corpus cannot be written any more.

@@ -2,19 +2,18 @@
 
 mod blocks;
 mod encoders;
+pub(crate) mod image_source;
 mod lockstep;
-pub(crate) mod pictures;
 pub(crate) mod steps;
 mod workplace;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::conditions::Weather;
-use dataset::corpus::calibration::{Calibration, CameraEntry, Conventions};
+use dataset::corpus::calibration::{Calibration, Conventions};
 use dataset::corpus::claim::Claim;
 use dataset::corpus::effective_weather::{EffectiveWeather, WeatherDifference};
-use dataset::corpus::scenario::{Blocks, Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::corpus::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::corpus::seal::{commit_folder, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::geometry::imaging::{Imaging, Stream};
@@ -41,12 +40,12 @@ use lockstep::{Drawn, capture};
 use steps::{Steps, Stopwatch};
 use workplace::Workplace;
 
-/// Position and speed of an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
+/// Waiting position and speed for replayed flights: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
 /// Images that may wait for each encoder, unless they come in blocks.
 const WAITING_PICTURES: usize = 2;
-/// The inputs of a scenario and its destination.
+/// Inputs and destination of recordings.
 pub(super) struct Work<'a> {
     pub(super) sweep: &'a Sweep,
     pub(super) plan: &'a Plan,
@@ -57,9 +56,9 @@ pub(super) struct Work<'a> {
 /// A scenario that was recorded and committed.
 pub(super) struct Recorded {
     pub(super) ticks: u32,
-    /// Durations of its steps; absent if an earlier run had recorded it and only the renaming was left.
+    /// Step durations; absent if an earlier run had recorded it and only the renaming was left.
     pub(super) steps: Option<Steps>,
-    /// The weather at the aircraft, if it was reported.
+    /// Reported weather at the aircraft.
     pub(super) effective_weather: Option<EffectiveWeather>,
     /// Differences from the planned weather.
     pub(super) marks: Vec<WeatherDifference>,
@@ -76,7 +75,7 @@ impl Recorded {
     }
 }
 
-/// Records a scenario and commits it. A failure leaves no files of it behind.
+/// Records a scenario and commits it. A failure leaves no files behind.
 pub(super) async fn record(
     work: &Work<'_>,
     scenario: &PlannedScenario,
@@ -99,11 +98,13 @@ pub(super) async fn record(
             record_into(folder, work, scenario, session, attempt, &mut watch).await?;
         let (partial, config_hash) = (folder.root().to_owned(), scenario.config_hash.clone());
         // Hashing and syncing videos takes seconds, which must not block other simulators.
-        on_a_thread(move || {
+        let sealed = spawn_blocking(move || {
             seal_folder(&partial, &config_hash)?;
             commit_folder(&partial, committed.root())
-        })
-        .await?;
+        });
+        sealed
+            .await
+            .map_err(ScenarioError::panicked("sealing the scenario"))??;
         steps.recording = watch.lap();
         Ok((record, steps, simulator))
     };
@@ -149,15 +150,6 @@ fn pace(
     }
 }
 
-async fn on_a_thread(
-    work: impl FnOnce() -> dataset::Result<()> + Send + 'static,
-) -> Result<(), ScenarioError> {
-    match spawn_blocking(work).await {
-        Ok(done) => Ok(done?),
-        Err(panic) => Err(ScenarioError::Sealing(panic)),
-    }
-}
-
 /// Fills the folder with everything but the seal.
 async fn record_into(
     folder: &ScenarioFolder,
@@ -189,7 +181,7 @@ async fn record_into(
     // Before minutes are spent on a flight that cannot be drawn.
     simulator.check_imaging(&imaging)?;
     if live {
-        session.flies_live();
+        session.live_flights += 1;
     }
     let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
     let window = trajectory
@@ -228,7 +220,7 @@ async fn record_into(
         .unless_cancelled(simulator.freeze_with_imaging(&common.runway, &imaging))
         .await?;
     let uses_blocks = may_use_blocks(&mut simulator, (&states, &views, picture), attempt).await?;
-    session.keep_known_blocks(&simulator);
+    session.known_blocks = simulator.known_blocks();
     let ids: Vec<String> = views.iter().map(|(id, _)| id.clone()).collect();
     let mut encoders = Encoders::start(
         folder,
@@ -242,21 +234,20 @@ async fn record_into(
             WAITING_PICTURES * views.len()
         },
     );
-    let (drawn, blocks) = match capture_pictures(
-        &mut simulator,
-        uses_blocks,
-        (&states, &views, picture),
-        &parameters.conditions.weather,
-        &mut encoders,
-        attempt,
-    )
-    .await
-    {
+    let flight = (&states[..], &views[..], picture);
+    let weather = &parameters.conditions.weather;
+    let captured = if uses_blocks {
+        capture_blocks(&mut simulator, flight, weather, &mut encoders, attempt).await
+    } else {
+        let drawn = capture(&mut simulator, flight, weather, &mut encoders, attempt).await;
+        drawn.map(|drawn| (drawn, None))
+    };
+    let (drawn, blocks) = match captured {
         Ok(captured) => captured,
         // If an encoder failed, that is the reason, and `error` only its consequence.
         Err(error) => return Err(encoders.abandon().await.unwrap_or(error)),
     };
-    session.keep_known_blocks(&simulator);
+    session.known_blocks = simulator.known_blocks();
     let pts = encoders.finish().await?;
     // A scenario is not sealed if a simulator with other settings may have drawn it.
     attempt
@@ -287,24 +278,7 @@ async fn record_into(
     Ok((record, steps, simulator))
 }
 
-/// In blocks if the simulator supports them, otherwise image by image.
-async fn capture_pictures(
-    simulator: &mut Simulator,
-    uses_blocks: bool,
-    what: (&[FlightState], &[(String, CameraEntry)], Picture),
-    weather: &Weather,
-    encoders: &mut Encoders,
-    attempt: &Attempt<'_, '_>,
-) -> Result<(Vec<Vec<Drawn>>, Option<Blocks>), ScenarioError> {
-    if uses_blocks {
-        let (drawn, blocks) = capture_blocks(simulator, what, weather, encoders, attempt).await?;
-        return Ok((drawn, Some(blocks)));
-    }
-    let drawn = capture(simulator, what, weather, encoders, attempt).await?;
-    Ok((drawn, None))
-}
-
-/// Required position of the aircraft before the weather is set, and true if the flight continues from there.
+/// Required aircraft position before the weather is set, and true if the flight continues from there.
 fn start(work: &Work<'_>, scenario: &PlannedScenario) -> (FlightStart, bool) {
     if let (Flight::Live, Some(live)) = (&scenario.parameters.flight, &scenario.parameters.live) {
         return (fly_request(&work.plan.common, scenario, live).start, true);
@@ -319,7 +293,7 @@ fn start(work: &Work<'_>, scenario: &PlannedScenario) -> (FlightStart, bool) {
     (start, false)
 }
 
-/// The flight of a scenario: read with the sweep, computed, or flown now.
+/// Flight: read with the sweep, computed, or flown now.
 async fn trajectory(
     work: &Work<'_>,
     scenario: &PlannedScenario,
@@ -339,9 +313,10 @@ async fn trajectory(
                 .find(|recording| recording.blake3 == *blake3);
             found
                 .map(|recording| recording.trajectory.clone())
-                .ok_or_else(|| ScenarioError::NoRecording {
-                    file: file.clone(),
-                    blake3: blake3.clone(),
+                .ok_or_else(|| {
+                    ScenarioError::NoFlight(format!(
+                        "{file} with hash {blake3} is not among its recordings"
+                    ))
                 })
         }
         (Flight::Live, Some(live)) => {
@@ -356,12 +331,17 @@ async fn trajectory(
             let request = fly_request(&work.plan.common, scenario, live);
             let weather = parameters.conditions.weather.clone();
             let flown = spawn_blocking(move || flight_model::land(&request, &weather));
-            let states = flown.await.map_err(ScenarioError::Computing)??;
+            let states = flown
+                .await
+                .map_err(ScenarioError::panicked("computing the flight"))??;
             Trajectory::new(states)
                 .map(Arc::new)
                 .map_err(ScenarioError::Flight)
         }
-        (Flight::Live | Flight::Computed { .. }, None) => Err(ScenarioError::NoLiveStart),
+        (Flight::Live | Flight::Computed { .. }, None) => {
+            let why = "the flight is no recording, and nothing says how to fly it";
+            Err(ScenarioError::NoFlight(why.into()))
+        }
     }
 }
 

@@ -26,6 +26,7 @@ use store::Committed;
 
 use super::error::{Blame, GenerateError, ScenarioError};
 use super::event::{Event, Reporter};
+use super::options::{Cancel, GenerateOptions};
 use super::outcome::{Outcome, Stopped};
 use super::record::{Recorded, Work, record};
 use super::remote::Remote;
@@ -33,7 +34,6 @@ use super::remote::uploads::{Uploader, Uploads};
 use super::session::Session;
 use super::session::restart::Restart;
 use super::space;
-use super::{Cancel, GenerateOptions};
 use crate::plan::room_bytes;
 use attempt::Attempt;
 use patience::Patience;
@@ -43,7 +43,7 @@ use tally::Tally;
 /// A simulator that fails this often in a row, whatever the scenario, is considered gone.
 const FAILURES_IN_A_ROW: u32 = 9;
 
-/// Shared by the workers of a run.
+/// State shared by all workers.
 pub(super) struct Run<'a> {
     work: Work<'a>,
     reporter: Reporter<'a>,
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
                     let then = match self.make(&task, &claim, &mut session).await {
                         Ok(()) => {
                             failures_in_a_row = 0;
-                            session.made_one();
+                            session.restarts_in_vain = 0;
                             self.made(task, claim, uploads.as_ref()).await;
                             Then::GoOn
                         }
@@ -202,8 +202,8 @@ impl<'a> Run<'a> {
         self.queue().done_with(task);
     }
 
-    /// True if another run has uploaded a scenario to the object store since this one started, and it is complete there. An unreachable
-    /// store is reported at the next upload.
+    /// True if a concurrent run has uploaded a scenario since this one started, and it is complete in the store. An unreachable store is
+    /// reported at the next upload.
     async fn is_in_store(&self, task: &Task<'a>) -> bool {
         match self.remote {
             Some(remote) => {
@@ -248,7 +248,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Takes note of the weather at the aircraft of a recorded scenario.
+    /// Notes the weather at the aircraft in a recorded scenario.
     fn note_weather(&self, id: &str, recorded: &Recorded, session: &mut Session) {
         if let Some(shown) = &recorded.effective_weather {
             session.followed.shown(id, shown);
@@ -284,7 +284,7 @@ impl<'a> Run<'a> {
         self.queue().done_with(task);
     }
 
-    /// Decides the consequences of a failed attempt for its scenario, its simulator and the run.
+    /// Decides a failed attempt's consequences for scenario, simulator and run.
     async fn settle(
         &self,
         mut task: Task<'a>,
@@ -312,7 +312,7 @@ impl<'a> Run<'a> {
         }
         tracing::warn!(id, simulator = session.name(), %error, "attempt failed");
         if blame == Blame::Setup {
-            // Another simulator may be able to make it, and so may this one later.
+            // Other simulators may be able to make it, and so may this one later.
             self.queue().give_back(task, Duration::ZERO);
             self.give_up_on(session, &error);
             return Then::Leave;

@@ -1,10 +1,9 @@
-//! One simulator of a run: found or started, reconnected for every scenario, waited for when it is gone.
+//! A run's simulator: found or started, reconnected for every scenario, waited for when it is gone.
 
 pub(crate) mod restart;
 pub(crate) mod simulators;
 
 use std::fmt;
-use std::io;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -18,10 +17,10 @@ use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
 use super::followed::Followed;
-use super::record::pictures::Pictures;
+use super::record::image_source::ImageSource;
 use crate::generate::stand_in::{StandIn, StandInError, StandInTask};
 
-/// More stand-ins than this on one machine are a typo.
+/// Maximum number of stand-ins on one machine: more are a typo.
 pub(super) const MAX_STAND_INS: usize = 64;
 
 /// Simulator to use.
@@ -29,7 +28,7 @@ pub(super) const MAX_STAND_INS: usize = 64;
 pub enum SimulatorTarget {
     /// Our own, started for this run.
     StandIn,
-    /// The same, with all awkward habits of a live X-Plane.
+    /// Our own, with all awkward habits of live X-Planes.
     AwkwardStandIn,
     /// A running one that receives UDP packets there.
     Address(SocketAddr),
@@ -40,7 +39,7 @@ pub enum SimulatorTarget {
 }
 
 impl SimulatorTarget {
-    /// True if it runs independently of this run, on this or another computer.
+    /// True if it runs independently of this run, on any computer.
     pub(super) fn runs_already(&self) -> bool {
         matches!(self, Self::Address(_) | Self::Announced)
     }
@@ -49,39 +48,21 @@ impl SimulatorTarget {
 /// Reasons why a text does not name a simulator.
 #[derive(Debug, thiserror::Error)]
 pub enum BadSimulator {
-    /// A number of stand-ins that is none, or too large.
-    #[error("{text:?}: expected mock:awkward, or mock:N with N from 1 to {MAX_STAND_INS}")]
-    StandIns {
-        /// The text.
-        text: String,
-    },
-    /// One simulator for two workers.
-    #[error("{text} is named twice; a simulator makes one scenario at a time")]
-    Twice {
-        /// The text.
-        text: String,
-    },
+    /// The text is wrong.
+    #[error("{0}")]
+    BadText(String),
     /// The tape cannot be read.
     #[error(transparent)]
     Tape(#[from] TapeError),
-    /// Not a target, and no host of this name is known.
-    #[error("no simulator address: {text:?}: {cause}; {EXPECTED}")]
-    Unresolved {
-        /// The text.
-        text: String,
-        /// Cause.
-        cause: io::Error,
-    },
-    /// A host without addresses.
-    #[error("no simulator address: {text:?} has no address; {EXPECTED}")]
-    NoAddress {
-        /// The text.
-        text: String,
-    },
 }
 
-const EXPECTED: &str =
-    "expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
+impl BadSimulator {
+    fn no_address(what: fmt::Arguments<'_>) -> Self {
+        Self::BadText(format!(
+            "no simulator address: {what}; expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE"
+        ))
+    }
+}
 
 impl FromStr for SimulatorTarget {
     type Err = BadSimulator;
@@ -102,10 +83,7 @@ impl FromStr for SimulatorTarget {
         }
         let mut found = text
             .to_socket_addrs()
-            .map_err(|cause| BadSimulator::Unresolved {
-                text: text.to_owned(),
-                cause,
-            })?;
+            .map_err(|cause| BadSimulator::no_address(format_args!("{text:?}: {cause}")))?;
         // X-Plane listens on IPv4.
         let first = found.next();
         found
@@ -113,9 +91,7 @@ impl FromStr for SimulatorTarget {
             .filter(|_| first.is_none_or(|a| a.is_ipv6()))
             .or(first)
             .map(Self::Address)
-            .ok_or_else(|| BadSimulator::NoAddress {
-                text: text.to_owned(),
-            })
+            .ok_or_else(|| BadSimulator::no_address(format_args!("{text:?} has no address")))
     }
 }
 
@@ -138,27 +114,26 @@ const POLL_INTERVAL: Duration = Duration::from_secs(1);
 
 pub(super) struct Session {
     target: SimulatorTarget,
-    /// Its name in messages.
     name: String,
     program: PathBuf,
-    pictures: Pictures,
+    pictures: ImageSource,
     local_udp: LocalUdp,
     stand_in: Option<StandIn>,
     /// An unused connection; the next scenario uses it.
     ready: Option<Simulator>,
     /// The known profile, which was reported.
     known: Option<KnownProfile>,
-    /// Properties of its blocks so far.
-    known_blocks: KnownBlocks,
+    /// Known block properties, for the next connection.
+    pub(super) known_blocks: KnownBlocks,
     /// Versions of simulator and plugin in this run.
     versions: Option<String>,
     /// Live flights since the simulator was started for this run, or restarted.
-    live_flights: u32,
-    /// Restarts since a scenario was made.
-    restarts_in_vain: u32,
-    /// Duration of its last restart, if this run restarted it.
+    pub(super) live_flights: u32,
+    /// Restarts since the last recorded scenario.
+    pub(super) restarts_in_vain: u32,
+    /// Duration of the last restart by this run.
     restart: Option<Duration>,
-    /// True if the simulator has stored the durations of a scenario and of the last restart.
+    /// True if the simulator has stored the durations of a recording and of the last restart.
     pace_kept: bool,
     /// Weather quantities that it follows, learned from its scenarios.
     pub(super) followed: Followed,
@@ -170,7 +145,7 @@ impl Session {
         target: &SimulatorTarget,
         number: usize,
         program: &Path,
-        pictures: &Pictures,
+        pictures: &ImageSource,
         local_udp: LocalUdp,
     ) -> Self {
         let name = match target {
@@ -198,34 +173,14 @@ impl Session {
         }
     }
 
-    /// A live flight begins.
-    pub(super) fn flies_live(&mut self) {
-        self.live_flights += 1;
-    }
-
-    /// Live flights since the last restart.
-    pub(super) fn live_flights(&self) -> u32 {
-        self.live_flights
-    }
-
-    /// A scenario was made.
-    pub(super) fn made_one(&mut self) {
-        self.restarts_in_vain = 0;
-    }
-
-    /// Restarts since a scenario was made.
-    pub(super) fn restarts_in_vain(&self) -> u32 {
-        self.restarts_in_vain
-    }
-
     /// A restart has ended; how long it took is kept with the pace of the next scenario.
     pub(super) fn restarted_within(&mut self, took: Duration) {
         self.restart = Some(took);
         self.pace_kept = false;
     }
 
-    /// Stores the duration of the first scenario of this run, or of the first one after a restart, in the profile of a simulator that has
-    /// one. A failure to store it has no effect on the run.
+    /// Stores the duration of this run's first scenario, or the first one after a restart, in the simulator's profile. A failure to store
+    /// it has no effect on the run.
     pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
         let description = simulator.description();
         let has_profile = matches!(description.profile, KnownProfile::Current(_));
@@ -245,7 +200,7 @@ impl Session {
         }
     }
 
-    /// Lets go of a simulator that is to be restarted. Its profile is looked at anew afterwards.
+    /// Disconnects before a restart. The profile is read anew afterwards.
     pub(super) async fn leave_to_restart(&mut self) {
         self.live_flights = 0;
         self.restarts_in_vain += 1;
@@ -258,7 +213,7 @@ impl Session {
         }
     }
 
-    /// The profile of a simulator behind a plugin, if it was not reported yet. It is kept for the next connection.
+    /// Plugin simulator's profile, if it was not reported yet. It is kept for the next connection.
     pub(super) fn news_of(&mut self, simulator: &Simulator) -> Option<KnownProfile> {
         let known = &simulator.description().profile;
         if simulator.description().plugin.is_none() || self.known.as_ref() == Some(known) {
@@ -266,11 +221,6 @@ impl Session {
         }
         self.known = Some(known.clone());
         self.known.clone()
-    }
-
-    /// Keeps what a simulator's blocks showed for the next connection.
-    pub(super) fn keep_known_blocks(&mut self, simulator: &Simulator) {
-        self.known_blocks = simulator.known_blocks();
     }
 
     /// The simulator's name in messages.
@@ -346,7 +296,7 @@ impl Session {
     async fn connect_to_target(&mut self) -> Result<Simulator, ScenarioError> {
         let address = match &self.target {
             SimulatorTarget::Address(address) => *address,
-            // Looked up each time: a restarted one may have another address.
+            // Looked up each time: after a restart the address may differ.
             SimulatorTarget::Announced => {
                 the_announced(DISCOVERY_TIMEOUT, &self.local_udp)
                     .await?
@@ -384,7 +334,7 @@ impl Session {
     /// restarted, since its last behaviour was wrong.
     pub(super) async fn come_back(&mut self, limit: Duration) -> Result<(), ScenarioError> {
         self.ready = None;
-        // Another process may draw with another lag.
+        // A restarted process may draw with a different lag.
         self.known_blocks = KnownBlocks::default();
         if let Some(stand_in) = self.stand_in.take() {
             stand_in.stop().await;

@@ -4,14 +4,14 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// Less than this counts as none: the size of an image.
+/// Minimum usable free space, bytes: the size of an image.
 const NOTHING_BYTES: u64 = 8 << 20;
 
 /// Bytes available where a folder is, or will be; unknown if the system does not report it.
 pub fn free_bytes(folder: &Path) -> Option<u64> {
     let there = folder
         .ancestors()
-        // The last ancestor of a relative path is empty and means the current folder.
+        // A relative path's last ancestor is empty and means the current folder.
         .map(|folder| {
             if folder.as_os_str().is_empty() {
                 Path::new(".")

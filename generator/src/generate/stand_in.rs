@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, ChildStdout, Command};
 use tokio::time::timeout;
 
-/// It is ready within a fraction of a second on an idle machine.
+/// Timeout for the first line; an idle machine needs 0.1 s.
 const READY_WITHIN: Duration = Duration::from_secs(20);
 
 /// A stand-in simulator that runs while this value lives.
@@ -24,41 +24,25 @@ pub struct StandIn {
     _stdout: BufReader<ChildStdout>,
 }
 
-/// Reasons why the stand-in does not run.
+/// Reason why the stand-in does not run.
 #[derive(Debug, thiserror::Error)]
-pub enum StandInError {
-    /// The program cannot be started.
-    #[error("cannot start the stand-in simulator, {} mock-xplane: {source}", program.display())]
-    Start {
-        /// The program.
-        program: PathBuf,
-        /// Cause.
-        r#source: std::io::Error,
-    },
-    /// It did not report that it is ready.
-    #[error("the stand-in simulator, {} mock-xplane, did not print its addresses: {found}", program.display())]
-    NotReady {
-        /// The program.
-        program: PathBuf,
-        /// Output found instead.
-        found: String,
-    },
-}
+#[error("{0}")]
+pub struct StandInError(String);
 
-/// The relevant part of the line with which the stand-in reports that it is ready.
+/// Relevant part of the stand-in's ready message.
 #[derive(Deserialize)]
 struct ReadyLine {
     udp: SocketAddr,
 }
 
-/// The task of a stand-in.
+/// Stand-in's task.
 #[derive(Debug, Clone, Copy)]
 pub enum StandInTask<'a> {
     /// A simulator without delays.
     Simulate,
-    /// One with all awkward habits of a live X-Plane.
+    /// A simulator with all awkward habits of live X-Planes.
     BeAwkward,
-    /// The same, with a window of this width and height in pixels that shows what is drawn.
+    /// A simulator without delays, with a window of this width and height in pixels that shows the images.
     Show((u32, u32)),
     /// A replay of the answers on a tape.
     Play(&'a Path),
@@ -86,10 +70,9 @@ impl StandIn {
         task: StandInTask<'a>,
     ) -> BoxFuture<'a, Result<Self, StandInError>> {
         Box::pin(async move {
-            let failed = |source| StandInError::Start {
-                program: program.to_owned(),
-                source,
-            };
+            let name = format!("the stand-in simulator, {} mock-xplane,", program.display());
+            let failed =
+                |error: std::io::Error| StandInError(format!("{name} cannot be started: {error}"));
             let mut child = Command::new(program)
                 // Its standard input ends with this process, even if this process is killed: no stand-in is left behind.
                 .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
@@ -108,9 +91,8 @@ impl StandIn {
             let mut stdout = BufReader::new(stdout);
             let mut line = String::new();
             let read = timeout(READY_WITHIN, stdout.read_line(&mut line)).await;
-            let not_ready = |found: String| StandInError::NotReady {
-                program: program.to_owned(),
-                found,
+            let not_ready = |found: String| {
+                StandInError(format!("{name} did not print its addresses: {found}"))
             };
             match read {
                 Err(_) => return Err(not_ready(format!("nothing within {READY_WITHIN:?}"))),
@@ -128,12 +110,11 @@ impl StandIn {
         })
     }
 
-    /// Its UDP address.
+    /// UDP address.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// True if it is still running.
     pub(crate) fn is_running(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
     }

@@ -1,9 +1,9 @@
-//! A trial: a few ticks of one scenario of every weather, recorded into a temporary corpus as a run records them, to measure how long
-//! recording takes with the stand-in on this machine.
+//! A trial: a few ticks from one scenario per weather, recorded into a temporary corpus as in a run, to measure the recording time with the
+//! stand-in on this machine.
 //!
-//! Each scenario is recorded with few ticks and with more: the difference is what images cost, the rest is what a scenario costs. The
+//! Each scenario is recorded with few ticks and with more: the difference is the cost of images, the rest the cost per scenario. The
 //! aircraft is shown all along its way, but the images are as close in time as the sweep wants: those that are close share the clouds,
-//! which are the most expensive part of an image.
+//! which are an image's most expensive part.
 
 pub(crate) mod encoder_trial;
 
@@ -17,18 +17,19 @@ use dataset::corpus::scenario::Flight;
 use dataset::plan::{Plan, PlannedScenario};
 use futures_util::future::LocalBoxFuture;
 
+use super::error::GenerateError;
 use super::error::ScenarioError;
 use super::event::Reporter;
-use super::record::pictures::Pictures;
+use super::options::{Cancel, GenerateOptions};
+use super::record::image_source::ImageSource;
 use super::record::steps::Steps;
 use super::record::{Work, record};
 use super::run::attempt::{Attempt, unless_cancelled};
 use super::session::Session;
-use super::{Cancel, GenerateError, GenerateOptions};
 use crate::plan::{WeatherCost, expand};
 use crate::sweep::Sweep;
 
-/// Ticks of the two recordings of a scenario.
+/// Numbers of ticks in a scenario's two recordings.
 const TICKS: [u32; 2] = [3, 18];
 
 /// Records a trial with the first simulator of `options`; returns the cost of each weather.
@@ -48,7 +49,7 @@ pub fn trial<'a>(
         ))?;
         let corpus = Corpus::create(folder.path())?;
         let target = &options.simulators.targets()[0];
-        let pictures = Pictures::new(options.pixels, options.screen.clone(), sweep.picture);
+        let pictures = ImageSource::new(options.pixels, options.screen.clone(), sweep.picture);
         let mut session = Session::new(
             target,
             0,
@@ -56,7 +57,7 @@ pub fn trial<'a>(
             &pictures,
             options.local_udp.clone(),
         );
-        let mut ignore = |_: super::Event<'_>| {};
+        let mut ignore = |_: super::event::Event<'_>| {};
         let trial = Trial {
             work: Work {
                 sweep,
@@ -71,8 +72,9 @@ pub fn trial<'a>(
         let costs = trial.costs(&mut session).await;
         session.close().await;
         costs.map_err(|error| match error {
-            ScenarioError::Bridge(error) => error.into(),
-            ScenarioError::StandIn(error) => error.into(),
+            ScenarioError::Bridge(_) | ScenarioError::StandIn(_) => {
+                GenerateError::Simulator(Box::new(error))
+            }
             ScenarioError::Corpus(error) => error.into(),
             ScenarioError::Cancelled => GenerateError::Cancelled,
             error => GenerateError::Trial(Box::new(error)),
@@ -117,7 +119,7 @@ impl Trial<'_> {
         Ok(costs)
     }
 
-    /// Records some ticks of a scenario, and removes them.
+    /// Records some ticks, and removes them.
     async fn record(
         &self,
         scenario: &PlannedScenario,

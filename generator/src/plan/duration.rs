@@ -1,6 +1,6 @@
 //! Duration of recording, part by part: images, flights that are flown live, loading, weather, restarts.
 //!
-//! Every part has a source: a trial with the stand-in on this machine, the profile of an X-Plane, or an assumption, which is said.
+//! Every part has a source: a trial with the stand-in on this machine, an X-Plane's profile, or an assumption, which is said.
 
 use std::collections::BTreeMap;
 
@@ -9,25 +9,25 @@ use dataset::plan::{Common, PlannedScenario};
 use serde::Serialize;
 use xplane_bridge::profile::Profile;
 
-/// Images that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
-/// 1280, 30 images per second, the default `[video]`. `docs/sweeps.md` has the measurement.
+/// Images per second that the stand-in draws and this program encodes, all views together, on two otherwise idle cores: 1920 x 1280, 30
+/// images per second, the default `[video]`. `docs/plan.md` has the measurement.
 const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 /// Image size of that figure; cost grows with the number of pixels.
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
 
-/// Assumed durations for an X-Plane without measurements, seconds: loading the place of a flight (20 s measured by others, and the terrain
+/// Assumed durations for an X-Plane without measurements, seconds: loading a flight's scenery (20 s measured by others, and the terrain
 /// settles), showing written clouds (55 s measured by others), and a restart.
 const ASSUMED_LOADING_S: f64 = 30.0;
 const ASSUMED_WEATHER_S: f64 = 60.0;
 const ASSUMED_RESTART_S: f64 = 180.0;
-/// A replayed flight needs no start of a flight, only the aircraft's way there.
+/// A replay starts no flight; only the aircraft moves there.
 const ASSUMED_TRAVEL_S: f64 = 5.0;
 /// A flight is flown on for this long after touchdown, which no scenario shows, seconds.
 const ROLL_OUT_S: f64 = 3.0;
 /// Images per second that X-Plane is assumed to deliver.
 const ASSUMED_PICTURES_PER_S: f64 = 8.0;
 
-/// Measured cost of the scenarios of one weather, seconds.
+/// Measured costs in one weather, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeatherCost {
     /// An image.
@@ -42,10 +42,10 @@ pub struct WeatherCost {
     pub flying_s: f64,
 }
 
-/// Source of the figures of an estimate.
+/// Source of an estimate's figures.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Pacing {
-    /// Figures of the stand-in on another machine.
+    /// Stand-in's figures on the reference machine.
     StandIn,
     /// A trial with the stand-in on this machine; cost by weather.
     Trial(BTreeMap<String, WeatherCost>),
@@ -86,7 +86,7 @@ impl Durations {
         self.pictures_h + self.live_flying_h + self.loading_h + self.weather_h + self.restarts_h
     }
 
-    /// The durations of scenarios of a plan; X-Plane is restarted after every so many live flights.
+    /// Durations for planned scenarios; X-Plane is restarted after every `restart_every` live flights.
     pub(super) fn new(
         common: &Common,
         scenarios: &[&PlannedScenario],
@@ -133,7 +133,6 @@ impl Durations {
     }
 }
 
-/// Counts of what is to be recorded.
 struct Count {
     scenarios: usize,
     live: usize,
@@ -234,7 +233,7 @@ impl Count {
     }
 }
 
-/// Duration of one of several, seconds, and the source of the figure.
+/// Duration per item, seconds, and the figure's source.
 fn measured_or(measured_s: Option<f64>, assumed_s: f64) -> (f64, String) {
     match measured_s {
         Some(took_s) => (took_s, format!("{took_s:.0} s each, measured")),
@@ -283,7 +282,7 @@ fn trial(
     durations
 }
 
-/// Pixels of an image, in multiples of the measured ones.
+/// Image size relative to the measured one.
 pub(super) fn relative_size(common: &Common) -> f64 {
     let picture = common.picture;
     f64::from(picture.width_px) * f64::from(picture.height_px) / MEASURED_PIXELS

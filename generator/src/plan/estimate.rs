@@ -1,4 +1,4 @@
-//! The cost of a plan: hours of flight, hours of recording (`duration.rs`), bytes. Every figure states its source.
+//! A plan's cost: hours of flight, hours of recording (`duration.rs`), bytes. Every figure states its source.
 //!
 //! There are two figures for bytes: the expected size ([`Estimate::bytes`]), and the free space to have before a run, which allows
 //! for more detailed scenery than any that was measured ([`room_bytes`]).
@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use super::duration::{Durations, Pacing, relative_size};
 
-/// Seconds between two images, and bytes of one on disk, mean over the four weathers of `scenarios.toml`: the further apart images are,
-/// the less a video gains from the one before. `docs/sweeps.md` has the measurement.
+/// Seconds between two images, and bytes per image on disk, mean over the four weathers of `scenarios.toml`: the further apart images are,
+/// the less a video gains from the one before. `docs/plan.md` has the measurement.
 const BYTES_PER_PICTURE: [(f64, f64); 5] = [
     (1.0 / 30.0, 9_200.0),
     (0.2, 17_900.0),
@@ -18,11 +18,11 @@ const BYTES_PER_PICTURE: [(f64, f64); 5] = [
     (1.0, 29_100.0),
     (2.0, 33_400.0),
 ];
-/// The same for scenery far more detailed than the stand-in's, whose worst weather takes 0.07 bits a pixel (docs/corpus.md).
+/// Bits per pixel for scenery far more detailed than the stand-in's, whose worst weather takes 0.07 bits per pixel (docs/corpus.md).
 const AMPLE_BITS_PER_PIXEL: f64 = 0.1;
 /// Bits per pixel of such scenery in a lossless video.
 const AMPLE_BITS_PER_LOSSLESS_PIXEL: f64 = 6.0;
-/// Tables and records of one tick.
+/// Bytes of tables and records per tick.
 const TABLE_BYTES_PER_TICK: f64 = 400.0;
 /// A measured corpus may contain the easier scenarios.
 const AMPLE_OVER_MEASURED: f64 = 1.5;
@@ -37,7 +37,7 @@ pub struct MeasuredSize {
     pub scenarios: usize,
 }
 
-/// The cost of some scenarios of a plan.
+/// Cost of scenarios.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Estimate {
     /// Number of scenarios.
@@ -48,9 +48,9 @@ pub struct Estimate {
     pub pictures: u64,
     /// Simulated flight, hours.
     pub flight_h: f64,
-    /// Recording time, hours: the sum of its parts.
+    /// Total recording time, hours.
     pub making_h: f64,
-    /// Its parts.
+    /// Parts of the recording time.
     #[serde(flatten)]
     pub durations: Durations,
     /// Bytes on disk; absent if the size of such images is unknown.
@@ -62,7 +62,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// The cost of scenarios of a plan, with an X-Plane that is restarted after every so many live flights.
+    /// Cost of scenarios, with an X-Plane that is restarted after every `restart_every` live flights.
     pub fn new<'a>(
         common: &Common,
         scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
@@ -90,7 +90,7 @@ impl Estimate {
     }
 }
 
-/// Bytes that should be free before scenarios of a plan are recorded; as [`Estimate::room_bytes`] without measurements.
+/// Bytes that should be free before scenarios are recorded; as [`Estimate::room_bytes`] without measurements.
 pub fn room_bytes<'a>(
     common: &Common,
     scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
@@ -127,14 +127,14 @@ fn measured_bytes_per_picture(size: Option<MeasuredSize>) -> Option<f64> {
         .map(|size| size.bytes as f64 / size.pictures as f64)
 }
 
-/// Bytes of one of the stand-in's images, if its size was measured with this `[video]`.
+/// Bytes per stand-in image, if it was measured with this `[video]`.
 fn expected_bytes_per_picture(common: &Common) -> Option<f64> {
     let apart_s = common.picture.frame_rate.period_s();
     (common.video == VideoSettings::default())
         .then(|| bytes_of_picture_after(apart_s) * relative_size(common))
 }
 
-/// Bytes of an image this long after the one before.
+/// Bytes per image at this interval.
 fn bytes_of_picture_after(apart_s: f64) -> f64 {
     by_distance(&BYTES_PER_PICTURE, apart_s)
 }

@@ -14,7 +14,7 @@ use crate::spread::Spread;
 use crate::sweep::{Combination, JitterTable, Sweep};
 use crate::trajectory::AlongCourse;
 
-/// Mean ground speed of a jet on its last ten miles, metres per second: accurate enough to predict the duration of a flight that is not
+/// Mean ground speed on a jet's last ten miles, metres per second: accurate enough to predict the duration of flights that are not
 /// recorded.
 const EXPECTED_GROUND_SPEED_MPS: f64 = 72.0;
 
@@ -62,7 +62,7 @@ pub fn is_seeded_by(plan: &Plan, master: u64) -> bool {
     scenarios.all(|scenario| scenario.seed == seed::of_scenario(master, &scenario.id))
 }
 
-/// Names of trajectories by the hash of the recording. Copies of a recording have the name of the first one: they are one trajectory.
+/// Names of trajectories by the hash of the recording. Copies share the name of the first one: they are one trajectory.
 fn recorded_trajectories(sweep: &Sweep) -> BTreeMap<&str, String> {
     let mut names = BTreeMap::new();
     let recordings = sweep
@@ -156,7 +156,7 @@ fn decide(
     }
 }
 
-/// A value of a scenario. Each has a separate generator, so that no value depends on which others are drawn.
+/// Draws a value. Each has a separate generator, so that no value depends on which others are drawn.
 fn draw(scenario_seed: u64, name: &str, spread: &Spread) -> f64 {
     spread.draw(&mut seed::of_value(scenario_seed, name))
 }
@@ -171,7 +171,7 @@ fn jitter(sweep: &Sweep, seed: u64) -> BTreeMap<String, Jitter> {
     sweep.jitter.as_ref().map(drawn).unwrap_or_default()
 }
 
-/// Only differences from an ideal image are listed.
+/// Deviations from ideal images, by camera.
 fn imaging(sweep: &Sweep, seed: u64) -> BTreeMap<String, Imaging> {
     let table = sweep.imaging.clone().unwrap_or_default();
     let cameras = sweep.cameras.iter();

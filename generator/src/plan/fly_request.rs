@@ -1,4 +1,4 @@
-//! The flight of a scenario as it is requested from a simulator or from the flight model.
+//! Flight request to a simulator or to the flight model.
 
 use dataset::numbers::units::Degrees;
 use dataset::plan::{Common, LiveStart, PlannedScenario};

@@ -1,6 +1,5 @@
-//! Outlook of a plan: the parts of the approach that each camera shows, flights that miss the runway, and heights of profiles and clouds
-//! above it. Recordings are flown as they are, others once in each profile and weather, in its strongest wind, by the built-in flight
-//! model.
+//! Plan outlook: the parts of the approach that each camera shows, flights that miss the runway, and heights of profiles and clouds above
+//! it. Recordings are flown as they are, others once in each profile and weather, in its strongest wind, by the built-in flight model.
 
 mod sight;
 
@@ -22,7 +21,7 @@ use super::fly_request;
 use crate::sweep::Sweep;
 use crate::trajectory::Trajectory;
 
-/// Rate at which flights are looked at.
+/// Sampling rate of flights.
 const LOOKS: FrameRate = FrameRate {
     numerator: 1,
     denominator: 1,
@@ -30,12 +29,12 @@ const LOOKS: FrameRate = FrameRate {
 /// A level segment below this height over the field is unusual: the chart of WSSS 02L has one at 450 m.
 const MIN_LEVEL_M: f64 = 400.0;
 
-/// Outlook of a plan.
+/// Plan outlook.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outlook {
     /// Views in the order of the rig.
     pub views: Vec<Sight>,
-    /// Height above the runway at which flights begin, by profile, metres.
+    /// Start height above the runway, by profile, metres.
     pub profiles_above_runway_m: BTreeMap<String, f64>,
     /// Lowest base and highest top of clouds above the runway, by weather, metres.
     pub clouds_above_runway_m: BTreeMap<String, [f64; 2]>,
@@ -50,20 +49,20 @@ pub struct Outlook {
     in_sight: InSight,
 }
 
-/// Where a view sees the aircraft's centre of gravity: distances to go along the course, nautical miles, over one flight of each profile
-/// and each recording. Clouds and haze are not considered.
+/// Distances at which a view sees the aircraft's centre of gravity: along the course to go, nautical miles, over one flight per profile and
+/// each recording. Clouds and haze are not considered.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sight {
     /// The view.
     pub view: String,
-    /// The nearest and the farthest place at which a flight is first seen; absent if none is.
+    /// Nearest and farthest first sight; absent if the aircraft is never seen.
     pub enters_nm: Option<[f64; 2]>,
-    /// The nearest and the farthest place at which a flight is last seen; negative past the touchdown target.
+    /// Nearest and farthest last sight; negative past the touchdown target.
     pub leaves_nm: Option<[f64; 2]>,
 }
 
 impl Outlook {
-    /// Outlook of the plan of a sweep.
+    /// Outlook of a sweep's plan.
     pub fn new(sweep: &Sweep, plan: &Plan) -> Self {
         let runway = &plan.common.runway;
         let ground_m = runway.threshold.altitude_msl_m;
@@ -83,7 +82,7 @@ impl Outlook {
                 leaves_nm: None,
             })
             .collect();
-        // Repeats of a flight differ by metres, and in their wind.
+        // Repeated flights differ by metres, and in their wind.
         let mut windiest: BTreeMap<(&str, &str), &PlannedScenario> = BTreeMap::new();
         for scenario in &plan.scenarios {
             outlook.add_heights(scenario, ground_m);
@@ -149,7 +148,7 @@ impl Outlook {
         }
     }
 
-    /// Adds where a flight of a profile touches down, if that is not the runway.
+    /// Adds a profile's touchdown point, if it is not on the runway.
     fn land(&mut self, scenario: &PlannedScenario, plan: &Plan, flown: &Flown) {
         let Some(live) = &scenario.parameters.live else {
             return;
@@ -165,7 +164,7 @@ impl Outlook {
         }
     }
 
-    /// Adds a flight to what the views see.
+    /// Adds a flight to the views' sights.
     fn watch(&mut self, scenario: &PlannedScenario, plan: &Plan, states: &[FlightState]) {
         let runway = &plan.common.runway;
         let target = runway.touchdown_target();
@@ -193,7 +192,7 @@ impl Outlook {
     }
 }
 
-/// What makes a flight another one: its profile and weather, or its recording.
+/// Key of distinct flights: profile and weather, or recording.
 fn flight_of(scenario: &PlannedScenario) -> (&str, &str) {
     match &scenario.parameters.live {
         Some(live) => (live.profile_name.as_str(), scenario.weather.as_str()),
@@ -205,16 +204,15 @@ fn wind_mps(scenario: &PlannedScenario) -> f64 {
     scenario.parameters.conditions.weather.wind_speed_mps
 }
 
-/// A flight.
 #[derive(Default)]
 struct Flown {
-    /// Its states until it passes the target, once a second; none if it never comes there.
+    /// States until it passes the target, once a second; none if it never comes there.
     states: Vec<FlightState>,
     touchdown: Option<Geodetic>,
 }
 
 impl Flown {
-    /// The flight of a scenario: its recording, else by the built-in flight model.
+    /// Flight from the recording, else by the built-in flight model.
     fn of(sweep: &Sweep, plan: &Plan, scenario: &PlannedScenario) -> Self {
         let parameters = &scenario.parameters;
         let computed;

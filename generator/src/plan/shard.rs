@@ -1,4 +1,4 @@
-//! One run's part of a plan.
+//! A run's part of the plan.
 //!
 //! Scenarios are dealt out like cards, sorted by weather, time of day and length, so that every shard gets its share of each: their cost
 //! depends on all three. Shards may write into one corpus at the same time. The shard is given by `--shard 2/8`, or read from the
@@ -16,55 +16,13 @@ pub struct Shard {
     count: u32,
 }
 
-/// Reasons why a shard is invalid.
+/// Reason why a shard is invalid.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub enum BadShard {
-    /// An index that the count does not have.
-    #[error("there is no shard {index}/{count}: expected I/N with I from 0 to N-1")]
-    NoSuch {
-        /// The index.
-        index: u32,
-        /// The count.
-        count: u32,
-    },
-    /// Not the form of a shard.
-    #[error("no shard: {text:?}: expected I/N with I from 0 to N-1, e.g. 2/8")]
-    Unreadable {
-        /// The text.
-        text: String,
-    },
-    /// A scheduler's variable has no number.
-    #[error("{name} is {text:?}, expected a number")]
-    NotANumber {
-        /// The variable.
-        name: &'static str,
-        /// Its value.
-        text: String,
-    },
-    /// A scheduler's variables are incomplete.
-    #[error("{index} is set, but {name} is not; say --shard I/N")]
-    Unset {
-        /// The variable that is there.
-        index: &'static str,
-        /// The missing one.
-        name: &'static str,
-    },
-    /// An array whose tasks are not consecutive.
-    #[error(
-        "the Slurm array has {count} tasks from {min} to {max}, so its tasks cannot be counted: use an array without gaps, or say --shard I/N"
-    )]
-    Gaps {
-        /// Number of tasks.
-        count: u32,
-        /// The first.
-        min: u32,
-        /// The last.
-        max: u32,
-    },
-}
+#[error("{0}")]
+pub struct BadShard(String);
 
 impl Shard {
-    /// All of it.
+    /// The whole plan.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
     /// Part `index`, from 0, of `count`.
@@ -72,11 +30,13 @@ impl Shard {
         if index < count {
             Ok(Self { index, count })
         } else {
-            Err(BadShard::NoSuch { index, count })
+            Err(BadShard(format!(
+                "there is no shard {index}/{count}: expected I/N with I from 0 to N-1"
+            )))
         }
     }
 
-    /// The shard that a scheduler's environment names, and the variable that did; `None` outside of one.
+    /// The shard that a scheduler's environment names, and the variable that did; `None` without a scheduler.
     ///
     /// # Errors
     /// The environment names an index without a count, an array with gaps, or an index and count that do not match.
@@ -84,16 +44,19 @@ impl Shard {
         variable: impl Fn(&str) -> Option<String>,
     ) -> Result<Option<(Self, &'static str)>, BadShard> {
         let number = |name: &'static str| -> Result<Option<u32>, BadShard> {
-            variable(name)
-                .map(|text| {
-                    text.trim()
-                        .parse()
-                        .map_err(|_| BadShard::NotANumber { name, text })
-                })
-                .transpose()
+            let Some(text) = variable(name) else {
+                return Ok(None);
+            };
+            let number = text.trim().parse::<u32>();
+            let bad = |_| BadShard(format!("{name} is {text:?}, expected a number"));
+            number.map(Some).map_err(bad)
         };
         let needed = |index: &'static str, name: &'static str| {
-            number(name)?.ok_or(BadShard::Unset { index, name })
+            number(name)?.ok_or_else(|| {
+                BadShard(format!(
+                    "{index} is set, but {name} is not; say --shard I/N"
+                ))
+            })
         };
         const SLURM: &str = "SLURM_ARRAY_TASK_ID";
         const INDEXED_JOB: &str = "JOB_COMPLETION_INDEX";
@@ -102,7 +65,10 @@ impl Shard {
             let max = needed(SLURM, "SLURM_ARRAY_TASK_MAX")?;
             let count = needed(SLURM, "SLURM_ARRAY_TASK_COUNT")?;
             if !(min..=max).contains(&id) || max - min + 1 != count {
-                return Err(BadShard::Gaps { count, min, max });
+                return Err(BadShard(format!(
+                    "the Slurm array has {count} tasks from {min} to {max}, so its tasks cannot be counted: use an array without gaps, or say \
+                     --shard I/N"
+                )));
             }
             return Self::new(id - min, count).map(|shard| Some((shard, SLURM)));
         }
@@ -118,7 +84,7 @@ impl Shard {
         self.count == 1
     }
 
-    /// The scenarios of a plan that belong to it, in the plan's order.
+    /// Scenarios of this part, in plan order.
     pub fn part_of(self, scenarios: &[PlannedScenario]) -> impl Iterator<Item = &PlannedScenario> {
         let mut dealt: Vec<usize> = (0..scenarios.len()).collect();
         dealt.sort_by_key(|&index| {
@@ -145,7 +111,11 @@ impl FromStr for Shard {
         let parts = text
             .split_once('/')
             .and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
-        let (index, count) = parts.ok_or_else(|| BadShard::Unreadable { text: text.into() })?;
+        let (index, count) = parts.ok_or_else(|| {
+            BadShard(format!(
+                "no shard: {text:?}: expected I/N with I from 0 to N-1, e.g. 2/8"
+            ))
+        })?;
         Self::new(index, count)
     }
 }

@@ -1,4 +1,4 @@
-//! The split of a corpus into training, validation and test, by trajectory.
+//! Split into training, validation and test, by trajectory.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -25,8 +25,8 @@ impl<'a> Group<'a> {
     }
 }
 
-/// Assigns every scenario of a plan to a side. The test side is filled first, with weathers and times spread evenly; then
-/// validation; the rest is for training. Assignments of `earlier` are kept, so that what was ever held out stays held out.
+/// Assigns every scenario to a side. The test side is filled first, with weathers and times spread evenly; then validation; the rest is for
+/// training. Assignments of `earlier` are kept, so that held-out scenarios stay held out.
 pub(crate) fn assign_sides(
     plan: &Plan,
     parts: &SplitFractions,
@@ -108,14 +108,13 @@ fn groups(plan: &Plan) -> Vec<Group<'_>> {
         .collect()
 }
 
-/// Weather and time of a scenario.
 type Condition<'a> = (&'a str, &'a str);
-/// Shuffle key and name of a trajectory.
+/// Shuffle key and trajectory.
 type Waiting<'a> = (u64, &'a str);
 
 /// Free trajectories that are flown in the same conditions, equally often: they have the same effect on a side.
 struct Alike<'a> {
-    /// Conditions of the scenarios of one of them, sorted.
+    /// Sorted conditions of a trajectory's scenarios.
     conditions: Vec<Condition<'a>>,
     /// Shuffled, the next one last.
     waiting: Vec<Waiting<'a>>,
@@ -146,7 +145,7 @@ impl<'a> OnSide<'a> {
         *self.times.entry(time).or_default() += 1;
     }
 
-    /// Number of times that the weathers and times of a trajectory already occur on the side, per thousand of its scenarios.
+    /// Number of times that a trajectory's weathers and times already occur on the side, per thousand scenarios.
     fn crowding(&self, conditions: &[Condition<'_>]) -> usize {
         let count = |counts: &BTreeMap<&str, usize>, key| counts.get(key).copied().unwrap_or(0);
         let shared = conditions

@@ -332,7 +332,7 @@ fn with_recordings(folder: &Path) -> Sweep {
     with_rule(folder)
 }
 
-/// A sweep that flies all recordings of a folder in fog.
+/// A sweep that flies all recordings from a folder in fog.
 fn with_rule(folder: &Path) -> Sweep {
     let rule = "\n[[recorded]]\nfiles = \"*.csv\"\nweathers = [\"foggy\"]\n";
     Sweep::parse(&folder.join("sweep.toml"), folder, format!("{SMALL}{rule}")).unwrap()
@@ -343,7 +343,7 @@ fn the_repeats_of_a_condition_fly_recordings_in_turn_where_the_rule_fits() {
     let folder = tempfile::tempdir().unwrap();
     let plan = expand(&with_recordings(folder.path()));
     let flights: Vec<&str> = plan.scenarios.iter().map(|s| s.flight.as_str()).collect();
-    // Of both conditions in fog, each repeat flies another file; which one is first is shuffled.
+    // Of both conditions in fog, each repeat flies a different file; which one is first is shuffled.
     assert_eq!(
         flights,
         [
@@ -528,7 +528,7 @@ fn an_x_plane_flies_in_real_time_and_every_part_of_its_night_is_counted() {
     assert_eq!(seconds(&Pacing::PicturesPerSecond(4.0), None)[4], 0.0);
 }
 
-/// The profile of an X-Plane of which only the pace is known.
+/// An X-Plane profile with nothing but a pace.
 fn profile(pace: serde_json::Value) -> Box<Profile> {
     let mut kept = json!({
         "format": 1, "measured_at": "", "dtd": "", "simulator": "", "plugin": null, "pixels": null, "weather_follows": {},

@@ -1,4 +1,4 @@
-//! The recordings that a glob of a sweep matches.
+//! Recordings that match a glob.
 
 use std::path::{Path, PathBuf};
 
@@ -15,20 +15,20 @@ pub(crate) fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf
         _ if Path::new(pattern).is_absolute() => pattern.to_owned(),
         Some(folder) => format!("{}/{pattern}", Pattern::escape(folder)),
         None => {
-            return Err(RecordingError::FolderNotText {
-                folder: folder.to_owned(),
-            });
+            let folder = folder.display();
+            return Err(RecordingError::Unusable(format!(
+                "the folder {folder} is not UTF-8"
+            )));
         }
     };
-    let paths = glob::glob(&whole).map_err(|cause| RecordingError::BadPattern {
-        pattern: pattern.to_owned(),
-        cause,
+    let paths = glob::glob(&whole).map_err(|error| {
+        RecordingError::Unusable(format!("{pattern:?} is not a valid glob: {error}"))
     })?;
     let mut found = Vec::new();
     for path in paths {
-        let path = path.map_err(|error| RecordingError::Unlistable {
-            folder: error.path().to_owned(),
-            cause: error.into(),
+        let path = path.map_err(|error| {
+            let folder = error.path().to_owned();
+            dataset::Error::io("list", &folder)(error.into())
         })?;
         if path.is_file() {
             found.push(path);
@@ -36,9 +36,10 @@ pub(crate) fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf
     }
     found.sort();
     if found.is_empty() {
-        Err(RecordingError::NoMatch {
-            pattern: folder.join(pattern),
-        })
+        Err(RecordingError::Unusable(format!(
+            "no file matches {}; expected at least one recording",
+            folder.join(pattern).display()
+        )))
     } else {
         Ok(found)
     }

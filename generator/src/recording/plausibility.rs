@@ -1,7 +1,7 @@
 //! Is a recording what its columns say, and an approach to the runway of the sweep?
 //!
-//! A file with the right columns may hold feet, knots, radians or a pressure altitude, and a flight with the right units may pass over
-//! the runway or land on another one. Everything would be drawn, labelled and sealed without an error. So units are compared with each
+//! A file with the right columns may hold feet, knots, radians or a pressure altitude, and a flight with the right units may pass over the
+//! runway or land on a different one. Everything would be drawn, labelled and sealed without an error. So units are compared with each
 //! other (positions, velocities, times), and the path with the runway. Limits are wide: they reject mistakes, not unusual flights.
 
 mod units;
@@ -16,6 +16,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::trajectory::Inbound;
+pub(crate) use units::GRAVITY_MPS2;
 
 /// Positions within this distance are near the runway, metres.
 const NEAR_M: f64 = 100_000.0;
@@ -28,14 +29,14 @@ const ROLLING_HEIGHT_M: f64 = 20.0;
 const OFFSET_AT_TARGET_M: f64 = 100.0;
 /// Height that ends a landing: the aircraft goes around.
 pub(crate) const GO_AROUND_M: f64 = 150.0;
-/// The corridor of an approach: distance from the centreline, and height as a multiple of the glide path's.
-const CORRIDOR_M: f64 = 500.0;
+/// Approach corridor: distance from the centreline, and height as a multiple of the glide path's.
+pub(crate) const CORRIDOR_M: f64 = 500.0;
 const CORRIDOR: f64 = 0.6;
 const LOWEST: (f64, f64) = (0.2, -30.0);
 const HIGHEST: (f64, f64) = (3.0, 300.0);
 
-/// A recording that begins later before the target, seconds, is a part of an approach.
-const MIN_S: f64 = 10.0;
+/// Minimum time before the target, seconds: a shorter recording is a partial approach.
+const MIN_APPROACH_S: f64 = 10.0;
 
 /// Kinds of flights that are no approach and may be flown nevertheless.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -65,19 +66,19 @@ impl Allowed {
     }
 }
 
-/// Reasons why a recording is no approach in the units of its columns. The text continues the name of a file.
+/// Reasons why a recording is no approach in the columns' units. The text continues a file name.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Implausible {
-    /// A column in another unit, or with another sign.
+    /// A column has a wrong unit or sign.
     #[error("has {column} that look like {looks_like}: {why}; expected {expected}")]
     Unit {
         /// The column or columns.
         column: &'static str,
-        /// Their likely unit.
+        /// Likely unit.
         looks_like: &'static str,
         /// The evidence.
         why: String,
-        /// Their unit by name.
+        /// Unit by the column's name.
         expected: &'static str,
     },
     /// Columns that contradict each other.
@@ -91,27 +92,27 @@ pub enum Implausible {
     /// It does not land on this runway. `allow` of `[[recorded]]` accepts it.
     #[error("{how}; if this is meant, add `allow = [\"{}\"]` to its [[recorded]]", allowed.key())]
     NoApproach {
-        /// Its course instead.
+        /// Actual course of the flight.
         how: String,
         /// The kind that accepts it.
         allowed: Allowed,
     },
 }
 
-/// The states of an approach in the frame of the runway.
-pub(super) struct Seen<'a> {
+/// States relative to the runway.
+pub(super) struct ApproachPath<'a> {
     states: &'a [FlightState],
     runway: &'a Runway,
     places: Vec<RunwayCoordinates>,
     inbound: Inbound,
 }
 
-/// Coordinates of a position relative to the target of a runway.
+/// Coordinates relative to the touchdown target.
 pub(super) fn place(state: &FlightState, target: Geodetic, runway: &Runway) -> RunwayCoordinates {
     RunwayCoordinates::of(state.pose.position(), target, runway.course_true_deg)
 }
 
-impl<'a> Seen<'a> {
+impl<'a> ApproachPath<'a> {
     pub(super) fn new(states: &'a [FlightState], runway: &'a Runway, inbound: Inbound) -> Self {
         let target = runway.touchdown_target();
         let places = states.iter().map(|state| place(state, target, runway));
@@ -214,7 +215,7 @@ impl<'a> Seen<'a> {
         }
     }
 
-    /// The missing end of an approach, if one is missing.
+    /// Description of a partial approach's missing end.
     fn is_part(&self) -> Option<String> {
         let Runway { airport, name, .. } = self.runway;
         let first = self.inbound.first;
@@ -227,10 +228,10 @@ impl<'a> Seen<'a> {
         let lasts_s = self.states[passing].time_s - self.states[first].time_s;
         // Otherwise it was cut where the sweep begins.
         let begins_here = first == 0;
-        (begins_here && lasts_s < MIN_S).then(|| {
+        (begins_here && lasts_s < MIN_APPROACH_S).then(|| {
             format!(
                 "begins {:.0} m before the touchdown target of {airport} {name}, {lasts_s:.1} s before it passes it; expected at least \
-                 {MIN_S} s",
+                 {MIN_APPROACH_S} s",
                 self.places[first].along_track_m
             )
         })
@@ -249,7 +250,6 @@ impl<'a> Seen<'a> {
         Some(median(&mut heights)).filter(|height_m| height_m.abs() > ROLLING_HEIGHT_M)
     }
 
-    /// Indices of the approach.
     fn range(&self) -> std::ops::Range<usize> {
         self.inbound.first..self.inbound.passing.unwrap_or(self.states.len())
     }
@@ -289,7 +289,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// The form of its coordinates in which a flight without an approach would be near the runway.
+/// Misinterpretation of the coordinates that would put a flight without an approach near the runway.
 pub(super) fn elsewhere(
     states: impl Iterator<Item = FlightState>,
     runway: &Runway,

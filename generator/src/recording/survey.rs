@@ -1,7 +1,7 @@
-//! A recording in one pass and little memory: its hash, and which of its rows are the approach. A file may hold the hours before it.
+//! A recording in little memory: its hash, and the rows of the approach. A file may hold the hours before it.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Seek};
 use std::path::Path;
 
 use dataset::geometry::pose::FlightState;
@@ -12,12 +12,12 @@ use super::plausibility::{self, Implausible};
 use super::table::{HEAD_BYTES, Row, Rows};
 use crate::trajectory::{Approaches, BadFlight, Inbound, MAX_GAP_S};
 
-/// Part of a recording that is kept after the touchdown target, seconds: the landing roll, for the point of touchdown.
-const AFTER_TARGET_S: f64 = 60.0;
-/// Speed, m/s, and height above the runway, metres, of an aircraft that flies: other airports of the recording may be as high.
+/// Time kept after the touchdown target, seconds: the landing roll, for the point of touchdown.
+pub(crate) const AFTER_TARGET_S: f64 = 60.0;
+/// Minimum speed, m/s, and height above the runway, metres, in flight: other airports of the recording may be as high.
 const FLYING: (f64, f64) = (60.0, 100.0);
 
-/// What one pass over all rows finds.
+/// Findings from one pass over all rows.
 pub(super) struct Survey {
     pub(super) blake3: String,
     approaches: Approaches,
@@ -29,20 +29,6 @@ pub(super) struct Survey {
     ends_m: Option<[f64; 2]>,
 }
 
-/// A file whose bytes are hashed as they are read.
-struct Hashed<'a> {
-    file: &'a File,
-    hasher: &'a mut blake3::Hasher,
-}
-
-impl Read for Hashed<'_> {
-    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
-        let count = self.file.read(bytes)?;
-        self.hasher.update(&bytes[..count]);
-        Ok(count)
-    }
-}
-
 impl Survey {
     /// Reads `file`, which is at `path`, to its end.
     pub(super) fn of(
@@ -52,13 +38,13 @@ impl Survey {
         longest_dtd_m: f64,
     ) -> Result<Self, RecordingError> {
         let mut hasher = blake3::Hasher::new();
-        let hashed = Hashed {
-            file,
-            hasher: &mut hasher,
-        };
+        let hashed = hasher
+            .update_reader(file)
+            .and_then(|_| (&mut &*file).rewind());
+        hashed.map_err(dataset::Error::io("read", path))?;
         let target = runway.touchdown_target();
         let mut survey = Self {
-            blake3: String::new(),
+            blake3: hasher.finalize().to_string(),
             approaches: Approaches::new(longest_dtd_m),
             rows: 0,
             on_ground: 0,
@@ -66,7 +52,7 @@ impl Survey {
             flying_on_ground: 0,
             ends_m: None,
         };
-        for row in Rows::new(path, BufReader::with_capacity(HEAD_BYTES, hashed))? {
+        for row in Rows::new(path, BufReader::with_capacity(HEAD_BYTES, file))? {
             let state = row?.state;
             let to_go_m = plausibility::place(&state, target, runway).along_track_m;
             let speed_mps = state.velocity_north_mps.hypot(state.velocity_east_mps);
@@ -79,7 +65,6 @@ impl Survey {
             survey.flying_on_ground += usize::from(is_flying && state.on_ground);
             survey.ends_m.get_or_insert([to_go_m; 2])[1] = to_go_m;
         }
-        survey.blake3 = hasher.finalize().to_string();
         Ok(survey)
     }
 

@@ -1,6 +1,7 @@
-//! The CSV table of a recorded flight: a header with the names of the columns, then a row per state.
+//! CSV table with a recorded flight: a header with column names, then a row per state.
 
-use std::io::{self, BufRead};
+use std::fmt::Display;
+use std::io::BufRead;
 use std::path::Path;
 
 use dataset::geometry::pose::{Controls, FlightState, Pose};
@@ -26,22 +27,19 @@ const COLUMNS: [(&str, Limits); 13] = [
 ];
 /// The one column that is no number: 0 or 1.
 const ON_GROUND: &str = "on_ground";
-/// The header of a table fits into it, bytes: readers have such a buffer.
+/// Buffer size of readers, bytes: a header fits into it.
 pub(super) const HEAD_BYTES: usize = 1 << 16;
-/// Separators of fields.
 const SEPARATORS: [(u8, &str); 3] = [(b',', "a comma"), (b';', "a semicolon"), (b'\t', "a tab")];
 
-/// A row of the table.
 #[derive(Debug, Clone)]
 pub(super) struct Row {
-    /// Its line in the file, from 1.
+    /// Line in the file, from 1.
     pub(super) line: u64,
     pub(super) state: FlightState,
     /// The first number that is impossible for an airliner on approach. It matters only if the row is part of the approach.
     pub(super) fault: Option<FieldOutOfLimits>,
 }
 
-/// The rows of a table, one after the other.
 pub(super) struct Rows<'a, R> {
     path: &'a Path,
     records: csv::StringRecordsIntoIter<R>,
@@ -51,34 +49,33 @@ pub(super) struct Rows<'a, R> {
 }
 
 impl<'a, R: BufRead> Rows<'a, R> {
-    /// Reads the header of the file at `path`.
     pub(super) fn new(path: &'a Path, mut file: R) -> Result<Self, RecordingError> {
-        let unreadable = |cause| RecordingError::NotATable {
-            path: path.to_owned(),
-            cause,
-        };
-        let head = file.fill_buf().map_err(|error| unreadable(error.into()))?;
+        let head = file.fill_buf().map_err(dataset::Error::io("read", path))?;
         if head.len() >= HEAD_BYTES && !head.contains(&b'\n') {
-            let why =
-                format!("no line ends within its first {HEAD_BYTES} bytes; expected a CSV table");
-            return Err(unreadable(io::Error::other(why).into()));
+            return Err(not_a_table(
+                path,
+                format!("no line ends within its first {HEAD_BYTES} bytes; expected a CSV table"),
+            ));
         }
         let (separator, separator_name) = separator(head);
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(separator)
             .trim(csv::Trim::All)
             .from_reader(file);
-        let header = reader.headers().map_err(unreadable)?.clone();
+        let header = reader.headers();
+        let header = header.map_err(|error| not_a_table(path, error))?.clone();
         let place = |name: &str| header.iter().position(|found| found == name);
         let names = COLUMNS.iter().map(|(name, _)| *name).chain([ON_GROUND]);
         let missing: Vec<&str> = names.filter(|name| place(name).is_none()).collect();
         if !missing.is_empty() {
-            return Err(RecordingError::MissingColumns {
-                path: path.to_owned(),
-                missing: missing.join(", "),
-                found: header.iter().collect::<Vec<_>>().join(", "),
-                separator: separator_name,
-            });
+            return Err(not_a_table(
+                path,
+                format!(
+                    "no column {}; the first line, read with {separator_name} as the separator, names {}",
+                    missing.join(", "),
+                    header.iter().collect::<Vec<_>>().join(", ")
+                ),
+            ));
         }
         Ok(Self {
             path,
@@ -90,14 +87,12 @@ impl<'a, R: BufRead> Rows<'a, R> {
 
     fn row(&self, record: &csv::StringRecord) -> Result<Row, RecordingError> {
         let line = record.position().map_or(0, csv::Position::line);
-        let bad =
-            |column: &'static str, found: &str, expected: &'static str| RecordingError::NotAValue {
-                path: self.path.to_owned(),
-                line,
-                column,
-                found: found.to_owned(),
-                expected,
-            };
+        let bad = |column: &str, found: &str, expected: &str| {
+            RecordingError::Unusable(format!(
+                "{}:{line}: {column} is {found:?}; expected {expected}",
+                self.path.display()
+            ))
+        };
         let mut numbers = [0.0; COLUMNS.len()];
         for ((number, at), (column, _)) in numbers.iter_mut().zip(self.places).zip(COLUMNS) {
             let text = &record[at];
@@ -125,12 +120,13 @@ impl<R: BufRead> Iterator for Rows<'_, R> {
     fn next(&mut self) -> Option<Self::Item> {
         Some(match self.records.next()? {
             Ok(record) => self.row(&record),
-            Err(cause) => Err(RecordingError::NotATable {
-                path: self.path.to_owned(),
-                cause,
-            }),
+            Err(error) => Err(not_a_table(self.path, error)),
         })
     }
+}
+
+fn not_a_table(path: &Path, why: impl Display) -> RecordingError {
+    RecordingError::Unusable(format!("{}: {why}", path.display()))
 }
 
 /// The separator that finds the most of our columns in the first line.

@@ -1,23 +1,35 @@
-//! Validates a parsed sweep: every value in its range, every name defined. Checks of a single table are next to the table; here are
-//! those across tables.
+//! Validates a parsed sweep: every value in its range, every name defined. Checks within a table are next to the table; here are those
+//! across tables.
 
 pub(crate) mod fault;
 pub(crate) mod limits;
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use super::document::{AIRCRAFT, Document};
 use super::grid::times::LocalDay;
 use super::grid::{Names, combinations};
-use super::imaging::ImagingTable;
+use super::schema::schema_with_limits;
 use super::start::{profiles, recorded};
 use super::{Sweep, rigs, runways};
 use fault::{Checked, distinct_names, fault, list};
 
-pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sweep> {
+/// The schema, with the limits of each number.
+static SCHEMA: LazyLock<serde_json::Value> = LazyLock::new(|| schema_with_limits().to_value());
+
+/// Checks a sweep: `tables` and `text` are the file's content, paths are relative to `folder`.
+pub(super) fn check(
+    document: Document,
+    tables: toml::Table,
+    folder: &Path,
+    text: &str,
+) -> Checked<Sweep> {
+    let tables = toml::Value::Table(tables);
+    limits::check(&tables, &SCHEMA)?;
     let Document {
         corpus,
         approach,
@@ -59,13 +71,12 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
             ),
         );
     }
-    runways::check(&airport)?;
     let runway = runways::runway(&approach.airport, &approach.runway, &airport)?;
     distinct_names("weather", weather.keys())?;
     for (name, weather) in &weather {
         weather.check(name, runway.threshold.altitude_msl_m)?;
     }
-    let day = LocalDay::of(&grid, &runway, &airport)?;
+    let day = LocalDay::of(grid.day_of_year, grid.utc_offset_h, &runway, &airport)?;
     let cameras = rigs::cameras(&approach.rig, &rig)?;
     distinct_names(
         &format!("rig.{}.camera", approach.rig),
@@ -74,8 +85,8 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     let profile = profiles::all(&profile, &runway)?;
     distinct_names("profile", profile.keys())?;
     let names = Names {
-        weathers: &weather,
-        profiles: &profile,
+        weathers: weather.keys().collect(),
+        profiles: profile.keys().collect(),
     };
     let combinations = combinations(&grid, &exclude, &include, &names, &day)?;
     let picture = picture.checked()?;
@@ -85,12 +96,15 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     if let Some(jitter) = &jitter {
         jitter.check(&cameras)?;
     }
-    let imaging = imaging.map(ImagingTable::checked).transpose()?;
+    let imaging = match (imaging, tables.get("imaging")) {
+        (Some(table), Some(toml::Value::Table(own))) => Some(table.checked(own)?),
+        (table, _) => table,
+    };
     rigs::check_lenses(&rig, picture, jitter.as_ref())?;
     if let Some((setting, message)) = video.fault() {
         return fault(format!("video.{setting}"), message);
     }
-    start.check(&profile, grid.profiles.is_some())?;
+    start.check(&names.profiles, grid.profiles.is_some())?;
     let start_profiles = start.profiles();
     split.check()?;
     let (nearest_nm, longest_nm) = start.dtd_nm.range();

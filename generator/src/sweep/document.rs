@@ -1,4 +1,4 @@
-//! The structure of a sweep file, table by table. Unknown keys are rejected everywhere.
+//! Structure of sweep files, table by table. Unknown keys are rejected everywhere.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::check::fault::NAME_PATTERN;
 use super::grid::split::SplitFractions;
-use super::grid::{Exclude, Grid, Include};
+use super::grid::{Grid, Include, Selection};
 use super::imaging::ImagingTable;
 use super::picture::PictureTable;
 use super::rigs::Rig;
@@ -31,7 +31,7 @@ pub(super) struct Document {
     pub(super) approach: Approach,
     pub(super) grid: Grid,
     #[serde(default)]
-    pub(super) exclude: Vec<Exclude>,
+    pub(super) exclude: Vec<Selection>,
     #[serde(default)]
     pub(super) include: Vec<Include>,
     pub(super) picture: PictureTable,

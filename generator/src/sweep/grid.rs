@@ -13,11 +13,11 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::check::fault::{Checked, NAME_PATTERN, defined, fault, list};
-use super::check::limits::Enforce;
+use super::check::limits::in_schema;
 use crate::time_of_day::TimeOfDay;
 use times::{LocalDay, TimeEntry};
 
-/// More is a typo, and a plan of gigabytes.
+/// Maximum number of scenarios: more is a typo, and a plan of gigabytes.
 const MAX_SCENARIOS: u64 = 1_000_000;
 
 /// `[grid]`: every time is combined with every weather (and every profile, if they are listed here), `repeats` times.
@@ -28,36 +28,34 @@ pub(super) struct Grid {
     /// `{ sun_elevation_deg = -4, in = "evening" }`.
     #[schemars(length(min = 1))]
     times: Vec<TimeEntry>,
-    /// Names of weathers that the file defines; by default all of them.
+    /// Names of weathers that the file defines; by default all.
     #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
     weathers: Option<Vec<String>>,
     /// Names of flight profiles to combine with. By default, each scenario draws one of `start.profiles`.
     #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
     pub(super) profiles: Option<Vec<String>>,
-    /// How often each combination is flown, each time with a different seed.
+    /// Number of flights per combination, each with a different seed.
     #[schemars(range(min = 1, max = MAX_SCENARIOS))]
     repeats: u32,
     /// Day of the year, 1 to 365; it sets the sun's path.
-    #[schemars(transform = limits::DAY_OF_YEAR.in_schema())]
+    #[schemars(transform = in_schema(limits::DAY_OF_YEAR))]
     pub(super) day_of_year: u32,
     /// Local time minus UTC, hours. By default as in the time zone of the airport on this day.
-    #[schemars(transform = limits::UTC_OFFSET_H.in_schema())]
+    #[schemars(transform = in_schema(limits::UTC_OFFSET_H))]
     pub(super) utc_offset_h: Option<f64>,
 }
 
 /// `[[exclude]]`: combinations of the grid to omit: those that match every given list.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-#[schemars(extend("minProperties" = 1))]
-pub(super) struct Exclude {
-    /// At these times.
-    times: Vec<String>,
-    /// In these weathers.
-    weathers: Vec<String>,
-    /// With these profiles of the grid.
-    profiles: Vec<String>,
-    /// Only these repeats, counted from 1.
-    repeats: Vec<u32>,
+#[schemars(rename = "Exclude", extend("minProperties" = 1))]
+pub(super) struct Selection {
+    /// Times to omit.
+    pub(super) times: Vec<String>,
+    /// Weathers to omit.
+    pub(super) weathers: Vec<String>,
+    /// Repeats to omit, counted from 1.
+    pub(super) repeats: Vec<u32>,
 }
 
 /// `[[include]]`: combinations in addition to the grid. Lists that are not given are the grid's.
@@ -65,21 +63,19 @@ pub(super) struct Exclude {
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("minProperties" = 1))]
 pub(super) struct Include {
-    /// At these times, which need not be in the grid.
+    /// Times to add, which need not be in the grid.
     times: Vec<TimeEntry>,
-    /// In these weathers, which need not be in the grid.
+    /// Weathers to add, which need not be in the grid.
     weathers: Vec<String>,
-    /// With these profiles.
-    profiles: Vec<String>,
-    /// These repeats, counted from 1.
+    /// Repeats to add, counted from 1.
     #[schemars(inner(range(min = 1, max = MAX_SCENARIOS)))]
     repeats: Vec<u32>,
 }
 
-/// Parameters that distinguish a scenario from the others of its sweep.
+/// Parameters that distinguish scenarios within a sweep.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Combination {
-    /// Counted from 1.
+    /// Number of the repeat, from 1.
     pub repeat: u32,
     /// Local time.
     pub time: TimeOfDay,
@@ -108,18 +104,18 @@ impl Combination {
     }
 }
 
-/// The names that lists may contain.
-pub(super) struct Names<'a, W, P> {
-    pub(super) weathers: &'a BTreeMap<String, W>,
-    pub(super) profiles: &'a BTreeMap<String, P>,
+/// Names of weathers and profiles that a sweep may use.
+pub(super) struct Names<'a> {
+    pub(super) weathers: BTreeSet<&'a String>,
+    pub(super) profiles: BTreeSet<&'a String>,
 }
 
 /// All combinations, in recording order. Repeats vary slowest: a run that is stopped early has covered all conditions.
-pub(super) fn combinations<W, P>(
+pub(super) fn combinations(
     grid: &Grid,
-    exclude: &[Exclude],
+    exclude: &[Selection],
     include: &[Include],
-    names: &Names<'_, W, P>,
+    names: &Names<'_>,
     day: &LocalDay,
 ) -> Checked<Vec<Combination>> {
     let axes = Axes::of_grid(grid, names, day)?;
@@ -151,21 +147,21 @@ struct Axes {
 }
 
 impl Axes {
-    fn of_grid<W, P>(grid: &Grid, names: &Names<'_, W, P>, day: &LocalDay) -> Checked<Self> {
+    fn of_grid(grid: &Grid, names: &Names<'_>, day: &LocalDay) -> Checked<Self> {
         let times = times("grid.times", &grid.times, day)?;
         let weathers = match &grid.weathers {
             Some(listed) => {
                 distinct("grid.weathers", listed, |key, name| {
-                    defined(key, "weather", name, names.weathers)
+                    defined(key, "weather", name, &names.weathers)
                 })?;
                 listed.clone()
             }
-            None => names.weathers.keys().cloned().collect(),
+            None => names.weathers.iter().copied().cloned().collect(),
         };
         let profiles = match &grid.profiles {
             Some(listed) => {
                 distinct("grid.profiles", listed, |key, name| {
-                    defined(key, "profile", name, names.profiles)
+                    defined(key, "profile", name, &names.profiles)
                 })?;
                 listed.iter().cloned().map(Some).collect()
             }
@@ -209,18 +205,12 @@ impl Axes {
     }
 }
 
-impl Exclude {
+impl Selection {
     fn apply(&self, index: usize, all: &mut Vec<Combination>, day: &LocalDay) -> Checked<()> {
         let key = |field: &str| format!("exclude.{index}.{field}");
-        let selection = Selection {
-            times: &self.times,
-            weathers: &self.weathers,
-            profiles: &self.profiles,
-            repeats: &self.repeats,
-        };
-        let fits = selection.resolve(all, day, key)?;
+        let matches = self.matcher(all, day, key)?;
         let before = all.len();
-        all.retain(|combination| !fits(combination));
+        all.retain(|combination| !matches(combination));
         if all.len() == before {
             return fault(
                 format!("exclude.{index}"),
@@ -229,14 +219,58 @@ impl Exclude {
         }
         Ok(())
     }
+
+    /// The filter for combinations; rejects values that no combination of `all` has. An empty list matches all.
+    pub(super) fn matcher<K: Fn(&str) -> String>(
+        &self,
+        all: &[Combination],
+        day: &LocalDay,
+        key: K,
+    ) -> Checked<impl Fn(&Combination) -> bool + use<K>> {
+        fn known<T: Ord + std::fmt::Display>(
+            values: &[T],
+            present: impl Iterator<Item = T>,
+            key: String,
+            what: &str,
+        ) -> Checked<()> {
+            let present: BTreeSet<T> = present.collect();
+            match values.iter().position(|value| !present.contains(value)) {
+                None => Ok(()),
+                Some(index) => fault(
+                    format!("{key}.{index}"),
+                    format!(
+                        "there is no {what} {} in the sweep; there are {}",
+                        values[index],
+                        list(&present)
+                    ),
+                ),
+            }
+        }
+        let mut times = Vec::new();
+        for (index, text) in self.times.iter().enumerate() {
+            let key = format!("{}.{index}", key("times"));
+            times.push(times::parse(&key, text, day)?);
+        }
+        let (weathers, repeats) = (self.weathers.clone(), self.repeats.clone());
+        known(&times, all.iter().map(|c| c.time), key("times"), "time")?;
+        let all_weathers = all.iter().map(|c| c.weather.clone());
+        known(&weathers, all_weathers, key("weathers"), "weather")?;
+        let all_repeats = all.iter().map(|c| c.repeat);
+        known(&repeats, all_repeats, key("repeats"), "repeat")?;
+        Ok(move |combination: &Combination| {
+            (times.is_empty() || times.contains(&combination.time))
+                && (weathers.is_empty() || weathers.contains(&combination.weather))
+                && (repeats.is_empty() || repeats.contains(&combination.repeat))
+        })
+    }
 }
 
 impl Include {
-    fn apply<W, P>(
+    fn apply(
         &self,
         index: usize,
         grid: &Axes,
-        names: &Names<'_, W, P>,
+        names: &Names<'_>,
         day: &LocalDay,
         all: &mut Vec<Combination>,
     ) -> Checked<()> {
@@ -247,15 +281,9 @@ impl Include {
         }
         if !self.weathers.is_empty() {
             distinct(&key("weathers"), &self.weathers, |key, name| {
-                defined(key, "weather", name, names.weathers)
+                defined(key, "weather", name, &names.weathers)
             })?;
             axes.weathers.clone_from(&self.weathers);
-        }
-        if !self.profiles.is_empty() {
-            distinct(&key("profiles"), &self.profiles, |key, name| {
-                defined(key, "profile", name, names.profiles)
-            })?;
-            axes.profiles = self.profiles.iter().cloned().map(Some).collect();
         }
         if !self.repeats.is_empty() {
             distinct(&key("repeats"), &self.repeats, |key, repeat| {
@@ -278,82 +306,6 @@ impl Include {
         }
         all.append(&mut new);
         Ok(())
-    }
-}
-
-/// A part of the combinations, by lists; an empty list matches all.
-pub(super) struct Selection<'a> {
-    pub(super) times: &'a [String],
-    pub(super) weathers: &'a [String],
-    pub(super) profiles: &'a [String],
-    pub(super) repeats: &'a [u32],
-}
-
-impl Selection<'_> {
-    /// The filter for combinations; rejects values that no combination of `all` has.
-    pub(super) fn resolve<K: Fn(&str) -> String>(
-        &self,
-        all: &[Combination],
-        day: &LocalDay,
-        key: K,
-    ) -> Checked<impl Fn(&Combination) -> bool + use<K>> {
-        fn known<T: Ord + std::fmt::Display>(
-            values: &[T],
-            of: impl Iterator<Item = T>,
-            key: String,
-            what: &str,
-        ) -> Checked<()> {
-            if values.is_empty() {
-                return Ok(());
-            }
-            let all: BTreeSet<T> = of.collect();
-            for (index, value) in values.iter().enumerate() {
-                if !all.contains(value) {
-                    let all = list(&all);
-                    return fault(
-                        format!("{key}.{index}"),
-                        format!("there is no {what} {value} in the sweep; there are {all}"),
-                    );
-                }
-            }
-            Ok(())
-        }
-        let mut times = Vec::new();
-        for (index, text) in self.times.iter().enumerate() {
-            times.push(times::parse(
-                &format!("{}.{index}", key("times")),
-                text,
-                day,
-            )?);
-        }
-        known(&times, all.iter().map(|c| c.time), key("times"), "time")?;
-        let (weathers, profiles) = (self.weathers.to_vec(), self.profiles.to_vec());
-        let repeats = self.repeats.to_vec();
-        known(
-            &weathers,
-            all.iter().map(|c| c.weather.clone()),
-            key("weathers"),
-            "weather",
-        )?;
-        known(
-            &profiles,
-            all.iter().filter_map(|c| c.profile.clone()),
-            key("profiles"),
-            "profile",
-        )?;
-        known(
-            &repeats,
-            all.iter().map(|c| c.repeat),
-            key("repeats"),
-            "repeat",
-        )?;
-        Ok(move |combination: &Combination| {
-            let profile = combination.profile.as_ref();
-            (times.is_empty() || times.contains(&combination.time))
-                && (weathers.is_empty() || weathers.contains(&combination.weather))
-                && (profiles.is_empty() || profile.is_some_and(|name| profiles.contains(name)))
-                && (repeats.is_empty() || repeats.contains(&combination.repeat))
-        })
     }
 }
 

@@ -12,8 +12,8 @@ use dataset::plan::{Picture, PlannedCamera};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::check::fault::{Checked, Fault, NAME_PATTERN, fault, legal_name, list};
-use super::check::limits::Enforce;
+use super::check::fault::{Checked, NAME_PATTERN, fault, legal_name, list};
+use super::check::limits::in_schema;
 use jitter::JitterTable;
 
 /// `[rig.NAME]`
@@ -37,31 +37,31 @@ pub(super) struct CameraTable {
     #[schemars(regex(pattern = NAME_PATTERN))]
     id: String,
     /// Distance past the touchdown target along the landing course, metres. Either this or `beyond_threshold_m`.
-    #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_DISTANCE_M))]
     beyond_touchdown_m: Option<f64>,
     /// Distance past the threshold along the landing course, metres: unaffected if the touchdown target is moved.
-    #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_DISTANCE_M))]
     beyond_threshold_m: Option<f64>,
     /// Offset right of the landing course, metres; negative is left.
-    #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_DISTANCE_M))]
     right_m: f64,
     /// Height above the touchdown target, metres.
-    #[schemars(transform = limits::MAST_HEIGHT_M.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_HEIGHT_M))]
     height_m: f64,
     /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees. Either this or `heading_true_deg`.
-    #[schemars(transform = limits::MAST_TURN_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_TURN_DEG))]
     inward_deg: Option<f64>,
     /// Direction of the optical axis, degrees true.
-    #[schemars(transform = limits::MAST_TURN_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_TURN_DEG))]
     heading_true_deg: Option<f64>,
     /// Elevation of the optical axis, degrees, up positive.
-    #[schemars(transform = limits::MAST_PITCH_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_PITCH_DEG))]
     pitch_deg: f64,
     /// Horizontal field of view, degrees.
-    #[schemars(transform = limits::HFOV_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::HFOV_DEG))]
     hfov_deg: f64,
-    /// Distortion of its lens, with OpenCV's coefficients; a pinhole by default. It must not fold the image over. Only the bundled
-    /// simulator can draw it.
+    /// Lens distortion, with OpenCV's coefficients; a pinhole by default. It must not fold the image over. Only the bundled simulator can
+    /// draw it.
     distortion: Option<Distortion>,
 }
 
@@ -76,7 +76,7 @@ static BUILT_IN: LazyLock<BTreeMap<String, Rig>> = LazyLock::new(|| {
     parsed.rig
 });
 
-/// The cameras of the rig that a sweep uses; `defined` are the rigs of its file, all of which must be valid.
+/// The cameras of the rig that a sweep uses; all rigs in `defined`, from the file, must be valid.
 pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Vec<PlannedCamera>> {
     for (name, rig) in defined {
         rig.check(name)?;
@@ -164,50 +164,28 @@ impl CameraTable {
 
     fn check(&self, key: impl Fn(&str) -> String) -> Checked<()> {
         legal_name(key("id"), &self.id)?;
-        let place = self.exactly_one(
-            &key,
-            ("beyond_touchdown_m", self.beyond_touchdown_m),
-            ("beyond_threshold_m", self.beyond_threshold_m),
-        )?;
-        let aim = self.exactly_one(
-            &key,
-            ("inward_deg", self.inward_deg),
-            ("heading_true_deg", self.heading_true_deg),
-        )?;
-        for (limits, (field, value)) in [
-            (limits::MAST_DISTANCE_M, place),
-            (limits::MAST_TURN_DEG, aim),
-            (limits::MAST_DISTANCE_M, ("right_m", self.right_m)),
-            (limits::MAST_HEIGHT_M, ("height_m", self.height_m)),
-            (limits::MAST_PITCH_DEG, ("pitch_deg", self.pitch_deg)),
-            (limits::HFOV_DEG, ("hfov_deg", self.hfov_deg)),
+        for ([one, other], given) in [
+            (
+                ["beyond_touchdown_m", "beyond_threshold_m"],
+                [self.beyond_touchdown_m, self.beyond_threshold_m],
+            ),
+            (
+                ["inward_deg", "heading_true_deg"],
+                [self.inward_deg, self.heading_true_deg],
+            ),
         ] {
-            limits.check_key(key(field), value)?;
+            let (place, has) = match given {
+                [Some(_), Some(_)] => (other, "both"),
+                [None, None] => ("", "neither"),
+                _ => continue,
+            };
+            let id = &self.id;
+            return fault(
+                key(place),
+                format!("camera {id:?} needs either {one} or {other}, and has {has}"),
+            );
         }
         Ok(())
-    }
-
-    fn exactly_one(
-        &self,
-        key: impl Fn(&str) -> String,
-        a: (&'static str, Option<f64>),
-        b: (&'static str, Option<f64>),
-    ) -> Checked<(&'static str, f64)> {
-        match (a, b) {
-            ((name, Some(value)), (_, None)) | ((_, None), (name, Some(value))) => {
-                Ok((name, value))
-            }
-            ((_, given), _) => Err(Fault {
-                key: key(if given.is_some() { b.0 } else { "" }),
-                message: format!(
-                    "camera {:?} needs either {} or {}, and has {}",
-                    self.id,
-                    a.0,
-                    b.0,
-                    if given.is_some() { "both" } else { "neither" }
-                ),
-            }),
-        }
     }
 }
 

@@ -9,16 +9,16 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::check::fault::{Checked, Fault, list};
-use super::check::limits::Enforce;
+use super::check::limits::in_schema;
 use crate::airports;
 
 /// `[airport.ICAO]`
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct AirportTable {
-    /// Its time zone, e.g. `Europe/Zurich`; `utc_offset_h` of the grid follows from it and the day.
+    /// Time zone, e.g. `Europe/Zurich`; `utc_offset_h` of the grid follows from it and the day.
     pub(crate) time_zone: Option<String>,
-    /// Its runways, by their designators, e.g. `02L`.
+    /// Runways by designator, e.g. `02L`.
     #[serde(default)]
     pub(crate) runway: BTreeMap<String, RunwayTable>,
 }
@@ -30,25 +30,25 @@ pub(crate) struct RunwayTable {
     /// The landing threshold on the centreline.
     threshold: Option<Threshold>,
     /// Landing course, degrees true, on the WGS-84 ellipsoid at the threshold.
-    #[schemars(transform = limits::COURSE_TRUE_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::COURSE_TRUE_DEG))]
     course_true_deg: Option<f64>,
     /// Glide path angle, degrees.
-    #[schemars(transform = limits::GLIDE_PATH_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::GLIDE_PATH_DEG))]
     glide_path_deg: Option<f64>,
     /// Distance of the touchdown target past the threshold along the centreline, metres.
-    #[schemars(transform = limits::TOUCHDOWN_PAST_THRESHOLD_M.in_schema())]
+    #[schemars(transform = in_schema(limits::TOUCHDOWN_PAST_THRESHOLD_M))]
     touchdown_past_threshold_m: Option<f64>,
     /// Frequency of the instrument landing system, MHz, if there is one.
-    #[schemars(transform = limits::ILS_MHZ.in_schema())]
+    #[schemars(transform = in_schema(limits::ILS_MHZ))]
     ils_frequency_mhz: Option<f64>,
     /// Magnetic course of the localizer as a pilot would set it, degrees.
-    #[schemars(transform = limits::COURSE_MAGNETIC_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::COURSE_MAGNETIC_DEG))]
     course_magnetic_deg: Option<f64>,
     /// Length of the pavement from the landing threshold on, metres; the bundled simulator draws 4,000 m if it is not given.
-    #[schemars(transform = limits::RUNWAY_LENGTH_M.in_schema())]
+    #[schemars(transform = in_schema(limits::RUNWAY_LENGTH_M))]
     length_m: Option<f64>,
     /// Width of the pavement, metres; the bundled simulator draws 60 m if it is not given.
-    #[schemars(transform = limits::RUNWAY_WIDTH_M.in_schema())]
+    #[schemars(transform = in_schema(limits::RUNWAY_WIDTH_M))]
     width_m: Option<f64>,
 }
 
@@ -57,73 +57,14 @@ pub(crate) struct RunwayTable {
 #[serde(deny_unknown_fields)]
 struct Threshold {
     /// Geodetic latitude, degrees, north positive.
-    #[schemars(transform = limits::LATITUDE_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::LATITUDE_DEG))]
     latitude_deg: f64,
     /// Longitude, degrees, east positive.
-    #[schemars(transform = limits::LONGITUDE_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::LONGITUDE_DEG))]
     longitude_deg: f64,
     /// Height above mean sea level, metres.
-    #[schemars(transform = limits::ELEVATION_MSL_M.in_schema())]
+    #[schemars(transform = in_schema(limits::ELEVATION_MSL_M))]
     altitude_msl_m: f64,
-}
-
-/// Rejects impossible numbers, also in unused runways.
-pub(super) fn check(airports: &BTreeMap<String, AirportTable>) -> Checked<()> {
-    for (icao, airport) in airports {
-        for (name, table) in &airport.runway {
-            let key = |field: &str| format!("airport.{icao}.runway.{name}.{field}");
-            let threshold = table.threshold;
-            for (field, limits, value) in [
-                (
-                    "threshold.latitude_deg",
-                    limits::LATITUDE_DEG,
-                    threshold.map(|t| t.latitude_deg),
-                ),
-                (
-                    "threshold.longitude_deg",
-                    limits::LONGITUDE_DEG,
-                    threshold.map(|t| t.longitude_deg),
-                ),
-                (
-                    "threshold.altitude_msl_m",
-                    limits::ELEVATION_MSL_M,
-                    threshold.map(|t| t.altitude_msl_m),
-                ),
-                (
-                    "course_true_deg",
-                    limits::COURSE_TRUE_DEG,
-                    table.course_true_deg,
-                ),
-                (
-                    "glide_path_deg",
-                    limits::GLIDE_PATH_DEG,
-                    table.glide_path_deg,
-                ),
-                (
-                    "touchdown_past_threshold_m",
-                    limits::TOUCHDOWN_PAST_THRESHOLD_M,
-                    table.touchdown_past_threshold_m,
-                ),
-                (
-                    "ils_frequency_mhz",
-                    limits::ILS_MHZ,
-                    table.ils_frequency_mhz,
-                ),
-                (
-                    "course_magnetic_deg",
-                    limits::COURSE_MAGNETIC_DEG,
-                    table.course_magnetic_deg,
-                ),
-                ("length_m", limits::RUNWAY_LENGTH_M, table.length_m),
-                ("width_m", limits::RUNWAY_WIDTH_M, table.width_m),
-            ] {
-                if let Some(value) = value {
-                    limits.check_key(key(field), value)?;
-                }
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The runway that a sweep uses: the built-in one with the sweep's overrides, or one that the sweep defines completely.
@@ -162,7 +103,7 @@ impl RunwayTable {
             longitude_deg: t.longitude_deg,
             altitude_msl_m: t.altitude_msl_m,
         });
-        // The built-in pavement is not that of a runway which the sweep places itself.
+        // The built-in pavement does not belong to a runway that the sweep places itself.
         let pavement = known.filter(|_| self.threshold.is_none());
         Ok(Runway {
             airport: icao.into(),

@@ -3,20 +3,19 @@
 pub(crate) mod profiles;
 pub(crate) mod recorded;
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 use dataset::corpus::scenario::Flight;
-use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::numbers::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::check::fault::{Checked, NAME_PATTERN, defined, fault};
-use super::check::limits::Enforce;
+use super::check::limits::in_schema;
 use crate::spread::Spread;
 use profiles::LEVEL_THEN_GLIDE_PATH;
 
-/// Who flies the flights that are not recordings.
+/// Pilot of flights that are not recordings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Fly {
@@ -46,19 +45,19 @@ pub struct Start {
     /// Way of flying; `live` by default.
     pub fly: Fly,
     /// Distance to the touchdown target along the course, nautical miles; 10 by default. Recorded flights are trimmed to it.
-    #[schemars(transform = limits::START_DTD_NM.in_schema())]
+    #[schemars(transform = in_schema(limits::START_DTD_NM))]
     pub dtd_nm: Spread,
     /// Offset right of the extended centreline, metres; 0 by default.
-    #[schemars(transform = limits::START_CROSS_TRACK_M.in_schema())]
+    #[schemars(transform = in_schema(limits::START_CROSS_TRACK_M))]
     pub cross_track_m: Spread,
-    /// Height above the altitude at which the profile begins, metres; 0 by default.
-    #[schemars(transform = limits::START_ABOVE_PROFILE_M.in_schema())]
+    /// Height above the profile's beginning, metres; 0 by default.
+    #[schemars(transform = in_schema(limits::START_ABOVE_PROFILE_M))]
     pub above_profile_m: Spread,
     /// Heading right of the course, degrees; 0 by default.
-    #[schemars(transform = limits::START_HEADING_OFFSET_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::START_HEADING_OFFSET_DEG))]
     pub heading_offset_deg: Spread,
     /// True airspeed, metres per second; 82 by default.
-    #[schemars(transform = limits::START_SPEED_MPS.in_schema())]
+    #[schemars(transform = in_schema(limits::START_SPEED_MPS))]
     pub speed_mps: Spread,
     /// Names of the profiles to draw from, all equally likely; not together with `grid.profiles`. The default is
     /// `level-then-glide-path`.
@@ -90,30 +89,9 @@ impl Start {
 
     pub(super) fn check(
         &self,
-        profiles: &BTreeMap<String, ApproachProfile>,
+        profiles: &BTreeSet<&String>,
         grid_lists_profiles: bool,
     ) -> Checked<()> {
-        for (field, limits, spread) in [
-            ("dtd_nm", limits::START_DTD_NM, &self.dtd_nm),
-            (
-                "cross_track_m",
-                limits::START_CROSS_TRACK_M,
-                &self.cross_track_m,
-            ),
-            (
-                "above_profile_m",
-                limits::START_ABOVE_PROFILE_M,
-                &self.above_profile_m,
-            ),
-            (
-                "heading_offset_deg",
-                limits::START_HEADING_OFFSET_DEG,
-                &self.heading_offset_deg,
-            ),
-            ("speed_mps", limits::START_SPEED_MPS, &self.speed_mps),
-        ] {
-            limits.check_spread(format!("start.{field}"), spread)?;
-        }
         let Some(listed) = &self.profiles else {
             return Ok(());
         };

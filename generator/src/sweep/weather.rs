@@ -1,4 +1,4 @@
-//! `[weather.NAME]`: the physical values of a weather. Each number may be a spread, from which every scenario draws its own.
+//! `[weather.NAME]`: physical values. Each number may be a spread to draw from per scenario.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use dataset::numbers::limits;
@@ -6,11 +6,11 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::check::fault::{Checked, Fault, fault, legal_name};
-use super::check::limits::Enforce;
+use super::check::limits::{check_spread, in_schema};
 use crate::seed;
 use crate::spread::Spread;
 
-/// Quantities that are not supported, and what is missing.
+/// Unsupported quantities, and the reasons.
 const UNSUPPORTED: [(&str, &str); 3] = [
     ("snow", SNOW),
     ("snow_ratio", SNOW),
@@ -21,10 +21,9 @@ const UNSUPPORTED: [(&str, &str); 3] = [
 ];
 const SNOW: &str = "snow is not supported: X-Plane shows snow only below freezing, temperature cannot be set, and the bundled simulator does not draw it; rain_ratio and a lower visibility_m are the nearest";
 
-/// A quantity in the text of a sweep that is not supported.
-pub(super) fn unsupported(text: &str) -> Option<Fault> {
-    let document: toml::Table = toml::from_str(text).ok()?;
-    let weathers = document.get("weather")?.as_table()?;
+/// Finds an unsupported quantity.
+pub(super) fn unsupported(sweep: &toml::Table) -> Option<Fault> {
+    let weathers = sweep.get("weather")?.as_table()?;
     weathers.iter().find_map(|(name, table)| {
         let table = table.as_table()?;
         let (key, missing) = UNSUPPORTED
@@ -42,31 +41,31 @@ pub(super) fn unsupported(text: &str) -> Option<Fault> {
 #[serde(deny_unknown_fields)]
 pub struct WeatherTable {
     /// Meteorological visibility (contrast of a black object falls to 2 %), metres.
-    #[schemars(transform = limits::VISIBILITY_M.in_schema())]
+    #[schemars(transform = in_schema(limits::VISIBILITY_M))]
     pub visibility_m: Spread,
-    /// At most three layers, lowest first.
+    /// Cloud layers, at most three, lowest first.
     #[serde(default)]
     #[schemars(length(max = limits::MAX_CLOUD_LAYERS))]
     pub clouds: Vec<CloudTable>,
     /// Rain intensity, 0 none to 1 heavy; 0 by default.
     #[serde(default)]
-    #[schemars(transform = limits::RAIN_RATIO.in_schema())]
+    #[schemars(transform = in_schema(limits::RAIN_RATIO))]
     pub rain_ratio: Spread,
     /// Wind speed at 10 m above ground, metres per second; 0 by default.
     #[serde(default)]
-    #[schemars(transform = limits::WIND_SPEED_MPS.in_schema())]
+    #[schemars(transform = in_schema(limits::WIND_SPEED_MPS))]
     pub wind_speed_mps: Spread,
     /// Direction that the wind comes from, degrees true; 0 by default.
     #[serde(default)]
-    #[schemars(transform = limits::WIND_FROM_TRUE_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::WIND_FROM_TRUE_DEG))]
     pub wind_from_true_deg: Spread,
     /// Turbulence intensity, 0 none to 1 severe; 0 by default.
     #[serde(default)]
-    #[schemars(transform = limits::TURBULENCE_RATIO.in_schema())]
+    #[schemars(transform = in_schema(limits::TURBULENCE_RATIO))]
     pub turbulence_ratio: Spread,
 }
 
-/// One layer of cloud.
+/// A layer has a base and a top.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("allOf" = [
@@ -76,20 +75,20 @@ pub struct WeatherTable {
 pub struct CloudTable {
     /// Kind of cloud.
     pub kind: CloudKind,
-    /// Part of the sky that it covers, 0 to 1.
-    #[schemars(transform = limits::COVER_RATIO.in_schema())]
+    /// Covered part of the sky, 0 to 1.
+    #[schemars(transform = in_schema(limits::COVER_RATIO))]
     pub cover_ratio: Spread,
-    /// Height of its base above mean sea level, metres. Either this or `base_above_runway_m`.
-    #[schemars(transform = limits::CLOUD_BASE_MSL_M.in_schema())]
+    /// Base above mean sea level, metres. Either this or `base_above_runway_m`.
+    #[schemars(transform = in_schema(limits::CLOUD_BASE_MSL_M))]
     pub base_msl_m: Option<Spread>,
-    /// Height of its base above the runway, metres.
-    #[schemars(transform = limits::CLOUD_BASE_MSL_M.in_schema())]
+    /// Base above the runway, metres.
+    #[schemars(transform = in_schema(limits::CLOUD_BASE_MSL_M))]
     pub base_above_runway_m: Option<Spread>,
-    /// Height of its top above mean sea level, metres. Either this or `top_above_runway_m`.
-    #[schemars(transform = limits::CLOUD_TOP_MSL_M.in_schema())]
+    /// Top above mean sea level, metres. Either this or `top_above_runway_m`.
+    #[schemars(transform = in_schema(limits::CLOUD_TOP_MSL_M))]
     pub top_msl_m: Option<Spread>,
-    /// Height of its top above the runway, metres.
-    #[schemars(transform = limits::CLOUD_TOP_MSL_M.in_schema())]
+    /// Top above the runway, metres.
+    #[schemars(transform = in_schema(limits::CLOUD_TOP_MSL_M))]
     pub top_above_runway_m: Option<Spread>,
 }
 
@@ -127,27 +126,6 @@ impl WeatherTable {
     pub(super) fn check(&self, name: &str, ground_msl_m: f64) -> Checked<()> {
         let key = |field: &str| format!("weather.{name}.{field}");
         legal_name(format!("weather.{name}"), name)?;
-        for (field, limits, spread) in [
-            ("visibility_m", limits::VISIBILITY_M, &self.visibility_m),
-            ("rain_ratio", limits::RAIN_RATIO, &self.rain_ratio),
-            (
-                "wind_speed_mps",
-                limits::WIND_SPEED_MPS,
-                &self.wind_speed_mps,
-            ),
-            (
-                "wind_from_true_deg",
-                limits::WIND_FROM_TRUE_DEG,
-                &self.wind_from_true_deg,
-            ),
-            (
-                "turbulence_ratio",
-                limits::TURBULENCE_RATIO,
-                &self.turbulence_ratio,
-            ),
-        ] {
-            limits.check_spread(key(field), spread)?;
-        }
         if self.clouds.len() > limits::MAX_CLOUD_LAYERS {
             let found = self.clouds.len();
             return fault(
@@ -203,32 +181,9 @@ impl CloudTable {
         below_msl_m: f64,
         key: impl Fn(&str) -> String,
     ) -> Checked<f64> {
-        limits::COVER_RATIO.check_spread(key("cover_ratio"), &self.cover_ratio)?;
-        for (above, msl, above_m, msl_m, limits) in [
-            (
-                "base_above_runway_m",
-                "base_msl_m",
-                &self.base_above_runway_m,
-                base,
-                limits::CLOUD_BASE_MSL_M,
-            ),
-            (
-                "top_above_runway_m",
-                "top_msl_m",
-                &self.top_above_runway_m,
-                top,
-                limits::CLOUD_TOP_MSL_M,
-            ),
-        ] {
-            match above_m {
-                // Its own limits first: they are those of the schema.
-                Some(above_m) => {
-                    limits.check_spread(key(above), above_m)?;
-                    limits.check_spread(key(above), msl_m)?;
-                }
-                None => limits.check_spread(key(msl), msl_m)?,
-            }
-        }
+        // Above a high runway, a height within its own limits may be out of range above mean sea level.
+        check_spread(key("base_above_runway_m"), base, limits::CLOUD_BASE_MSL_M)?;
+        check_spread(key("top_above_runway_m"), top, limits::CLOUD_TOP_MSL_M)?;
         let (lowest_base, highest_base) = base.range();
         let (lowest_top, highest_top) = top.range();
         if lowest_top < highest_base {

@@ -6,12 +6,12 @@ use dataset::numbers::spread::median;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use super::formats::Fix;
-use crate::recording::GO_AROUND_M;
+use crate::recording::{AFTER_TARGET_S, CORRIDOR_M, GO_AROUND_M};
 use crate::trajectory::last_approach;
 
 /// Fixes that an arrival needs at least, and the time that they cover, seconds. Some receivers report every eight seconds.
-const MIN_COUNT: usize = 8;
-const MIN_S: f64 = 60.0;
+const MIN_FIXES: usize = 8;
+const MIN_APPROACH_S: f64 = 60.0;
 /// No aircraft on approach is faster, m/s: a position that implies it to both neighbours is wrong.
 const FASTEST_MPS: f64 = 250.0;
 /// Arrivals begin within this distance, metres.
@@ -20,96 +20,33 @@ pub(super) const FURTHEST_M: f64 = 25.0 * METERS_PER_NAUTICAL_MILE;
 const FLYING_MPS: f64 = 40.0;
 /// A track may end in the air within this distance.
 const LATEST_END_M: f64 = 3_000.0;
-/// Gaps in which an aircraft may have done anything, seconds, and the distances between which they matter.
+/// Maximum gap between fixes, seconds, and the distances to go between which it applies.
 const MAX_GAP_S: f64 = 10.0;
 const GAPS_MATTER_M: (f64, f64) = (METERS_PER_NAUTICAL_MILE, 5.0 * METERS_PER_NAUTICAL_MILE);
 /// Distance from the centreline within the last two kilometres, metres.
 const OTHER_RUNWAY_M: f64 = 150.0;
 const FINAL_M: f64 = 2_000.0;
-/// Fixes are kept for so long after the target, seconds.
-const AFTER_TARGET_S: f64 = 60.0;
-/// The corridor in which an arrival begins; narrower than the one that every recording has to keep.
-const CORRIDOR_M: f64 = 500.0;
+/// An arrival begins in a corridor that widens less with distance than the one of recordings.
 const CORRIDOR: f64 = 0.5;
 
-/// Reasons why a track is no arrival on the runway.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum NoArrival {
-    /// No position of it was received.
-    #[error("it has no positions")]
-    NoPositions,
-    /// Not enough to smooth.
-    #[error(
-        "{fixes} different positions in {lasts_s:.0} s of approach, expected at least {MIN_COUNT} in {MIN_S} s"
-    )]
-    TooFew {
-        /// Their number.
-        fixes: usize,
-        /// Time from the first to the last.
-        lasts_s: f64,
-    },
-    /// It is elsewhere, or departs.
-    #[error(
-        "it never approaches the runway: its nearest position is {nearest_m:.0} m from the touchdown target"
-    )]
-    Elsewhere {
-        /// The distance.
-        nearest_m: f64,
-    },
-    /// It ends before the runway.
-    #[error(
-        "it ends {to_go_m:.0} m before the touchdown target, expected at most {LATEST_END_M} m"
-    )]
-    EndsEarly {
-        /// The remaining distance.
-        to_go_m: f64,
-    },
-    /// Too little is known of it.
-    #[error(
-        "it has no position for {gap_s:.0} s, {to_go_m:.0} m before the touchdown target; expected at most {MAX_GAP_S} s there"
-    )]
-    Gap {
-        /// Its length.
-        gap_s: f64,
-        /// Remaining distance at its beginning.
-        to_go_m: f64,
-    },
-    /// It lands beside this runway.
-    #[error("it is {offset_m:.0} m beside the centreline at the end: another runway?")]
-    OtherRunway {
-        /// The distance.
-        offset_m: f64,
-    },
-    /// It does not land.
-    #[error("it goes around: it climbs by {climbs_m:.0} m after the touchdown target")]
-    GoAround {
-        /// By how much.
-        climbs_m: f64,
-    },
-    /// Its heights cannot be recovered.
-    #[error("it has {altitudes} plausible altitudes between 0.7 and 4 NM, expected at least 8")]
-    NoAltitudes {
-        /// Their number.
-        altitudes: usize,
-    },
-    /// It does not descend as an approach does.
-    #[error("it descends at {angle_deg:.1} degrees between 0.7 and 4 NM, expected 2 to 6.5")]
-    NoDescent {
-        /// The angle.
-        angle_deg: f64,
-    },
+/// Reason why a track is no arrival on the runway. The text is about the track: "it ..".
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{0}")]
+pub(super) struct NoArrival(pub(super) String);
+
+fn no<T>(reason: String) -> Result<T, NoArrival> {
+    Err(NoArrival(reason))
 }
 
-/// A fix of the arrival.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct ArrivalFix {
     pub(super) fix: Fix,
-    /// Before the target along the course, and right of it, metres.
+    /// Distance to the target along the course, and offset to the right, metres.
     pub(super) to_go_m: f64,
     pub(super) right_m: f64,
 }
 
-/// Leaves out positions that no aircraft reaches from the one before and leaves for the next one; returns their number as well.
+/// Removes positions that no aircraft reaches from the one before and leaves for the next one; returns their number as well.
 pub(super) fn without_jumps(fixes: &[Fix]) -> (Vec<Fix>, usize) {
     let speed_mps = |from: &Fix, to: &Fix| {
         let place = |fix: &Fix| LatLon {
@@ -139,17 +76,21 @@ pub(super) fn without_jumps(fixes: &[Fix]) -> (Vec<Fix>, usize) {
     (kept, left_out)
 }
 
-/// The fixes of the last arrival of a track.
-pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArrival> {
+pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>, NoArrival> {
     let target = runway.touchdown_target();
-    let seen: Vec<Seen> = fixes.iter().map(|fix| seen(*fix, target, runway)).collect();
+    let seen: Vec<ArrivalFix> = fixes.iter().map(|fix| seen(*fix, target, runway)).collect();
     if seen.is_empty() {
-        return Err(NoArrival::NoPositions);
+        return no("it has no positions".into());
     }
     let nearest_m = seen
         .iter()
         .map(|at| at.to_go_m.hypot(at.right_m))
         .fold(f64::INFINITY, f64::min);
+    let elsewhere = || {
+        NoArrival(format!(
+            "it never approaches the runway: its nearest position is {nearest_m:.0} m from the touchdown target"
+        ))
+    };
     let to_go_m: Vec<f64> = seen.iter().map(|at| at.to_go_m).collect();
     let is_airborne = |index: usize| {
         let Fix {
@@ -161,7 +102,7 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
     };
     let found = last_approach(&to_go_m, is_airborne, FURTHEST_M)
         .filter(|_| nearest_m < FURTHEST_M)
-        .ok_or(NoArrival::Elsewhere { nearest_m })?;
+        .ok_or_else(elsewhere)?;
     let end = match found.passing {
         Some(passing) => {
             let last_s = seen[passing].fix.time_s + AFTER_TARGET_S;
@@ -173,7 +114,7 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
     let before_target = found.passing.unwrap_or(end);
     let first = beginning(&seen[..before_target], found.first);
     if !(first..before_target).any(is_airborne) {
-        return Err(NoArrival::Elsewhere { nearest_m });
+        return Err(elsewhere());
     }
     let arrival = &seen[first..end];
     let approach = &seen[first..before_target];
@@ -181,29 +122,31 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
         [first, .., last] => last.fix.time_s - first.fix.time_s,
         _ => 0.0,
     };
-    if approach.len() < MIN_COUNT || lasts_s < MIN_S {
-        return Err(NoArrival::TooFew {
-            fixes: approach.len(),
-            lasts_s,
-        });
+    if approach.len() < MIN_FIXES || lasts_s < MIN_APPROACH_S {
+        let fixes = approach.len();
+        return no(format!(
+            "{fixes} different positions in {lasts_s:.0} s of approach, expected at least {MIN_FIXES} in {MIN_APPROACH_S} s"
+        ));
     }
     if let Some(last) = approach
         .last()
         .filter(|last| found.passing.is_none() && last.to_go_m > LATEST_END_M)
     {
-        return Err(NoArrival::EndsEarly {
-            to_go_m: last.to_go_m,
-        });
+        return no(format!(
+            "it ends {:.0} m before the touchdown target, expected at most {LATEST_END_M} m",
+            last.to_go_m
+        ));
     }
     let gap = arrival.windows(2).find(|pair| {
         let matters = pair[1].to_go_m > GAPS_MATTER_M.0 && pair[0].to_go_m < GAPS_MATTER_M.1;
         matters && pair[1].fix.time_s - pair[0].fix.time_s > MAX_GAP_S
     });
     if let Some(pair) = gap {
-        return Err(NoArrival::Gap {
-            gap_s: pair[1].fix.time_s - pair[0].fix.time_s,
-            to_go_m: pair[0].to_go_m,
-        });
+        return no(format!(
+            "it has no position for {:.0} s, {:.0} m before the touchdown target; expected at most {MAX_GAP_S} s there",
+            pair[1].fix.time_s - pair[0].fix.time_s,
+            pair[0].to_go_m
+        ));
     }
     let last_m = approach
         .iter()
@@ -217,9 +160,11 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
         .collect();
     let offset_m = median(&mut offsets).abs();
     if offset_m > OTHER_RUNWAY_M {
-        return Err(NoArrival::OtherRunway { offset_m });
+        return no(format!(
+            "it is {offset_m:.0} m beside the centreline at the end: another runway?"
+        ));
     }
-    let altitude_m = |at: &Seen| at.fix.altitude_m.filter(|_| !at.fix.on_ground);
+    let altitude_m = |at: &ArrivalFix| at.fix.altitude_m.filter(|_| !at.fix.on_ground);
     let at_target_m = approach.iter().rev().find_map(altitude_m);
     let highest_m = seen[before_target..end]
         .iter()
@@ -229,19 +174,21 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<Seen>, NoArr
         .map(|at_m| highest_m - at_m)
         .filter(|climbs_m| *climbs_m > GO_AROUND_M)
     {
-        return Err(NoArrival::GoAround { climbs_m });
+        return no(format!(
+            "it goes around: it climbs by {climbs_m:.0} m after the touchdown target"
+        ));
     }
     Ok(arrival.to_vec())
 }
 
-fn seen(fix: Fix, target: Geodetic, runway: &Runway) -> Seen {
+fn seen(fix: Fix, target: Geodetic, runway: &Runway) -> ArrivalFix {
     let here = Geodetic {
         latitude_deg: fix.latitude_deg,
         longitude_deg: fix.longitude_deg,
         altitude_msl_m: target.altitude_msl_m,
     };
     let place = RunwayCoordinates::of(here, target, runway.course_true_deg);
-    Seen {
+    ArrivalFix {
         fix,
         to_go_m: place.along_track_m,
         right_m: place.cross_track_m,
@@ -249,8 +196,8 @@ fn seen(fix: Fix, target: Geodetic, runway: &Runway) -> Seen {
 }
 
 /// The first fix after which the aircraft stays in the corridor and is seen without long gaps, until they matter.
-fn beginning(approach: &[Seen], first: usize) -> usize {
-    let leaves = |at: &Seen| at.right_m.abs() > CORRIDOR_M + CORRIDOR * at.to_go_m;
+fn beginning(approach: &[ArrivalFix], first: usize) -> usize {
+    let leaves = |at: &ArrivalFix| at.right_m.abs() > CORRIDOR_M + CORRIDOR * at.to_go_m;
     let outside = approach[first..]
         .iter()
         .rposition(leaves)

@@ -6,41 +6,40 @@
 use dataset::numbers::spread::median;
 use dataset::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
-use super::arrival::Seen;
+use super::arrival::ArrivalFix;
 use super::formats::Attitude;
 use super::smoother::Smoothed;
+use crate::recording::GRAVITY_MPS2;
 
-const GRAVITY_MPS2: f64 = 9.81;
 /// Distances between which an aircraft flies at its final speed, metres.
 const FINAL_M: (f64, f64) = (METERS_PER_NAUTICAL_MILE, 3.0 * METERS_PER_NAUTICAL_MILE);
-/// Final speeds of airliners, m/s, and the one of a track without speeds there.
+/// Final speeds of airliners, m/s, and the default for tracks without speeds there.
 const FINAL_SPEEDS_MPS: (f64, f64) = (55.0, 90.0);
 const USUAL_FINAL_MPS: f64 = 70.0;
 /// Lift coefficient on final approach: 2.7 at the stall, over 1.3 squared.
 const FINAL_LIFT: f64 = 1.6;
-/// Lift coefficient a degree, and the angle without lift: clean, and by how much flaps lower it.
+/// Lift coefficient per degree, angle without lift, and its change by full flaps.
 const LIFT_PER_DEG: f64 = 0.09;
 const NO_LIFT_DEG: f64 = -3.0;
 const FLAPS_LOWER_DEG: f64 = 9.6;
 /// No aircraft flies slower, in ratio to its final speed.
 const SLOWEST: f64 = 0.5;
 /// Measured attitudes are interpolated over at most this time, seconds.
-const MAX_S: f64 = 4.0;
-/// Angles of attack, degrees.
+const MAX_INTERPOLATION_S: f64 = 4.0;
 const ATTACK_DEG: (f64, f64) = (-2.0, 10.0);
 
-/// Roll of a coordinated turn, right wing down positive.
+/// Roll in coordinated turns, right wing down positive.
 pub(super) fn roll_deg(speed_mps: f64, turn_deg_per_s: f64) -> f64 {
     let aside_mps2 = speed_mps * turn_deg_per_s.to_radians();
     (aside_mps2 / GRAVITY_MPS2).atan().to_degrees()
 }
 
 /// The measured attitude at a time, interpolated between the fixes around it.
-pub(super) fn measured_attitude(seen: &[Seen], time_s: f64) -> Option<Attitude> {
+pub(super) fn measured_attitude(seen: &[ArrivalFix], time_s: f64) -> Option<Attitude> {
     let next = seen.partition_point(|at| at.fix.time_s < time_s).max(1);
     let (before, after) = (seen[next - 1].fix, seen.get(next)?.fix);
     let step_s = after.time_s - before.time_s;
-    if step_s > MAX_S {
+    if step_s > MAX_INTERPOLATION_S {
         return None;
     }
     let part = (time_s - before.time_s) / step_s;
@@ -57,8 +56,8 @@ pub(super) fn measured_attitude(seen: &[Seen], time_s: f64) -> Option<Attitude> 
 }
 
 /// Ground speed on final approach: as reported, else by the smoothed distances to go.
-pub(super) fn final_speed_mps(arrival: &[Seen], to_go: &[Smoothed]) -> f64 {
-    let is_final = |at: &&Seen| (FINAL_M.0..=FINAL_M.1).contains(&at.to_go_m);
+pub(super) fn final_speed_mps(arrival: &[ArrivalFix], to_go: &[Smoothed]) -> f64 {
+    let is_final = |at: &&ArrivalFix| (FINAL_M.0..=FINAL_M.1).contains(&at.to_go_m);
     let speeds = arrival.iter().filter(is_final);
     let mut speeds: Vec<f64> = speeds
         .filter_map(|at| at.fix.ground_speed_mps)

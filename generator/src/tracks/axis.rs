@@ -1,4 +1,4 @@
-//! The line that arrivals fly on final approach, which shows how far published figures of a runway are off.
+//! The line that arrivals fly on final approach, which shows the errors of published runway figures.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::RefusedTrack;
 use super::arrival::{arrival, without_jumps};
-use super::formats::{self, TrackFileError};
+use super::formats;
 use super::height::line_through_medians;
 
 /// Distances to go between which arrivals follow the centreline, metres.
@@ -18,15 +18,15 @@ const FOLLOWS_M: (f64, f64) = (
     6.0 * METERS_PER_NAUTICAL_MILE,
 );
 const MIN_FIXES: usize = 10;
-/// One arrival may be anywhere.
+/// Minimum number of arrivals: a single one may be anywhere.
 const MIN_ARRIVALS: usize = 2;
 /// Arrivals contradict a runway beyond these differences: metres, degrees. They keep to the centreline within about 10 m.
 const ELSEWHERE_M: f64 = 12.0;
 const ELSEWHERE_DEG: f64 = 0.1;
-/// Ratio of the standard errors of a median and a mean.
+/// Ratio between the standard errors of median and mean.
 const MEDIAN_ERROR: f64 = 1.25;
 
-/// The common line of some arrivals, relative to the centreline of a runway.
+/// Common line flown by arrivals, relative to the runway's centreline.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ArrivalAxis {
     /// Number of arrivals.
@@ -35,9 +35,9 @@ pub struct ArrivalAxis {
     pub offset_m: f64,
     /// Standard error of the offset, metres; absent for a single arrival.
     pub offset_error_m: Option<f64>,
-    /// Their course less the runway's, degrees.
+    /// Course relative to the runway's, degrees.
     pub turned_deg: f64,
-    /// Standard error of that.
+    /// Standard error of the course.
     pub turned_error_deg: Option<f64>,
 }
 
@@ -68,7 +68,7 @@ impl ArrivalAxis {
     }
 }
 
-/// The arrivals in some files: their common line, and the tracks that are no part of it.
+/// The arrivals in some files: their common line, and the excluded tracks.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct JudgedTracks {
     /// The line; `None` if no track lands on the runway with enough positions on final approach.
@@ -81,10 +81,7 @@ pub(crate) struct JudgedTracks {
 ///
 /// # Errors
 /// A file that cannot be read.
-pub(crate) fn arrival_axis(
-    files: &[PathBuf],
-    runway: &Runway,
-) -> Result<JudgedTracks, TrackFileError> {
+pub(crate) fn arrival_axis(files: &[PathBuf], runway: &Runway) -> dataset::Result<JudgedTracks> {
     let mut lines = Vec::new();
     let mut left_out = Vec::new();
     for file in files {

@@ -4,21 +4,19 @@
 //! speed, where they are set for landing. They are extended at S speed once the aircraft descends on the glide path, at 2,000 ft at the
 //! latest, and for landing by 1,000 ft.
 
-use dataset::numbers::units::METERS_PER_FOOT;
+use dataset::numbers::units::{METERS_PER_FOOT, METERS_PER_NAUTICAL_MILE};
 
 /// Airspeeds below which flaps are half and fully extended, in ratio to the final one.
 const S_SPEED: f64 = 1.35;
 const F_SPEED: f64 = 1.15;
-/// Heights above the target by which they are, metres.
+/// Heights above the target for half and full flaps at the latest, metres.
 const HALF_BY_M: f64 = 2_000.0 * METERS_PER_FOOT;
 const FULL_BY_M: f64 = 1_000.0 * METERS_PER_FOOT;
-/// A dot of a glide path indicator, degrees. Nearer to the runway than this, metres, the angle says little.
+/// A dot on the glide path indicator, degrees. Within a nautical mile of the runway the angle says little.
 const DOT_DEG: f64 = 0.35;
-const TOO_NEAR_M: f64 = 1_852.0;
 /// Time from half to full, seconds.
 const TRAVEL_S: f64 = 8.0;
 
-/// A moment of an approach.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
     pub(super) time_s: f64,
@@ -38,13 +36,13 @@ pub(super) struct FlapSchedule {
 }
 
 impl FlapSchedule {
-    /// The schedule of an approach, by its moments in order of time.
+    /// Schedule for an approach, by its moments in order of time.
     pub(super) fn of(moments: &[Moment], glide_path_deg: f64) -> Self {
         let is_off = |at: &Moment| {
             let angle_deg = at.height_m.atan2(at.to_go_m).to_degrees();
             let is_beside = (angle_deg - glide_path_deg).abs() > DOT_DEG;
             let descends = -at.climbs_deg > glide_path_deg / 2.0;
-            at.to_go_m > TOO_NEAR_M && (is_beside || !descends)
+            at.to_go_m > METERS_PER_NAUTICAL_MILE && (is_beside || !descends)
         };
         let captured = moments.iter().rposition(is_off).map_or(0, |last| last + 1);
         let first = |from: usize, is_due: &dyn Fn(usize, &Moment) -> bool| {

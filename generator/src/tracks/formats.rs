@@ -6,43 +6,40 @@ mod x_plane;
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use chrono::DateTime;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::runway::Runway;
-use dataset::numbers::units::METERS_PER_FOOT;
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use serde_json::Value;
 
 /// The largest file that is read.
 const TRACKS: FileKind = FileKind::new("file of tracks", 1 << 40);
-/// A day of one aircraft, which is read whole.
+/// One aircraft's day, which is read whole.
 const TRACE: FileKind = FileKind::new("trace_full of readsb", 256 << 20);
 /// Positions further from the runway are not kept, metres.
 const NEAR_M: f64 = 150_000.0;
-const MPS_PER_KNOT: f64 = 1_852.0 / 3_600.0;
 /// Times above this are milliseconds since 1970.
 const MILLISECONDS: f64 = 1e11;
 
-/// A report of a receiver.
+/// Receiver's report.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fix {
-    /// Time of the position, seconds.
     pub(super) time_s: f64,
     pub(super) latitude_deg: f64,
     pub(super) longitude_deg: f64,
-    /// By any datum: it is tied to the runway later.
+    /// Altitude above any datum: it is tied to the runway later.
     pub(super) altitude_m: Option<f64>,
     pub(super) ground_speed_mps: Option<f64>,
     pub(super) track_deg: Option<f64>,
     pub(super) on_ground: bool,
     pub(super) attitude: Option<Attitude>,
-    /// Of a simulator: position and altitude above mean sea level are exact.
+    /// True for a simulator's fix: position and altitude above mean sea level are exact.
     pub(super) is_simulated: bool,
 }
 
-/// A measured attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Attitude {
     pub(super) pitch_deg: f64,
@@ -50,49 +47,16 @@ pub(super) struct Attitude {
     pub(super) heading_true_deg: Option<f64>,
 }
 
-/// The fixes of one aircraft in order of time.
+/// An aircraft's fixes in order of time.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Track {
     pub(super) aircraft: Option<String>,
     pub(super) fixes: Vec<Fix>,
 }
 
-/// Reasons why a file has no tracks.
-#[derive(Debug, thiserror::Error)]
-pub enum TrackFileError {
-    /// It cannot be read.
-    #[error(transparent)]
-    Unreadable(#[from] dataset::Error),
-    /// It is broken.
-    #[error("{}: {why}", path.display())]
-    Broken {
-        /// The file.
-        path: PathBuf,
-        /// Line and reason.
-        why: String,
-    },
-    /// Columns are missing.
-    #[error(
-        "{}: no column for {missing}; its columns are {found}. Expected the columns of traffic (timestamp, latitude, longitude, altitude), of \
-         OpenSky (time, lat, lon, baroaltitude), trace_full of readsb, JSON lines of jet1090, or X-Plane's Data.txt or .fdr",
-        path.display()
-    )]
-    MissingColumns {
-        /// The file.
-        path: PathBuf,
-        /// Their meanings.
-        missing: String,
-        /// The names in the first line.
-        found: String,
-    },
-}
-
-/// Reads a file; of a CSV, which may hold the traffic of a continent, only what is near the runway.
-pub(super) fn read(path: &Path, runway: &Runway) -> Result<Vec<Track>, TrackFileError> {
-    let broken = |why: String| TrackFileError::Broken {
-        path: path.to_owned(),
-        why,
-    };
+/// Reads a file; a CSV may hold a continent's traffic, so only fixes near the runway are kept.
+pub(super) fn read(path: &Path, runway: &Runway) -> dataset::Result<Vec<Track>> {
+    let broken = |why: String| dataset::Error::corpus(path, why);
     let mut file = BufReader::new(outside_file::open(path, TRACKS)?);
     let head = file.fill_buf().map_err(|error| broken(error.to_string()))?;
     let first = head.iter().find(|byte| !byte.is_ascii_whitespace());
@@ -124,7 +88,7 @@ pub(super) fn read(path: &Path, runway: &Runway) -> Result<Vec<Track>, TrackFile
     Ok(tracks)
 }
 
-/// Columns of a kind of file, by meaning, with the factors to metres and seconds.
+/// Columns by meaning, with the factors to metres and seconds.
 struct Columns {
     time: &'static str,
     latitude: &'static str,
@@ -159,15 +123,15 @@ const KINDS: [Columns; 2] = [
     },
 ];
 
-/// The fixes of an aircraft while its file is read.
+/// Fixes kept while a file is read.
 #[derive(Default)]
-struct Kept {
+struct NearFixes {
     fixes: Vec<Fix>,
-    /// The nearest of those that are far from the runway, and its distance, metres.
+    /// Nearest fix far from the runway, and its distance, metres.
     nearest: Option<(f64, Fix)>,
 }
 
-impl Kept {
+impl NearFixes {
     fn add(&mut self, fix: Fix, target: LatLon) {
         let place = LatLon {
             latitude_deg: fix.latitude_deg,
@@ -189,7 +153,7 @@ impl Kept {
         }
     }
 
-    /// One of an aircraft that was never near has its nearest position, for the message.
+    /// An aircraft that was never near has only its nearest position, for the message.
     fn fixes(self) -> Vec<Fix> {
         match self.nearest {
             Some((_, fix)) if self.fixes.is_empty() => vec![fix],
@@ -198,15 +162,8 @@ impl Kept {
     }
 }
 
-fn csv_tracks<R: Read>(
-    path: &Path,
-    file: R,
-    runway: &Runway,
-) -> Result<Vec<Track>, TrackFileError> {
-    let broken = |why: String| TrackFileError::Broken {
-        path: path.to_owned(),
-        why,
-    };
+fn csv_tracks<R: Read>(path: &Path, file: R, runway: &Runway) -> dataset::Result<Vec<Track>> {
+    let broken = |why: String| dataset::Error::corpus(path, why);
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .from_reader(file);
@@ -223,11 +180,12 @@ fn csv_tracks<R: Read>(
         let missing = needed(&KINDS[0])
             .into_iter()
             .filter(|name| place(name).is_none());
-        return Err(TrackFileError::MissingColumns {
-            path: path.to_owned(),
-            missing: missing.collect::<Vec<_>>().join(", "),
-            found: header.iter().collect::<Vec<_>>().join(", "),
-        });
+        return Err(broken(format!(
+            "no column for {}; its columns are {}. Expected the columns of traffic (timestamp, latitude, longitude, altitude), of OpenSky \
+             (time, lat, lon, baroaltitude), trace_full of readsb, JSON lines of jet1090, or X-Plane's Data.txt or .fdr",
+            missing.collect::<Vec<_>>().join(", "),
+            header.iter().collect::<Vec<_>>().join(", ")
+        )));
     };
     let [time, latitude, longitude, altitude] =
         needed(kind).map(|name| place(name).unwrap_or_default());
@@ -235,7 +193,7 @@ fn csv_tracks<R: Read>(
         [kind.speed, kind.track, "onground", "icao24"].map(place);
     let position_time = place("last_position").or_else(|| place("lastposupdate"));
     let target = runway.touchdown_target().lat_lon();
-    let mut tracks: BTreeMap<String, Kept> = BTreeMap::new();
+    let mut tracks: BTreeMap<String, NearFixes> = BTreeMap::new();
     for record in reader.records() {
         let record = record.map_err(|error| broken(error.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -291,15 +249,15 @@ fn csv_tracks<R: Read>(
     Ok(tracks_of(tracks))
 }
 
-fn tracks_of(kept: BTreeMap<String, Kept>) -> Vec<Track> {
-    let track = |(name, kept): (String, Kept)| Track {
+fn tracks_of(kept: BTreeMap<String, NearFixes>) -> Vec<Track> {
+    let track = |(name, kept): (String, NearFixes)| Track {
         aircraft: (!name.is_empty()).then_some(name),
         fixes: kept.fixes(),
     };
     kept.into_iter().map(track).collect()
 }
 
-/// Seconds since 1970 of a date such as `2021-10-07 13:35:44+00:00`; without a zone it is UTC.
+/// Parses a date such as `2021-10-07 13:35:44+00:00` to seconds since 1970; without a zone it is UTC.
 fn date_s(text: &str) -> Option<f64> {
     let has_date = text.len() > 10 && text.as_bytes().get(4) == Some(&b'-');
     let text = has_date.then(|| text.replacen(' ', "T", 1))?;
@@ -309,7 +267,7 @@ fn date_s(text: &str) -> Option<f64> {
     Some(date.timestamp_micros() as f64 / 1e6)
 }
 
-/// A day of one aircraft: rows of seconds, latitude, longitude, altitude in feet or "ground", knots, track.
+/// One aircraft's day: rows of seconds, latitude, longitude, altitude in feet or "ground", knots, track.
 fn trace_full(trace: &Value) -> Option<Track> {
     let start_s = trace.get("timestamp")?.as_f64()?;
     let rows = trace.get("trace")?.as_array()?;

@@ -1,19 +1,18 @@
-//! True heights above the runway from altitudes of any datum.
+//! True heights above the runway from altitudes above any datum.
 //!
 //! Barometric altitudes are above 1013.25 hPa, in steps of 25 ft, and stretched by temperature. On final approach the aircraft is on the
 //! glide path, which ends at the touchdown target: a line through the altitudes there gives the altitude of the target and, if the angle is
-//! near the glide path's, the stretch. A flight with another angle keeps it. One that is off the glide path by as much as temperatures
-//! explain cannot be told from one on it.
+//! near the glide path's, the stretch. A flight with a different angle keeps it. Deviations from the glide path that temperatures can
+//! explain remain undetected.
 
 use dataset::geometry::runway::Runway;
 use dataset::numbers::spread::median;
 
-use super::arrival::{NoArrival, Seen};
+use super::arrival::{ArrivalFix, NoArrival};
 
 /// Distances between which the line is fitted, metres: 0.7 to 4 NM.
 const FINAL_M: (f64, f64) = (1_300.0, 7_400.0);
-const MIN_COUNT: usize = 8;
-/// Angles of approaches, degrees.
+const MIN_ALTITUDES: usize = 8;
 const ANGLES_DEG: std::ops::RangeInclusive<f64> = 2.0..=6.5;
 /// Altitudes further from the line are left out, metres.
 const OUTLIER_M: f64 = 25.0;
@@ -23,12 +22,12 @@ const STRETCH: std::ops::RangeInclusive<f64> = 0.925..=1.093;
 const STRETCH_SD: f64 = 0.045;
 /// Altitudes within this distance of each other, metres, are off the line in the same way: steps and gusts last about six seconds.
 const ALIKE_M: f64 = 450.0;
-/// What is left of the steps after smoothing, metres (standard deviation).
+/// Residual of the steps after smoothing, metres (standard deviation).
 const STEPS_SD_M: f64 = 1.0;
-/// Half the width of an interval that holds 90 % of a normal distribution.
+/// 95th percentile of the standard normal distribution.
 const NORMAL_90: f64 = 1.645;
 
-/// From altitudes to heights above the touchdown target.
+/// Conversion from altitudes to heights above the touchdown target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Datum {
     target_m: f64,
@@ -36,7 +35,6 @@ pub(super) struct Datum {
     line: Line,
     /// True if the glide path gives the stretch.
     is_tied: bool,
-    /// True if altitudes are exact.
     is_exact: bool,
 }
 
@@ -50,22 +48,25 @@ struct Line {
     spread_m: f64,
     /// Standard deviation of the altitudes from the line, metres.
     off_m: f64,
-    /// Number of altitudes that are off in ways of their own.
+    /// Number of independent altitude errors.
     independent: f64,
 }
 
+fn too_few(altitudes: usize) -> NoArrival {
+    NoArrival(format!(
+        "it has {altitudes} plausible altitudes between 0.7 and 4 NM, expected at least {MIN_ALTITUDES}"
+    ))
+}
+
 impl Datum {
-    /// The datum of an arrival.
-    pub(super) fn of(arrival: &[Seen], runway: &Runway) -> Result<Self, NoArrival> {
+    pub(super) fn of(arrival: &[ArrivalFix], runway: &Runway) -> Result<Self, NoArrival> {
         let mut points: Vec<(f64, f64)> = arrival
             .iter()
             .filter(|at| (FINAL_M.0..=FINAL_M.1).contains(&at.to_go_m))
             .filter_map(|at| Some((at.to_go_m, at.fix.altitude_m?)))
             .collect();
-        if points.len() < MIN_COUNT {
-            return Err(NoArrival::NoAltitudes {
-                altitudes: points.len(),
-            });
+        if points.len() < MIN_ALTITUDES {
+            return Err(too_few(points.len()));
         }
         if arrival.iter().all(|at| at.fix.is_simulated) {
             return Ok(Self::exact(runway));
@@ -74,16 +75,16 @@ impl Datum {
         points.retain(|(to_go_m, altitude_m)| {
             (altitude_m - rough.0 - rough.1 * to_go_m).abs() < OUTLIER_M
         });
-        if points.len() < MIN_COUNT {
-            return Err(NoArrival::NoAltitudes {
-                altitudes: points.len(),
-            });
+        if points.len() < MIN_ALTITUDES {
+            return Err(too_few(points.len()));
         }
         let line = Line::through(&points);
         let slope = line.slope;
         let angle_deg = slope.atan().to_degrees();
         if !ANGLES_DEG.contains(&angle_deg) {
-            return Err(NoArrival::NoDescent { angle_deg });
+            return Err(NoArrival(format!(
+                "it descends at {angle_deg:.1} degrees between 0.7 and 4 NM, expected 2 to 6.5"
+            )));
         }
         let stretch = runway.glide_path_deg.to_radians().tan() / slope;
         let is_tied = STRETCH.contains(&stretch);
@@ -115,7 +116,6 @@ impl Datum {
         }
     }
 
-    /// True if altitudes are exact.
     pub(super) fn is_exact(self) -> bool {
         self.is_exact
     }
@@ -124,7 +124,7 @@ impl Datum {
         (altitude_m - self.target_m) * self.stretch
     }
 
-    /// Half the width of the interval that holds 90 % of the errors of a height, for flights on the glide path.
+    /// Half-width of the 90 % interval of height errors, for flights on the glide path.
     pub(super) fn half_width_90_m(self, height_m: f64) -> f64 {
         let line = self.line;
         let level_m = self.stretch * line.off_m / line.independent.sqrt();
@@ -151,8 +151,7 @@ impl Datum {
     }
 }
 
-/// Value at 0 and slope of a line by medians, which single wrong values do not move: the slope is the median between the nearer and the
-/// further half.
+/// Line by medians, robust against single wrong values: value at 0, and the median slope between the nearer and the further half.
 pub(super) fn line_through_medians(points: &[(f64, f64)]) -> (f64, f64) {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));

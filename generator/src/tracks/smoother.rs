@@ -6,9 +6,8 @@
 pub(super) struct Measured {
     pub(super) time_s: f64,
     pub(super) place_m: f64,
-    /// Speed, if it was measured.
     pub(super) speed_mps: Option<f64>,
-    /// Acceleration of a turn: the noise is stronger there, m/s^2.
+    /// Turning acceleration: the noise is stronger there, m/s^2.
     pub(super) turns_mps2: f64,
 }
 
@@ -31,9 +30,9 @@ pub(super) struct Noise {
 
 /// A place this many standard deviations away is an outlier.
 const OUTLIER: f64 = 5.0;
-/// A turn changes within about this time, seconds: the spectral density of its acceleration is the square times this.
+/// Correlation time of turns, seconds: the spectral density of turning acceleration is its square times this.
 const TURN_S: f64 = 0.3;
-/// Passes in which outliers are found.
+/// Maximum number of passes to find outliers.
 const PASSES: usize = 3;
 
 type Matrix = [[f64; 2]; 2];
@@ -44,7 +43,7 @@ struct State {
     covariance: Matrix,
 }
 
-/// The smoothed path at the times of the measurements, and which of these are outliers. At least two measurements, in order of time.
+/// Smooths a path: states at the times of the measurements, and outlier flags. At least two measurements, in order of time.
 pub(super) fn smooth(measured: &[Measured], noise: Noise) -> (Vec<Smoothed>, Vec<bool>) {
     let mut is_outlier = vec![false; measured.len()];
     let mut path = pass(measured, &is_outlier, noise);
@@ -63,7 +62,7 @@ pub(super) fn smooth(measured: &[Measured], noise: Noise) -> (Vec<Smoothed>, Vec
     (path, is_outlier)
 }
 
-/// Place and speed between the states of a path, by a cubic; beyond its ends with constant speed.
+/// State between those of a path, by a cubic; beyond the ends with constant speed.
 pub(super) fn at(path: &[Smoothed], time_s: f64) -> Smoothed {
     let next = path.partition_point(|state| state.time_s <= time_s);
     let Some(before) = next.checked_sub(1).map(|before| path[before]) else {
@@ -146,7 +145,7 @@ impl State {
         }
     }
 
-    /// With a measurement of place (0) or speed (1).
+    /// Update with a measurement of place (0) or speed (1).
     fn updated(self, which: usize, value: f64, sd: f64) -> Self {
         let p = self.covariance;
         let innovation = value - self.mean[which];
@@ -165,7 +164,7 @@ impl State {
         Self { mean, covariance }
     }
 
-    /// This filtered state with what followed: the next state before its measurement, and smoothed.
+    /// Smooths this filtered state with the next one: `predicted` before its measurement, and smoothed.
     fn smoothed(self, step_s: f64, predicted: &Self, next: &Self) -> Self {
         let [[p, c], [_, v]] = self.covariance;
         // Covariance of this state and the next one.

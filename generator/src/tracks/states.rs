@@ -1,4 +1,4 @@
-//! The states of a recording from an arrival: path and height are smoothed, everything else follows from them.
+//! From an arrival to states: path and height are smoothed, everything else follows from them.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::spread::{mean_and_deviation, median};
 use dataset::numbers::units::Degrees;
 
-use super::arrival::{NoArrival, Seen, arrival, without_jumps};
+use super::arrival::{ArrivalFix, NoArrival, arrival, without_jumps};
 use super::attitude::{density, final_speed_mps, gear, measured_attitude, pitch_deg, roll_deg};
 use super::flaps::{FlapSchedule, Moment};
 use super::formats::{Attitude, Fix};
@@ -32,17 +32,17 @@ const HEIGHT: Noise = Noise {
     speed_mps: 1.0,
     acceleration: 0.05,
 };
-/// Positions of a simulator are rounded, metres.
+/// Rounding error of simulated positions, metres.
 const EXACT_M: f64 = 1.0;
-/// An altitude this far from the median of its neighbours on both sides is wrong, metres.
+/// Maximum distance of a correct altitude from its neighbours' median, metres.
 const SPIKE_M: f64 = 100.0;
 const NEIGHBOURS: usize = 5;
-/// Below this height an aircraft that sinks no faster than this, m/s, has landed: altitudes have steps.
+/// Landed if below this height, metres, and sinking no faster than this, m/s: altitudes have steps.
 const LOW_M: f64 = 12.0;
 const SINKS_NO_MORE_MPS: f64 = 0.4;
 /// Height of the centre of gravity when the wheels touch the runway, metres.
 const ON_WHEELS_M: f64 = 3.5;
-/// Sink rates of an aircraft that is continued to the ground, m/s.
+/// Limits of the sink rate after the last altitude, m/s.
 const SINKS_MPS: (f64, f64) = (1.5, 4.5);
 /// Over this time before touchdown a remaining height is taken away, seconds.
 const CORRECTED_S: f64 = 20.0;
@@ -58,7 +58,6 @@ const TURNS_S: f64 = 5.0;
 
 const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground,altitude_90_m,attitude,position";
 
-/// The states of a recording.
 pub(super) struct Made {
     rows: Vec<Row>,
     pub(super) along_sd_m: f64,
@@ -73,11 +72,10 @@ struct Row {
     on_ground: bool,
     is_measured: bool,
     has_measured_attitude: bool,
-    /// Half the width of the 90 % interval of the height.
+    /// Half-width of the 90 % interval of the height.
     height_90_m: f64,
 }
 
-/// The smoothed path.
 struct Path<'a> {
     runway: &'a Runway,
     to_go: Vec<Smoothed>,
@@ -100,7 +98,6 @@ struct Scatter {
     outliers: usize,
 }
 
-/// The states of the arrival of a track.
 pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival> {
     let (fixes, jumps) = without_jumps(fixes);
     let seen = arrival(&fixes, runway)?;
@@ -133,7 +130,7 @@ fn without_spikes(heights: &[Measured]) -> Vec<Measured> {
 }
 
 /// Acceleration of the turn around a fix, by the reported tracks.
-fn turns_mps2(seen: &[Seen], index: usize) -> f64 {
+fn turns_mps2(seen: &[ArrivalFix], index: usize) -> f64 {
     let here_s = seen[index].fix.time_s;
     let first = seen.partition_point(|at| at.fix.time_s < here_s - TURNS_S);
     let last = seen.partition_point(|at| at.fix.time_s <= here_s + TURNS_S) - 1;
@@ -150,9 +147,8 @@ fn turns_mps2(seen: &[Seen], index: usize) -> f64 {
 }
 
 impl<'a> Path<'a> {
-    /// The path through the fixes of an arrival.
-    fn through(seen: &[Seen], datum: Datum, runway: &'a Runway) -> (Self, Scatter) {
-        let velocity_mps = |at: &Seen| {
+    fn through(seen: &[ArrivalFix], datum: Datum, runway: &'a Runway) -> (Self, Scatter) {
+        let velocity_mps = |at: &ArrivalFix| {
             let (Some(track_deg), Some(speed_mps)) = (at.fix.track_deg, at.fix.ground_speed_mps)
             else {
                 return [None; 2];
@@ -237,7 +233,7 @@ impl<'a> Path<'a> {
     }
 
     /// Finds the touchdown: by the first fix on the ground, or where the path reaches it; after the end of the track by its last sink rate.
-    fn land(&mut self, seen: &[Seen]) {
+    fn land(&mut self, seen: &[ArrivalFix]) {
         let rolls_s = seen
             .iter()
             .find(|at| at.fix.on_ground)
@@ -337,7 +333,7 @@ impl<'a> Path<'a> {
         east.atan2(north).to_degrees()
     }
 
-    fn row(&self, time_s: f64, first_s: f64, seen: &[Seen]) -> Row {
+    fn row(&self, time_s: f64, first_s: f64, seen: &[ArrivalFix]) -> Row {
         let [to_go, right] = self.place(time_s);
         let target = self.runway.touchdown_target();
         let here = self.runway.point_on_approach(to_go.place_m, right.place_m);

@@ -1,17 +1,17 @@
-//! The part of a flight that is the approach: a recording may begin with a departure, a circuit or another approach.
+//! The approach within a flight: a recording may begin with a departure, a circuit or an earlier approach.
 
 /// Indices of states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Inbound {
-    /// The first state of the approach: at or within the distance at which it should begin.
+    /// First state of the approach: at or within the required start distance.
     pub(crate) first: usize,
     /// The first state at or past the touchdown target, if the flight gets there.
     pub(crate) passing: Option<usize>,
 }
 
-/// The last approach of a flight: it ends where the aircraft last passes the target coming from the air, and begins at the last
-/// crossing of `start_dtd_m` before, or where the aircraft was furthest out if it never was as far. `to_go_m` are the remaining
-/// distances along the course; a state whose distance is NaN is taken for far away.
+/// The last approach: it ends where the aircraft last passes the target coming from the air, and begins at the last crossing of
+/// `start_dtd_m` before, or where the aircraft was furthest out if it never was as far. `to_go_m` are the remaining distances along the
+/// course; a state whose distance is NaN is taken for far away.
 ///
 /// `None`: no state is before the target.
 pub(crate) fn last_approach(
@@ -26,7 +26,7 @@ pub(crate) fn last_approach(
     approaches.last()
 }
 
-/// The same state by state, for flights of any length.
+/// Incremental [`last_approach`], for flights of any length.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Approaches {
     start_dtd_m: f64,
@@ -57,7 +57,6 @@ impl Approaches {
         }
     }
 
-    /// Adds a state.
     pub(crate) fn add(&mut self, to_go_m: f64, is_airborne: bool) {
         let index = self.states;
         self.states += 1;
@@ -85,7 +84,7 @@ impl Approaches {
         }
     }
 
-    /// The last approach so far.
+    /// The last approach up to now.
     pub(crate) fn last(&self) -> Option<Inbound> {
         let ends_before = || {
             let first = self.run?.first();

@@ -5,7 +5,7 @@ use super::table::Table;
 /// Course of WSSS 02L, degrees.
 const COURSE_DEG: f64 = 23.02;
 
-/// Sixty kinds with the text of a file each.
+/// File texts of sixty kinds.
 pub(crate) fn unusual(good: &Table) -> Vec<(String, String)> {
     let mut kinds = files(good);
     let mut add = |kind: String, table: Table| kinds.push((kind, table.text(",")));

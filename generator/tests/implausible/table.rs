@@ -72,7 +72,7 @@ impl Table {
         text
     }
 
-    /// Without the rows for which `is_left_out` holds.
+    /// The table without the rows for which `is_left_out` holds.
     pub(crate) fn without(mut self, is_left_out: impl Fn(usize, &[f64]) -> bool) -> Self {
         let mut row = 0;
         self.rows.retain(|fields| {

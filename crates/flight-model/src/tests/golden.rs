@@ -1,5 +1,5 @@
-//! Flights of this [`VERSION`], kept in `golden/flights.json`: a plan of computed flights names the version, so other flights need another
-//! one. With a new version, `cargo test --release -p flight-model --lib golden -- --ignored` writes the file.
+//! Flights of this [`VERSION`], kept in `golden/flights.json`: plans with computed flights name the version, so different flights need a
+//! new one. With a new version, `cargo test --release -p flight-model --lib golden -- --ignored` writes the file.
 
 use std::path::PathBuf;
 
@@ -22,7 +22,7 @@ fn kept() -> Value {
     serde_json::from_slice(&std::fs::read(path()).unwrap()).unwrap()
 }
 
-/// One flight of each vertical profile, in calm, windy and rough air.
+/// A flight per vertical profile, in calm, windy and rough air.
 fn flown() -> Value {
     let descent = ApproachProfile::ContinuousDescent {
         start_altitude_msl_m: 762.0,

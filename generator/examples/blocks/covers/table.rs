@@ -23,7 +23,7 @@ struct Run {
     seed: u32,
 }
 
-/// The scenarios of one cover and weather.
+/// Scenarios by cover and weather.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Row {
     pub(crate) cover: String,

@@ -4,20 +4,20 @@ use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::units::Degrees;
 
-use super::{Conflict, PLACE_M, USUAL_GLIDE_PATH_DEG, USUAL_TOUCHDOWN_M};
+use super::{Conflict, PLACE_TOLERANCE_M, USUAL_GLIDE_PATH_DEG, USUAL_TOUCHDOWN_M};
 use crate::airports::sources::Ends;
 use crate::tracks::{ArrivalAxis, JudgedTracks, RefusedTrack};
 
 /// Courses contradict each other beyond this difference, degrees.
-const COURSE_DEG: f64 = 0.05;
+const COURSE_TOLERANCE_DEG: f64 = 0.05;
 /// A localizer further from the centreline, metres, belongs to an approach at an angle.
 const OFFSET_LOCALIZER_M: f64 = 100.0;
 /// Two centrelines are equally near to the localizer within this, metres.
 const EQUALLY_NEAR_M: f64 = 3.0;
-/// A line between localizers that is turned by more, degrees, belongs to another approach.
+/// A line between localizers that is turned by more, degrees, belongs to a different approach.
 const SAME_RUNWAY_DEG: f64 = 0.3;
 /// Arrivals are compared with the centreline at the target and this far before it, metres.
-const ARRIVALS_M: f64 = 10_000.0;
+const BEFORE_TARGET_M: f64 = 10_000.0;
 
 /// A runway by one table.
 pub(super) struct Line<'a> {
@@ -26,7 +26,7 @@ pub(super) struct Line<'a> {
     pub(super) course_deg: f64,
     /// Between the ends of the pavement, metres.
     pub(super) length_m: f64,
-    /// From the landing threshold on, metres.
+    /// Length from the landing threshold on, metres.
     pub(super) landing_m: f64,
     /// Distance of the localizer's antenna from the centreline, metres.
     pub(super) localizer_m: Option<f64>,
@@ -58,12 +58,11 @@ impl<'a> Line<'a> {
         line
     }
 
-    /// With the arrivals on it.
     pub(super) fn judge(&mut self, tracks: JudgedTracks) {
         (self.arrivals, self.left_out) = (tracks.axis, tracks.left_out);
     }
 
-    /// The runway by this table at sea level, for what lies on the ground.
+    /// The runway by this table at sea level, for places on the ground.
     pub(super) fn runway(&self, airport: &str, name: &str) -> Runway {
         Runway {
             airport: airport.to_owned(),
@@ -79,7 +78,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Its ends moved sideways onto the line between the localizers of both directions; `None` if that line is none of this runway.
+    /// Moves the ends sideways onto the line between the localizers of both directions; `None` if that line belongs to a different runway.
     pub(super) fn onto_axis(&self, opposite: LatLon, localizer: LatLon) -> Option<Ends> {
         let course_deg = opposite.azimuth_to_deg(localizer);
         let turned_deg = Degrees(course_deg - self.course_deg).wrapped_180().0;
@@ -103,13 +102,12 @@ impl<'a> Line<'a> {
         Some(ends)
     }
 
-    /// Distance of its centreline from where aircraft fly, metres, if there are enough to tell.
+    /// Distance between centreline and flown line, metres, with enough arrivals.
     fn arrivals_m(&self) -> Option<f64> {
         let axis = self.arrivals.filter(ArrivalAxis::is_judge)?;
-        Some(axis.aside_m(ARRIVALS_M))
+        Some(axis.aside_m(BEFORE_TARGET_M))
     }
 
-    /// A place in coordinates of the threshold.
     fn place(&self, place: LatLon) -> RunwayCoordinates {
         RunwayCoordinates::of(
             place.at_altitude_m(0.0),
@@ -118,7 +116,7 @@ impl<'a> Line<'a> {
         )
     }
 
-    /// Offset of a place from the centreline, to the right when landing, metres.
+    /// Offset from the centreline, to the right when landing, metres.
     pub(super) fn across_m(&self, place: LatLon) -> f64 {
         self.place(place).cross_track_m
     }
@@ -127,13 +125,12 @@ impl<'a> Line<'a> {
         self.place(place).along_track_m
     }
 
-    /// By how much its length is not the stated one, metres.
     pub(super) fn off_length_m(&self, stated_m: f64) -> f64 {
         (self.length_m - stated_m).abs()
     }
 }
 
-/// The table that agrees best with what is independent of it, and why.
+/// Table in best agreement with independent evidence, and the reasons.
 pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>, String)> {
     let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
     // A centreline that is far from the localizer is the worst, unless all are: then it belongs to an approach at an angle.
@@ -156,7 +153,7 @@ pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>
         let is_better = nearer_m
             .find(|nearer_m| nearer_m.abs() > EQUALLY_NEAR_M)
             .map_or_else(
-                || off_m(line) + PLACE_M < off_m(best),
+                || off_m(line) + PLACE_TOLERANCE_M < off_m(best),
                 |nearer_m| nearer_m > 0.0,
             );
         if is_better {
@@ -201,13 +198,13 @@ pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>
     ))
 }
 
-/// Contradictions between the recommended table and another one.
+/// Contradictions between the recommended table and a second one.
 pub(super) fn differences(best: &Line<'_>, other: &Line<'_>, reason: &str) -> Vec<Conflict> {
     let (one, two) = (best.ends.source, other.ends.source);
     let recommended = format!("{one}{reason}");
     let mut found = Vec::new();
     let off_deg = Degrees(other.course_deg - best.course_deg).wrapped_180().0;
-    if off_deg.abs() > COURSE_DEG {
+    if off_deg.abs() > COURSE_TOLERANCE_DEG {
         found.push(Conflict {
             figure: "course_true_deg",
             found: format!(
@@ -220,7 +217,7 @@ pub(super) fn differences(best: &Line<'_>, other: &Line<'_>, reason: &str) -> Ve
         });
     }
     let place = best.place(other.threshold);
-    if place.dtd_m > PLACE_M {
+    if place.dtd_m > PLACE_TOLERANCE_M {
         found.push(Conflict {
             figure: "threshold",
             found: format!(

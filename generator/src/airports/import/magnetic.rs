@@ -1,4 +1,4 @@
-//! The magnetic course of a runway by the World Magnetic Model, and the magnetic courses that sources state.
+//! Magnetic courses: by the World Magnetic Model, and as stated by sources.
 
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::sun;
@@ -11,17 +11,16 @@ use world_magnetic_model::uom::si::length::meter;
 
 use super::Conflict;
 
-/// The middle of the year.
-const DAY: u16 = 183;
+const MID_YEAR_DAY: u16 = 183;
 /// A stated magnetic course may be off by this much, degrees: variations are updated every five to ten years, and change by up to 0.2
 /// degrees a year.
-const STATED_DEG: f64 = 2.0;
+const STATED_TOLERANCE_DEG: f64 = 2.0;
 /// A designator is the magnetic course in tens of degrees, rounded, and changed late.
-const DESIGNATOR_DEG: f64 = 10.0;
+const DESIGNATOR_TOLERANCE_DEG: f64 = 10.0;
 
-/// Magnetic course in the middle of the year in which sweeps are flown, degrees; `None` where the model is not valid.
+/// Magnetic course in the middle of the sweeps' year, degrees; `None` where the model is not valid.
 pub(super) fn course_magnetic_deg(course_true_deg: f64, threshold: Geodetic) -> Option<f64> {
-    let date = Date::from_ordinal_date(sun::YEAR, DAY).ok()?;
+    let date = Date::from_ordinal_date(sun::YEAR, MID_YEAR_DAY).ok()?;
     // Single precision is enough: the model is good to 0.3 degrees.
     let angle = |degrees: f64| Angle::new::<degree>(degrees as f32);
     let field = GeomagneticField::new(
@@ -35,7 +34,7 @@ pub(super) fn course_magnetic_deg(course_true_deg: f64, threshold: Geodetic) -> 
     Some(Degrees(course_true_deg - east_deg).wrapped_360().0)
 }
 
-/// Contradictions of a magnetic course: with the one that a source states, and with the runway's designator.
+/// Contradictions with the stated magnetic course and with the runway's designator.
 pub(super) fn contradictions(
     magnetic_deg: f64,
     stated_deg: Option<f64>,
@@ -50,7 +49,7 @@ pub(super) fn contradictions(
         recommended: format!("the World Magnetic Model: {magnetic_deg:.1}"),
     };
     if let Some(stated_deg) =
-        stated_deg.filter(|stated_deg| off_deg(*stated_deg).abs() > STATED_DEG)
+        stated_deg.filter(|stated_deg| off_deg(*stated_deg).abs() > STATED_TOLERANCE_DEG)
     {
         found.push(conflict(format!(
             "{stated_deg:.1} by earth_nav.dat, {magnetic_deg:.1} by the World Magnetic Model in {year}"
@@ -59,7 +58,7 @@ pub(super) fn contradictions(
     let digits = designator.trim_end_matches(|letter: char| !letter.is_ascii_digit());
     let named_deg = digits.parse::<f64>().ok().map(|tens| tens * 10.0);
     if let Some(named_deg) =
-        named_deg.filter(|named_deg| off_deg(*named_deg).abs() > DESIGNATOR_DEG)
+        named_deg.filter(|named_deg| off_deg(*named_deg).abs() > DESIGNATOR_TOLERANCE_DEG)
     {
         found.push(conflict(format!(
             "{named_deg:.0} by the designator {designator}, {magnetic_deg:.1} by the World Magnetic Model in {year}: another or a renamed runway?"

@@ -1,4 +1,4 @@
-//! Sources that confirm the recommended centreline of a runway: across it and in its course, not along it.
+//! Sources that confirm the recommended centreline: its offset and its course, not the position along it.
 
 use dataset::geometry::geodesy::LatLon;
 use dataset::numbers::units::Degrees;
@@ -6,10 +6,10 @@ use dataset::numbers::units::Degrees;
 use super::line::Line;
 
 /// Two sources agree within these differences: metres across at the threshold, degrees.
-const ACROSS_M: f64 = 5.0;
-const TURNED_DEG: f64 = 0.02;
+const ACROSS_TOLERANCE_M: f64 = 5.0;
+const COURSE_TOLERANCE_DEG: f64 = 0.02;
 
-/// Names of the sources that agree with a line: other tables, the axis of both localizers, arrivals. None of them: it is unconfirmed.
+/// Names of the sources that agree with a line: other tables, the axis of both localizers, arrivals. Without one the runway is unconfirmed.
 pub(super) fn confirmed_by(
     best: &Line<'_>,
     lines: &[Line<'_>],
@@ -17,7 +17,8 @@ pub(super) fn confirmed_by(
 ) -> Vec<String> {
     let agrees = |other: &Line<'_>| {
         let turned_deg = Degrees(other.course_deg - best.course_deg).wrapped_180().0;
-        best.across_m(other.threshold).abs() <= ACROSS_M && turned_deg.abs() <= TURNED_DEG
+        best.across_m(other.threshold).abs() <= ACROSS_TOLERANCE_M
+            && turned_deg.abs() <= COURSE_TOLERANCE_DEG
     };
     let others = lines
         .iter()
@@ -37,8 +38,8 @@ pub(super) fn confirmed_by(
             value.abs() <= limit && error.is_some_and(|error| error <= limit)
         };
         axis.is_judge()
-            && is_within(axis.offset_m, axis.offset_error_m, ACROSS_M)
-            && is_within(axis.turned_deg, axis.turned_error_deg, TURNED_DEG)
+            && is_within(axis.offset_m, axis.offset_error_m, ACROSS_TOLERANCE_M)
+            && is_within(axis.turned_deg, axis.turned_error_deg, COURSE_TOLERANCE_DEG)
     });
     found.extend(arrivals.map(|axis| format!("{} arrivals", axis.arrivals)));
     found

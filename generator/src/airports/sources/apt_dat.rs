@@ -2,7 +2,7 @@
 
 use std::io::BufRead;
 
-use super::{End, Ends, Facts, Lines, SourceError, Wanted};
+use super::{End, Ends, Facts, Lines, Wanted};
 
 /// Fields of row 100: the first end begins here, and the second.
 const ENDS: [usize; 2] = [8, 17];
@@ -24,7 +24,7 @@ pub(super) fn read<R: BufRead>(
     mut lines: Lines<'_, R>,
     wanted: &Wanted<'_>,
     facts: &mut Facts,
-) -> Result<(), SourceError> {
+) -> dataset::Result<()> {
     let mut is_here = false;
     while let Some(line) = lines.next()? {
         let fields: Vec<&str> = line.split_whitespace().collect();
@@ -38,7 +38,7 @@ pub(super) fn read<R: BufRead>(
                 let Some(near) = names.iter().position(|name| *name == wanted.runway) else {
                     continue;
                 };
-                let end = |index: usize| -> Result<End, SourceError> {
+                let end = |index: usize| -> dataset::Result<End> {
                     let at = ENDS[index];
                     let field = |offset: usize| fields.get(at + offset).copied();
                     Ok(End {

@@ -4,14 +4,14 @@ use std::io::BufRead;
 
 use dataset::numbers::units::METERS_PER_FOOT;
 
-use super::{Aid, Facts, Lines, SourceError, Wanted};
+use super::{Aid, Facts, Lines, Wanted};
 
-/// Fields of a row: from the kind to the runway of version 810.
+/// Field index of the airport; version 810 has the runway next.
 const AIRPORT: usize = 8;
 const ELEVATION_FT: std::ops::RangeInclusive<f64> = -1_500.0..=16_000.0;
-/// Hundredths of a megahertz.
+/// Frequencies in units of 10 kHz.
 const FREQUENCY: std::ops::RangeInclusive<f64> = 10_800.0..=11_200.0;
-/// Hundredths of a degree times 1,000, and the bearing.
+/// Glide path angle in units of 0.01 degrees times 1,000, plus the bearing.
 const ANGLE: std::ops::RangeInclusive<f64> = 200_000.0..=800_000.0;
 /// The true bearing, degrees; from version 1100 on with 360 times the magnetic course, in whole degrees.
 const BEARING: std::ops::RangeInclusive<f64> = 0.0..=130_320.0;
@@ -28,7 +28,7 @@ pub(super) fn read<R: BufRead>(
     mut lines: Lines<'_, R>,
     wanted: &Wanted<'_>,
     facts: &mut Facts,
-) -> Result<(), SourceError> {
+) -> dataset::Result<()> {
     let opposite = wanted.opposite();
     while let Some(line) = lines.next()? {
         let fields: Vec<&str> = line.split_whitespace().collect();

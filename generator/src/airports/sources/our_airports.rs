@@ -4,7 +4,7 @@ use std::io::BufRead;
 
 use dataset::numbers::units::METERS_PER_FOOT;
 
-use super::{End, Ends, Facts, Lines, SourceError, Wanted};
+use super::{End, Ends, Facts, Lines, Wanted};
 
 const ELEVATION_FT: std::ops::RangeInclusive<f64> = -1_500.0..=16_000.0;
 const LENGTH_FT: std::ops::RangeInclusive<f64> = 100.0..=25_000.0;
@@ -20,7 +20,7 @@ pub(super) fn read<R: BufRead>(
     mut lines: Lines<'_, R>,
     wanted: &Wanted<'_>,
     facts: &mut Facts,
-) -> Result<(), SourceError> {
+) -> dataset::Result<()> {
     let header = fields(&lines.next()?.unwrap_or_default());
     while let Some(line) = lines.next()? {
         let row = fields(&line);
@@ -50,7 +50,7 @@ pub(super) fn read<R: BufRead>(
         let Some(near) = names.iter().position(|name| name == wanted.runway) else {
             continue;
         };
-        let end = |index: usize| -> Result<End, SourceError> {
+        let end = |index: usize| -> dataset::Result<End> {
             let of = |what: &str| field(&format!("{}_{what}", sides[index]));
             let feet = |what: &str, column: &str, range| match of(column) {
                 Some(text) => lines
@@ -89,7 +89,6 @@ pub(super) fn read<R: BufRead>(
     Ok(())
 }
 
-/// The fields of a line of CSV.
 fn fields(line: &str) -> Vec<String> {
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)

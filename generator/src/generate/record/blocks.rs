@@ -1,8 +1,8 @@
-//! Images of a flight taken in blocks: a view's camera rests while the aircraft moves from drawn frame to drawn frame, then the other view
-//! shows the same ticks.
+//! Images taken in blocks: a view's camera rests while the aircraft moves from drawn frame to drawn frame, then the other view shows the
+//! same ticks.
 //!
-//! In a paused world a block is the whole flight. In running time, which rain needs, clouds drift, so the views of a tick must not be far
-//! apart in time.
+//! In a paused world a block is the whole flight. In running time, which rain needs, clouds drift, so a tick's views must not be far apart
+//! in time.
 
 use dataset::conditions::Weather;
 use dataset::corpus::calibration::CameraEntry;
@@ -17,19 +17,18 @@ use crate::generate::error::ScenarioError;
 use crate::generate::event::Event;
 use crate::generate::run::attempt::Attempt;
 
-/// The most ticks of a block where time runs: some seconds on the screen, whatever the rate of the ticks. In longer blocks the views of a
-/// tick are further apart in time, and in much shorter ones something that covers the scene may come before the first image and go after
-/// the last.
+/// Maximum ticks per block where time runs: some seconds on the screen, at any tick rate. In longer blocks a tick's views are further apart
+/// in time, and in much shorter ones something that covers the scene may come before the first image and go after the last.
 const MAX_RUNNING_TICKS: usize = 150;
 
-/// Captures all images into `encoders`, block by block; returns what was drawn for each tick and view, and how.
+/// Captures all images into `encoders`, block by block; returns the drawn states by tick and view, and statistics.
 pub(crate) async fn capture_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
     weather: &Weather,
     encoders: &mut Encoders,
     attempt: &Attempt<'_, '_>,
-) -> Result<(Vec<Vec<Drawn>>, Blocks), ScenarioError> {
+) -> Result<(Vec<Vec<Drawn>>, Option<Blocks>), ScenarioError> {
     let block_ticks = ticks_of_a_block(simulator.time_runs(), states.len());
     let mut drawn: Vec<Vec<Drawn>> = vec![Vec::new(); states.len()];
     let mut blocks = Blocks {
@@ -94,10 +93,10 @@ pub(crate) async fn capture_blocks(
     blocks.frames_behind.dedup();
     // The screen's registration before the first image must still hold after the last.
     attempt.unless_cancelled(simulator.confirm_pixels()).await?;
-    Ok((drawn, blocks))
+    Ok((drawn, Some(blocks)))
 }
 
-/// Compares images of blocks with settled ones, unless that was done before; whether blocks are used from now on.
+/// Compares block images with settled ones, unless that was done before; true if blocks are used from now on.
 pub(crate) async fn may_use_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),

@@ -1,7 +1,7 @@
 //! One thread per view that encodes images to a video, after its camera's own stream if there is one.
 //!
-//! Only so many images may wait: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
-//! written images are reused, unless they belong to a pool.
+//! The number of waiting images is limited: if an encoder is slower than the simulator, the simulator waits, and memory stays constant.
+//! Buffers of written images are reused, unless they belong to a pool.
 
 use std::sync::Arc;
 
@@ -15,10 +15,10 @@ use xplane_bridge::link::PictureBytes;
 
 use crate::generate::error::ScenarioError;
 
-/// The encoders of a scenario. If they are dropped without [`Encoders::finish`], they stop and leave unfinished files.
+/// Encoders for one scenario. If they are dropped without [`Encoders::finish`], they stop and leave unfinished files.
 pub(crate) struct Encoders {
     views: Vec<Encoder>,
-    /// For the images that wait, of all views together.
+    /// Slots for waiting images, shared by all views.
     room: Arc<Semaphore>,
     written: mpsc::UnboundedReceiver<PictureBytes>,
 }
@@ -30,13 +30,13 @@ struct Encoder {
 }
 
 enum Message {
-    /// With its place among those that wait.
+    /// Image with its slot.
     Picture(PictureBytes, OwnedSemaphorePermit),
     Finish,
 }
 
 impl Encoders {
-    /// Starts an encoder for each view and the stream of its camera. So many images may wait for all of them together.
+    /// Starts an encoder per view, after its camera's stream. At most `waiting_pictures` images wait, all views together.
     pub(crate) fn start<'a>(
         folder: &ScenarioFolder,
         views: impl IntoIterator<Item = (&'a str, Option<Stream>)>,
@@ -78,7 +78,7 @@ impl Encoders {
         }
     }
 
-    /// Sends the next image of a view; waits while the encoder is behind.
+    /// Sends a view's next image; waits while the encoder is behind.
     ///
     /// # Errors
     /// The encoder has ended; [`Encoders::abandon`] returns the reason.
@@ -96,7 +96,7 @@ impl Encoders {
         encoder.pictures.send(picture).map_err(|_| ended())
     }
 
-    /// The buffer of an image that has been written.
+    /// Buffer of a written image.
     pub(crate) fn take_written(&mut self) -> Option<PictureBytes> {
         self.written.try_recv().ok()
     }
@@ -115,8 +115,8 @@ impl Encoders {
         all.into_iter().collect()
     }
 
-    /// Stops and joins all threads, so that none of them writes into the folder any more. Returns the first failure of an encoder, which is
-    /// the reason if an encoder ended the scenario.
+    /// Stops and joins all threads, so that no thread writes into the folder any more. Returns the first encoder failure, which is the
+    /// reason if an encoder ended the scenario.
     pub(crate) async fn abandon(self) -> Option<ScenarioError> {
         let mut first = None;
         for Encoder {
@@ -136,16 +136,11 @@ fn joined(
     view: &str,
     result: Result<dataset::Result<Vec<i64>>, tokio::task::JoinError>,
 ) -> Result<Vec<i64>, ScenarioError> {
-    match result {
-        Ok(written) => Ok(written?),
-        Err(cause) => Err(ScenarioError::Encoder {
-            view: view.to_owned(),
-            cause,
-        }),
-    }
+    let panicked = ScenarioError::panicked(format!("encoding view {view}"));
+    Ok(result.map_err(panicked)??)
 }
 
-/// The work of one thread. Without a [`Message::Finish`] the scenario was abandoned, and the file is not completed.
+/// Thread body. Without a [`Message::Finish`] the scenario was abandoned, and the file is not completed.
 fn encode(
     mut writer: VideoWriter,
     mut stream: Option<CameraStream>,
@@ -165,7 +160,7 @@ fn encode(
                     }
                 };
                 pts.push(writer.write(recorded)?);
-                // Memory of a pool goes back when it is dropped.
+                // Pooled memory is returned on drop.
                 if !matches!(rgb, PictureBytes::Pooled(_)) {
                     // The receiver is gone if the scenario is ending.
                     let _ = give_back.send(rgb);
@@ -196,7 +191,7 @@ mod tests {
         },
     };
 
-    /// Two encoders; one of them has a folder at the path of its file.
+    /// Two encoders; a folder is in the way of the second one's file.
     fn start(folder: &std::path::Path, has: &str) -> Encoders {
         let scenario = Corpus::create(folder).unwrap().scenario("a");
         std::fs::create_dir_all(scenario.root().join(has)).unwrap();
@@ -210,7 +205,7 @@ mod tests {
         )
     }
 
-    /// Writes black images, one view after the other, until an encoder fails or `ticks` of them are written.
+    /// Writes black images, one view after the other, until an encoder fails or `ticks` images are written.
     async fn write(encoders: &mut Encoders, ticks: u32) -> Result<(), ScenarioError> {
         for _ in 0..ticks {
             for view in 0..2 {

@@ -1,7 +1,7 @@
 //! Replays a flight tick by tick and captures every view of every tick.
 //!
-//! The simulator stands still between requests. A request says what to draw, the answer says what was drawn; any difference ends
-//! the attempt. A few requests are in flight at once, so that the simulator draws while images travel and are encoded.
+//! The simulator stands still between requests. A request states the scene, the answer states the drawn one; any difference ends the
+//! attempt. A few requests are in flight at once, so that the simulator draws while images travel and are encoded.
 
 use std::fmt::Debug;
 
@@ -30,7 +30,7 @@ pub(crate) struct Drawn {
     pub(crate) camera: CameraPose,
 }
 
-/// Captures all images into `encoders`; returns what was drawn for each tick and view.
+/// Captures all images into `encoders`; returns the drawn states by tick and view.
 pub(crate) async fn capture(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
@@ -109,8 +109,8 @@ pub(crate) fn request(
     }
 }
 
-/// Rejects an image that does not show what was requested, within the precision of X-Plane's 32-bit floats, or that is not newer
-/// than the previous one.
+/// Rejects an image that does not match its request, within the precision of X-Plane's 32-bit floats, or that is not newer than the
+/// previous one.
 pub(crate) fn check(
     asked: &CaptureRequest,
     frame: &CapturedFrame,
@@ -183,14 +183,13 @@ pub(crate) fn check_content(
     }
 }
 
-/// No component of a black pixel is brighter: codecs and screens round.
+/// Maximum component of black pixels: codecs and screens round.
 const BLACK: u8 = 1;
-/// At a higher visibility no fog fills an image from edge to edge with one colour, metres. A camera of long focal length that looks over
+/// Maximum visibility at which fog fills an image from edge to edge with one colour, metres. A camera of long focal length that looks over
 /// the ground, as the paper's do, sees nothing else at 5 NM.
 const FOG_FILLS_PICTURE_M: f64 = 10_000.0;
 
-/// The colour of an empty image: black all over, or a single colour that fog does not explain. Almost free if two pixels near the
-/// start differ.
+/// Colour of empty images: black all over, or a single colour that fog does not explain. Almost free if two pixels near the start differ.
 fn blank(rgb: &[u8], weather: &Weather) -> Option<[u8; 3]> {
     let (pixels, _) = rgb.as_chunks();
     let first = *pixels.first()?;

@@ -1,8 +1,7 @@
-//! Durations of the steps of a scenario: for the log, and for the estimates of `dtd plan`.
+//! Step durations per scenario, for the log and for the estimates of `dtd plan`.
 
 use std::time::{Duration, Instant};
 
-/// The steps of one recorded scenario.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Steps {
     /// Connecting, and starting the flight or travelling to it.

@@ -1,4 +1,4 @@
-//! The folder in which one scenario is recorded, by the holder of the scenario's claim.
+//! Recording folder, owned by the holder of the scenario's claim.
 
 use std::fs;
 
@@ -13,7 +13,7 @@ pub(crate) struct Workplace {
 }
 
 impl Workplace {
-    /// The folder of a scenario, empty: leftovers of an unfinished attempt are cleared.
+    /// Empty scenario folder: leftovers from unfinished attempts are cleared.
     pub(crate) fn clear(corpus: &Corpus, id: &str, _claim: &Claim) -> dataset::Result<Self> {
         let folder = corpus.partial_scenario(id);
         let root = folder.root();

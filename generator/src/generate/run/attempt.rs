@@ -6,24 +6,24 @@ use dataset::geometry::pose::FlightState;
 use tokio::time::timeout;
 use xplane_bridge::BridgeError;
 
-use crate::generate::Cancel;
 use crate::generate::error::ScenarioError;
 use crate::generate::event::Reporter;
+use crate::generate::options::Cancel;
 
-/// Shared by the steps of an attempt.
+/// State shared by an attempt's steps.
 pub(crate) struct Attempt<'a, 'r> {
     pub(crate) id: &'a str,
     pub(crate) cancel: &'a Cancel,
     pub(crate) reporter: &'a Reporter<'r>,
-    /// Timeout of an answer while images are taken.
+    /// Answer timeout while images are taken.
     pub(crate) answer_limit: Duration,
-    /// At most so many ticks, for a trial.
+    /// Maximum number of ticks, for a trial.
     pub(crate) most_ticks: Option<u32>,
 }
 
 impl Attempt<'_, '_> {
-    /// The states to record: all of them, or for a trial some that lie evenly between the first and the last. The times of images count
-    /// ticks, so that clouds move from one to the next as in a whole scenario.
+    /// States to record: all, or for a trial some that lie evenly between the first and the last. The times of images count ticks, so that
+    /// clouds move from one to the next as in a whole scenario.
     pub(crate) fn part_of(&self, states: Vec<FlightState>) -> Vec<FlightState> {
         match self.most_ticks.map(|most| most as usize) {
             Some(most) if most < states.len() => {
@@ -59,7 +59,7 @@ impl Attempt<'_, '_> {
     }
 }
 
-/// The same for work that belongs to no attempt.
+/// Waits for `work` outside an attempt, but no longer than until the run is cancelled.
 pub(crate) async fn unless_cancelled<T, E: Into<ScenarioError>>(
     cancel: &Cancel,
     work: impl Future<Output = Result<T, E>>,

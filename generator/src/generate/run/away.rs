@@ -2,13 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::super::error::ScenarioError;
-use super::super::event::Event;
-use super::super::outcome::Stopped;
-use super::super::run::attempt::unless_cancelled;
-use super::super::session::Session;
-use super::super::session::restart::{Restart, RestartError};
+use super::attempt::unless_cancelled;
 use super::{Run, Then};
+use crate::generate::error::ScenarioError;
+use crate::generate::event::Event;
+use crate::generate::outcome::Stopped;
+use crate::generate::session::Session;
+use crate::generate::session::restart::{Restart, RestartError};
 
 /// A simulator that was restarted this often without recording a scenario is given up.
 const MAX_RESTARTS_IN_VAIN: u32 = 3;
@@ -66,8 +66,8 @@ impl Run<'_> {
             .restart
             .filter(|_| session.runs_already() && self.queue().has_waiting())
             .filter(|restart| {
-                let every = restart.every.map_or(u32::MAX, u32::from);
-                session.live_flights() >= every
+                let due = |every| session.live_flights >= u32::from(every);
+                restart.every.is_some_and(due)
             });
         match due {
             Some(restart) => self.restart(session, restart, None).await,
@@ -82,7 +82,7 @@ impl Run<'_> {
         trouble: &ScenarioError,
     ) -> Then {
         match self.restart.filter(|_| session.runs_already()) {
-            Some(restart) if session.restarts_in_vain() < MAX_RESTARTS_IN_VAIN => {
+            Some(restart) if session.restarts_in_vain < MAX_RESTARTS_IN_VAIN => {
                 self.restart(session, restart, Some(trouble)).await
             }
             _ => {
@@ -102,7 +102,7 @@ impl Run<'_> {
         let name = session.name().to_owned();
         self.reporter.tell(Event::SimulatorRestarting {
             simulator: &name,
-            live_flights: session.live_flights(),
+            live_flights: session.live_flights,
         });
         session.leave_to_restart().await;
         let began = Instant::now();

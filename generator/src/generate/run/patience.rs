@@ -1,4 +1,4 @@
-//! Timeouts and retries of a run.
+//! Run timeouts and retries.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ pub struct Patience {
     pub first_pause: Duration,
     /// Factor of each further delay.
     pub pause_factor: u32,
-    /// Timeout of one answer of the simulator while images are taken: longer means frozen.
+    /// Simulator's answer timeout while images are taken: longer means frozen.
     pub answer: Duration,
     /// Timeout for a simulator that does not answer: it may be restarting.
     pub simulator: Duration,

@@ -25,9 +25,9 @@ pub(crate) struct Task<'a> {
 pub(crate) enum Next<'a> {
     /// This one; it is claimed, so other processes cannot record it.
     Make(Task<'a>, Claim),
-    /// This one is complete in the corpus' folder already: another process recorded it in the meantime.
+    /// This one is complete in the corpus' folder already: a different process recorded it in the meantime.
     Whole(Task<'a>, Claim),
-    /// None now; one may become available again.
+    /// Nothing to do now; a scenario may become available again.
     Later(Duration, Option<Elsewhere>),
     /// All are recorded or set aside.
     Finished,
@@ -39,7 +39,7 @@ pub(crate) struct Elsewhere {
     pub(crate) holder: String,
 }
 
-/// The waiting scenarios of a run, in the order in which they are tried.
+/// Waiting scenarios, in trial order.
 #[derive(Debug)]
 pub(crate) struct Queue<'a> {
     waiting: Vec<Task<'a>>,
@@ -118,7 +118,6 @@ impl<'a> Queue<'a> {
         !self.waiting.is_empty()
     }
 
-    /// Those that are still waiting.
     pub(crate) fn left(&self) -> impl Iterator<Item = &'a PlannedScenario> {
         self.waiting.iter().map(|task| task.scenario)
     }

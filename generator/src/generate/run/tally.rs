@@ -1,15 +1,14 @@
-//! Results of a run so far, and the switch that ends it: shared by all its workers.
+//! Preliminary results, and the switch that ends the run: shared by all workers.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use dataset::plan::{Plan, PlannedScenario};
 
-use crate::generate::Cancel;
 use crate::generate::error::GenerateError;
+use crate::generate::options::Cancel;
 use crate::generate::outcome::{FailedScenario, MarkedScenario, Outcome, Stopped};
 
-/// The tally of a run.
 pub(crate) struct Tally {
     /// Set when the run must end, for whatever reason.
     pub(crate) halt: Cancel,
@@ -26,7 +25,7 @@ struct Counts {
 }
 
 impl Tally {
-    /// Continues from what is known before the run.
+    /// Continues from the outcome known before the run.
     pub(crate) fn new(outcome: Outcome) -> Self {
         Self {
             halt: Cancel::new(),

@@ -1,4 +1,4 @@
-//! The simulators of a run, as the user names them: `mock`, `mock:2`, `127.0.0.1:49000`, or several separated by commas.
+//! A run's simulators, as the user names them: `mock`, `mock:2`, `127.0.0.1:49000`, or several separated by commas.
 
 use std::str::FromStr;
 
@@ -6,12 +6,11 @@ use xplane_bridge::LocalUdp;
 
 use crate::generate::session::{AWKWARD, BadSimulator, MAX_STAND_INS, SimulatorTarget};
 
-/// At least one simulator; each records its own scenarios.
+/// List with at least one simulator; each records its own scenarios.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Simulators(Vec<SimulatorTarget>);
 
 impl Simulators {
-    /// The simulators.
     pub(crate) fn targets(&self) -> &[SimulatorTarget] {
         &self.0
     }
@@ -21,8 +20,8 @@ impl Simulators {
         self.0.iter().filter(|one| one.runs_already()).count()
     }
 
-    /// Each with the local side of its UDP socket: of those that run already the first has the chosen port and the next ones the ports
-    /// after it; stand-ins and tapes of this run end with it, and need neither port nor note.
+    /// Pairs each simulator with the local side of a UDP socket: running simulators get the chosen port and the ports after it; stand-ins
+    /// and tapes end with this run, and need neither port nor note.
     pub(crate) fn with_local_udp<'a>(
         &'a self,
         local: &'a LocalUdp,
@@ -65,13 +64,19 @@ impl FromStr for Simulators {
                     .parse()
                     .ok()
                     .filter(|number| (1..=MAX_STAND_INS).contains(number))
-                    .ok_or_else(|| BadSimulator::StandIns { text: part.into() })?;
+                    .ok_or_else(|| {
+                        BadSimulator::BadText(format!(
+                            "{part:?}: expected mock:awkward, or mock:N with N from 1 to {MAX_STAND_INS}"
+                        ))
+                    })?;
                 targets.extend(std::iter::repeat_n(SimulatorTarget::StandIn, number));
                 continue;
             }
             let target: SimulatorTarget = part.parse()?;
             if target.runs_already() && targets.contains(&target) {
-                return Err(BadSimulator::Twice { text: part.into() });
+                return Err(BadSimulator::BadText(format!(
+                    "{part} is named twice; a simulator makes one scenario at a time"
+                )));
             }
             targets.push(target);
         }

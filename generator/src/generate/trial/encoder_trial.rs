@@ -1,4 +1,4 @@
-//! The trial of an encoder that the user chose, before a night depends on it.
+//! Trial of the user's encoder, before a night depends on it.
 
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! Views in which no flight of a plan can be seen: cameras that look elsewhere, and weathers that hide what is in front of them.
+//! Views that never show an aircraft: cameras that look elsewhere, and weathers that hide it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,28 +6,28 @@ use dataset::geometry::camera::Camera;
 use dataset::geometry::pose::FlightState;
 use dataset::plan::{Common, PlannedScenario};
 
-/// Scenarios of a weather that a camera is asked about, at most: each has cameras of its own, and there may be a million.
+/// Maximum number of scenarios examined per camera and weather: each has its own cameras, and there may be a million.
 const MAX_APPROACHES: u32 = 200;
 
-/// What all views see, by view and weather.
+/// Sights by view and weather.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct InSight {
-    views: BTreeMap<(String, String), Seen>,
+    views: BTreeMap<(String, String), ViewSight>,
 }
 
 /// View of the flights in one weather.
 #[derive(Debug, Clone, Default, PartialEq)]
-struct Seen {
+struct ViewSight {
     /// An aircraft is in the image.
     in_picture: bool,
-    /// One of these is not beyond the visibility.
+    /// An aircraft is within the visibility.
     in_sight: bool,
     visibility_m: f64,
     approaches: u32,
 }
 
 impl InSight {
-    /// Adds a scenario with the states of its flight, or of one like it.
+    /// Adds a scenario with its flight's states, or those of a similar flight.
     pub(super) fn add(
         &mut self,
         scenario: &PlannedScenario,
@@ -75,7 +75,7 @@ impl InSight {
     }
 }
 
-/// Distance from a camera to the nearest of these states in its image.
+/// Distance to the nearest state in a camera's image.
 fn nearest_m(camera: &Camera, states: &[FlightState]) -> Option<f64> {
     let places = states.iter().map(|state| state.pose.position().to_ecef());
     places

@@ -1,4 +1,4 @@
-//! The units of a recording's columns, compared with each other over its approach.
+//! Units of the columns, compared with each other over the approach.
 
 use dataset::geometry::pose::FlightState;
 use dataset::numbers::spread::median;
@@ -6,7 +6,7 @@ use dataset::numbers::units::Degrees;
 
 use super::Implausible;
 
-/// Ratios of two units, and what a number in the wrong one looks like.
+/// Ratios between units, with the wrong unit's name.
 const LENGTH_RATIOS: [(f64, &str); 1] = [(3.280_84, "feet")];
 const SPEED_RATIOS: [(f64, &str); 4] = [
     (1.943_84, "knots"),
@@ -22,27 +22,27 @@ const CLIMB_TOLERANCE: f64 = 0.25;
 /// Airspeed over ground speed.
 const AIRSPEED_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=1.7;
 /// Velocities may point this far beside the way of the positions on average, degrees.
-const BESIDE_DEG: f64 = 15.0;
+const DIRECTION_TOLERANCE_DEG: f64 = 15.0;
 /// Slower states have no heading that has to agree with the track.
 const MOVING_MPS: f64 = 30.0;
 /// Largest median angle between heading and track: more than any crosswind causes.
 const MAX_CRAB_DEG: f64 = 40.0;
 /// Largest pitch and roll, as numbers, that look like radians. No airliner flies a whole approach within 0.2 degrees.
-const RADIANS: f64 = 0.2;
+const MAX_RADIANS: f64 = 0.2;
 /// Banks follow from turns over this time, seconds: gusts and steps of the track have no part in them.
 const TURN_S: f64 = 4.0;
 /// Turns tell the unit and the sign of the roll if their banks are larger on average (root mean square), degrees.
 const TURNING_DEG: f64 = 0.4;
-/// Fewer of them, a minute, may all be one gust.
+/// Minimum number of turns, a minute's worth: fewer may all be one gust.
 const MIN_TURNS: u32 = 15;
-/// Roll in degrees over the bank of a turn: about 1. In radians it is 0.017.
+/// Ratio of roll to a turn's bank: about 1 in degrees, 0.017 in radians.
 const ROLL_IN_RADIANS: std::ops::RangeInclusive<f64> = 0.005..=0.04;
 const ROLL_TO_THE_LEFT: f64 = -0.4;
 /// Pitch and roll vary by more than this as numbers, unless they are made up.
 const MIN_RANGE: f64 = 0.005;
-const GRAVITY_MPS2: f64 = 9.81;
+pub(crate) const GRAVITY_MPS2: f64 = 9.81;
 
-/// The name of the unit in which a quantity has this many times its number; of two, the nearer one.
+/// Name of the unit with this ratio to the expected one; the nearest if several match.
 fn unit_of(ratio: f64, units: &[(f64, &'static str)]) -> Option<&'static str> {
     let off = |factor: f64| (ratio / factor - 1.0).abs();
     let nearest = units.iter().min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
@@ -51,23 +51,40 @@ fn unit_of(ratio: f64, units: &[(f64, &'static str)]) -> Option<&'static str> {
         .map(|(_, name)| *name)
 }
 
+fn unit(
+    column: &'static str,
+    looks_like: &'static str,
+    why: String,
+    expected: &'static str,
+) -> Result<(), Implausible> {
+    Err(Implausible::Unit {
+        column,
+        looks_like,
+        why,
+        expected,
+    })
+}
+
+fn contradiction(why: String, expected: &'static str) -> Result<(), Implausible> {
+    Err(Implausible::Contradiction { why, expected })
+}
+
 fn ground_speed_mps(state: &FlightState) -> f64 {
     state.velocity_north_mps.hypot(state.velocity_east_mps)
 }
 
-/// Times that increase.
 pub(super) fn times(approach: &[FlightState]) -> Result<(), Implausible> {
     let (first_s, last_s) = (approach[0].time_s, approach[approach.len() - 1].time_s);
     if last_s > first_s {
         return Ok(());
     }
-    Err(Implausible::Contradiction {
-        why: format!(
+    contradiction(
+        format!(
             "t_s goes from {first_s} to {last_s} in {} rows",
             approach.len()
         ),
-        expected: "seconds that increase from row to row",
-    })
+        "seconds that increase from row to row",
+    )
 }
 
 /// Directions of the velocities against the positions.
@@ -91,27 +108,25 @@ pub(super) fn directions(approach: &[FlightState]) -> Result<(), Implausible> {
         f64::atan2(aside_m, along_m).to_degrees().abs()
     };
     let as_it_is_deg = beside_deg(false);
-    if as_it_is_deg < BESIDE_DEG {
+    if as_it_is_deg < DIRECTION_TOLERANCE_DEG {
         return Ok(());
     }
-    let looks_like = if as_it_is_deg > 180.0 - BESIDE_DEG {
+    let looks_like = if as_it_is_deg > 180.0 - DIRECTION_TOLERANCE_DEG {
         "velocities of the opposite direction"
-    } else if beside_deg(true) < BESIDE_DEG {
+    } else if beside_deg(true) < DIRECTION_TOLERANCE_DEG {
         "velocities with north and east exchanged"
     } else {
-        return Err(Implausible::Contradiction {
-            why: format!(
-                "velocities point {as_it_is_deg:.0} degrees beside the way of the positions"
-            ),
-            expected: "the same direction",
-        });
+        return contradiction(
+            format!("velocities point {as_it_is_deg:.0} degrees beside the way of the positions"),
+            "the same direction",
+        );
     };
-    Err(Implausible::Unit {
-        column: "v_north_mps and v_east_mps",
+    unit(
+        "v_north_mps and v_east_mps",
         looks_like,
-        why: format!("they point {as_it_is_deg:.0} degrees beside the way of the positions"),
-        expected: "metres per second towards north and east",
-    })
+        format!("they point {as_it_is_deg:.0} degrees beside the way of the positions"),
+        "metres per second towards north and east",
+    )
 }
 
 /// Way over ground by positions against velocities and times.
@@ -132,12 +147,12 @@ pub(super) fn speeds(approach: &[FlightState]) -> Result<(), Implausible> {
         format!("positions are {way_m:.0} m apart where velocities and times make {flown_m:.0} m");
     let ratio = flown_m / way_m;
     if let Some(looks_like) = unit_of(ratio, &SPEED_RATIOS) {
-        return Err(Implausible::Unit {
-            column: "v_north_mps and v_east_mps",
+        return unit(
+            "v_north_mps and v_east_mps",
             looks_like,
             why,
-            expected: "metres per second over ground",
-        });
+            "metres per second over ground",
+        );
     }
     for (looks_like, factor) in [
         ("milliseconds", 1e3),
@@ -145,12 +160,7 @@ pub(super) fn speeds(approach: &[FlightState]) -> Result<(), Implausible> {
         ("minutes", 1.0 / 60.0),
     ] {
         if (ratio / factor - 1.0).abs() < RATIO_TOLERANCE {
-            return Err(Implausible::Unit {
-                column: "t_s",
-                looks_like,
-                why,
-                expected: "seconds",
-            });
+            return unit("t_s", looks_like, why, "seconds");
         }
     }
     Ok(())
@@ -173,12 +183,12 @@ pub(super) fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
         format!("altitude_msl_m falls by {falls_m:.0} m where v_down_mps makes {sinks_m:.0} m");
     let ratio = falls_m / sinks_m;
     if let Some(looks_like) = unit_of(ratio, &LENGTH_RATIOS) {
-        return Err(Implausible::Unit {
-            column: "altitude_msl_m",
+        return unit(
+            "altitude_msl_m",
             looks_like,
             why,
-            expected: "metres above mean sea level",
-        });
+            "metres above mean sea level",
+        );
     }
     let upwards = (falls_m + sinks_m).abs() <= allowed_m;
     let feet_per_minute = unit_of(ratio.recip().abs(), &SPEED_RATIOS[3..]);
@@ -189,16 +199,13 @@ pub(super) fn climb(approach: &[FlightState]) -> Result<(), Implausible> {
         feet_per_minute.or(feet_per_second)
     };
     match looks_like {
-        Some(looks_like) => Err(Implausible::Unit {
-            column: "v_down_mps",
+        Some(looks_like) => unit(
+            "v_down_mps",
             looks_like,
             why,
-            expected: "metres per second, downwards positive",
-        }),
-        None => Err(Implausible::Contradiction {
-            why,
-            expected: "both to agree",
-        }),
+            "metres per second, downwards positive",
+        ),
+        None => contradiction(why, "both to agree"),
     }
 }
 
@@ -219,16 +226,8 @@ pub(super) fn airspeed(approach: &[FlightState]) -> Result<(), Implausible> {
     }
     let why = format!("tas_mps is {ratio:.2} times the ground speed");
     match unit_of(ratio, &SPEED_RATIOS) {
-        Some(looks_like) => Err(Implausible::Unit {
-            column: "tas_mps",
-            looks_like,
-            why,
-            expected: "metres per second",
-        }),
-        None => Err(Implausible::Contradiction {
-            why,
-            expected: "0.5 to 1.7 times",
-        }),
+        Some(looks_like) => unit("tas_mps", looks_like, why, "metres per second"),
+        None => contradiction(why, "0.5 to 1.7 times"),
     }
 }
 
@@ -258,14 +257,6 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
     let as_it_is_deg = crab_deg(&heading_deg);
     let is_small = |state: &&FlightState| heading_deg(state).abs() <= std::f64::consts::TAU;
     let as_radians_deg = crab_deg(&|state| heading_deg(state).to_degrees());
-    let unit = |column, looks_like, why, expected| {
-        Err(Implausible::Unit {
-            column,
-            looks_like,
-            why,
-            expected,
-        })
-    };
     let why = format!("heading and track differ by {as_it_is_deg:.0} degrees (median)");
     if moving.iter().all(is_small) && as_radians_deg + 5.0 < as_it_is_deg {
         return unit("heading_true_deg", "radians", why, "degrees, 0 to 360");
@@ -279,10 +270,7 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
         );
     }
     if as_it_is_deg > MAX_CRAB_DEG {
-        return Err(Implausible::Contradiction {
-            why,
-            expected: "at most 40 degrees",
-        });
+        return contradiction(why, "at most 40 degrees");
     }
     let largest = |angle: &dyn Fn(&FlightState) -> f64| {
         approach
@@ -300,7 +288,7 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
         });
         highest - lowest > MIN_RANGE
     };
-    if varies(&|state| state.pose.pitch_deg) && pitch.max(roll) < RADIANS && lasts_s > 60.0 {
+    if varies(&|state| state.pose.pitch_deg) && pitch.max(roll) < MAX_RADIANS && lasts_s > 60.0 {
         let why =
             format!("no pitch is above {pitch:.3} and no roll above {roll:.3} in {lasts_s:.0} s");
         return unit("pitch_deg and roll_deg", "radians", why, "degrees");
@@ -319,7 +307,7 @@ pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
     Ok(())
 }
 
-/// Slope of the roll over the bank of a coordinated turn; `None` for a flight without turns.
+/// Slope of the roll over the bank in coordinated turns; `None` for flights without turns.
 fn roll_over_bank(approach: &[FlightState]) -> Option<f64> {
     let track_rad = |state: &FlightState| state.velocity_east_mps.atan2(state.velocity_north_mps);
     let (mut products, mut squares, mut turns) = (0.0, 0.0, 0_u32);

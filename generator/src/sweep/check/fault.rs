@@ -1,6 +1,6 @@
-//! An invalid value of a sweep, and the checks that several tables share.
+//! Invalid values, and the checks that several tables share.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 
 use dataset::files::file_name;
@@ -52,16 +52,16 @@ pub(crate) fn distinct_names<'a>(
 }
 
 /// Rejects a name for which the sweep has no table `[KIND.NAME]`.
-pub(crate) fn defined<T>(
+pub(crate) fn defined(
     key: impl Into<String>,
     kind: &str,
-    name: &str,
-    tables: &BTreeMap<String, T>,
+    name: &String,
+    tables: &BTreeSet<&String>,
 ) -> Checked<()> {
-    if tables.contains_key(name) {
+    if tables.contains(name) {
         return Ok(());
     }
-    let known = list(tables.keys());
+    let known = list(tables);
     fault(
         key,
         format!("{kind} {name:?} is not defined; defined are {known}; add a table [{kind}.{name}]"),

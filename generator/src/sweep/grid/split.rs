@@ -5,20 +5,20 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::sweep::check::fault::{Checked, fault};
-use crate::sweep::check::limits::Enforce;
+use crate::sweep::check::limits::in_schema;
 
 /// `[split]`: shares of the scenarios on each side; they add up to 1. Scenarios with the same trajectory stay together.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SplitFractions {
     /// Share for training the networks; 0.6 without `[split]`.
-    #[schemars(transform = limits::SPLIT_PART.in_schema())]
+    #[schemars(transform = in_schema(limits::SPLIT_PART))]
     pub train: f64,
     /// Share for decisions during training; 0.1 without `[split]`.
-    #[schemars(transform = limits::SPLIT_PART.in_schema())]
+    #[schemars(transform = in_schema(limits::SPLIT_PART))]
     pub validation: f64,
     /// Share for evaluation only; 0.3 without `[split]`.
-    #[schemars(transform = limits::SPLIT_PART.in_schema())]
+    #[schemars(transform = in_schema(limits::SPLIT_PART))]
     pub test: f64,
 }
 
@@ -34,13 +34,6 @@ impl Default for SplitFractions {
 
 impl SplitFractions {
     pub(crate) fn check(&self) -> Checked<()> {
-        for (side, part) in [
-            ("train", self.train),
-            ("validation", self.validation),
-            ("test", self.test),
-        ] {
-            limits::SPLIT_PART.check_key(format!("split.{side}"), part)?;
-        }
         let sum = self.train + self.validation + self.test;
         if (sum - 1.0).abs() > 1e-6 {
             return fault("split", format!("the parts add up to {sum}, expected 1"));

@@ -11,7 +11,7 @@ use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 
 use crate::sweep::check::fault::{Checked, Fault, fault};
-use crate::sweep::check::limits::Enforce;
+use crate::sweep::check::limits::check_number;
 use crate::time_of_day::TimeOfDay;
 
 pub(in crate::sweep) use local_day::LocalDay;
@@ -22,27 +22,17 @@ const EXPECTED: &str = "a time \"HH:MM\", \"dusk\" or \"sunset-00:20\", an eleva
                         range { from = \"06:00\", to = \"18:00\", every_min = 60 }";
 const MINUTES_PER_DAY: u32 = 24 * 60;
 
-/// An entry of a list of times.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum TimeEntry {
     At(String),
-    Sun(SunEntry),
-    Every(TimeRange),
-}
-
-/// `{ sun_elevation_deg = -4, in = "evening" }`: the centre of the sun, without refraction.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SunEntry {
-    sun_elevation_deg: f64,
-    r#in: Half,
-}
-
-/// `{ from = "06:00", to = "18:00", every_min = 60 }`: both ends are included, if the step reaches the second.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct TimeRange {
-    from: String,
-    to: String,
-    every_min: u32,
+    /// `{ sun_elevation_deg = -4, in = "evening" }`: the centre of the sun, without refraction.
+    Sun(SunPassing),
+    /// `{ from = "06:00", to = "18:00", every_min = 60 }`: both ends are included, if the step reaches the second.
+    Every {
+        from: String,
+        to: String,
+        every_min: u32,
+    },
 }
 
 /// The keys of both tables.
@@ -61,14 +51,14 @@ impl TimeTable {
         let missing = E::missing_field;
         match self {
             Self {
-                sun_elevation_deg: Some(sun_elevation_deg),
+                sun_elevation_deg: Some(elevation_deg),
                 r#in,
                 from: None,
                 to: None,
                 every_min: None,
-            } => Ok(TimeEntry::Sun(SunEntry {
-                sun_elevation_deg,
-                r#in: r#in.ok_or_else(|| missing("in"))?,
+            } => Ok(TimeEntry::Sun(SunPassing {
+                elevation_deg,
+                half: r#in.ok_or_else(|| missing("in"))?,
             })),
             Self {
                 sun_elevation_deg: None,
@@ -76,11 +66,11 @@ impl TimeTable {
                 from,
                 to,
                 every_min,
-            } => Ok(TimeEntry::Every(TimeRange {
+            } => Ok(TimeEntry::Every {
                 from: from.ok_or_else(|| missing("from"))?,
                 to: to.ok_or_else(|| missing("to"))?,
                 every_min: every_min.ok_or_else(|| missing("every_min"))?,
-            })),
+            }),
             _ => Err(E::custom(format!(
                 "keys of two kinds of times; expected {EXPECTED}"
             ))),
@@ -137,14 +127,22 @@ fn on_day(passing: SunPassing, key: &str, day: &LocalDay) -> Checked<TimeOfDay> 
 impl TimeEntry {
     /// The times that it stands for; never empty.
     pub(crate) fn times(&self, key: &str, day: &LocalDay) -> Checked<Vec<TimeOfDay>> {
-        let TimeRange {
-            from,
-            to,
-            every_min,
-        } = match self {
+        let (from, to, every_min) = match self {
             Self::At(text) => return Ok(vec![parse(key, text, day)?]),
-            Self::Sun(sun) => return Ok(vec![sun.time(key, day)?]),
-            Self::Every(range) => range,
+            Self::Sun(passing) => {
+                let elevation_key = format!("{key}.sun_elevation_deg");
+                check_number(
+                    elevation_key,
+                    passing.elevation_deg,
+                    limits::SUN_ELEVATION_DEG,
+                )?;
+                return Ok(vec![on_day(*passing, key, day)?]);
+            }
+            Self::Every {
+                from,
+                to,
+                every_min,
+            } => (from, to, every_min),
         };
         let first = parse(&format!("{key}.from"), from, day)?.minutes();
         let last = parse(&format!("{key}.to"), to, day)?.minutes();
@@ -167,18 +165,6 @@ impl TimeEntry {
             .step_by(*every_min as usize)
             .map(TimeOfDay::from_minutes)
             .collect())
-    }
-}
-
-impl SunEntry {
-    fn time(&self, key: &str, day: &LocalDay) -> Checked<TimeOfDay> {
-        limits::SUN_ELEVATION_DEG
-            .check_key(format!("{key}.sun_elevation_deg"), self.sun_elevation_deg)?;
-        let passing = SunPassing {
-            elevation_deg: self.sun_elevation_deg,
-            half: self.r#in,
-        };
-        on_day(passing, key, day)
     }
 }
 

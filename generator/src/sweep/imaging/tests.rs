@@ -24,8 +24,21 @@ fn degradations(plan: &Plan) -> Vec<[Degradation; 2]> {
 #[test]
 fn the_presets_are_sound() {
     assert_eq!(PRESETS.keys().collect::<Vec<_>>(), [&Preset::TowerCamera]);
-    for table in PRESETS.values() {
-        assert!(table.clone().checked().is_ok_and(|same| same == *table));
+    for values in PRESETS.values() {
+        let table: ImagingTable = values.clone().try_into().unwrap();
+        assert!(
+            table
+                .clone()
+                .checked(values)
+                .is_ok_and(|same| same == table)
+        );
+        let tables = format!("\n[imaging]\n{}", toml::to_string(values).unwrap());
+        sweep_of(&format!(
+            "{SMALL}{}",
+            tables
+                .replace("\n[", "\n[imaging.")
+                .replacen("imaging.imaging", "imaging", 1)
+        ));
     }
 }
 
@@ -78,7 +91,7 @@ fn keys_of_the_sweep_take_precedence_and_the_plan_has_the_values_that_apply() {
             );
             assert_eq!(own.sway, None);
             assert_eq!(own.stream, Some(Stream { mbit_per_s: 12.0 }));
-            // What is not stated is drawn as in the preset.
+            // Unstated values are drawn as in the preset.
             let others = |of: Degradation| (of.blur_sigma_px, of.sensor, of.seed);
             assert_eq!(others(own), others(preset));
         }

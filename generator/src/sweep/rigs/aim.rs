@@ -1,4 +1,4 @@
-//! `[aim]`: turns all cameras of a scenario, overriding the rig.
+//! `[aim]`: turns all cameras together, overriding the rig.
 
 use dataset::numbers::limits;
 use dataset::plan::Aim;
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::seed;
 use crate::spread::Spread;
 use crate::sweep::check::fault::{Checked, fault};
-use crate::sweep::check::limits::Enforce;
+use crate::sweep::check::limits::in_schema;
 
 /// `[aim]`: where each scenario turns all its cameras: to a point of the glide path, or in a direction.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -20,13 +20,13 @@ use crate::sweep::check::limits::Enforce;
 pub struct AimTable {
     /// Turns the cameras to the point of the glide path over the extended centreline at this distance to the touchdown target, nautical
     /// miles. Either this or a direction.
-    #[schemars(transform = limits::AIM_DTD_NM.in_schema())]
+    #[schemars(transform = in_schema(limits::AIM_DTD_NM))]
     pub dtd_nm: Option<Spread>,
     /// Direction of the optical axes, degrees true; together with `pitch_deg`.
-    #[schemars(transform = limits::DIRECTION_TRUE_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::DIRECTION_TRUE_DEG))]
     pub heading_true_deg: Option<Spread>,
     /// Elevation of the optical axes, degrees, up positive; together with `heading_true_deg`.
-    #[schemars(transform = limits::MAST_PITCH_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::MAST_PITCH_DEG))]
     pub pitch_deg: Option<Spread>,
 }
 
@@ -50,19 +50,6 @@ impl AimTable {
     }
 
     pub(crate) fn check(&self) -> Checked<()> {
-        for (field, limits, spread) in [
-            ("dtd_nm", limits::AIM_DTD_NM, &self.dtd_nm),
-            (
-                "heading_true_deg",
-                limits::DIRECTION_TRUE_DEG,
-                &self.heading_true_deg,
-            ),
-            ("pitch_deg", limits::MAST_PITCH_DEG, &self.pitch_deg),
-        ] {
-            if let Some(spread) = spread {
-                limits.check_spread(format!("aim.{field}"), spread)?;
-            }
-        }
         let direction = (self.heading_true_deg.is_some(), self.pitch_deg.is_some());
         match (self.dtd_nm.is_some(), direction) {
             (true, (false, false)) | (false, (true, true)) => Ok(()),

@@ -8,37 +8,31 @@ use serde::Deserialize;
 use crate::seed;
 use crate::spread::Spread;
 use crate::sweep::check::fault::{Checked, fault};
-use crate::sweep::check::limits::Enforce;
+use crate::sweep::check::limits::in_schema;
 
 /// `[jitter]`: added to each camera's own values. Each is a number or a spread to draw from.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JitterTable {
-    /// Along the landing course, metres.
-    #[schemars(transform = limits::JITTER_M.in_schema())]
-    pub along_m: Spread,
     /// Right of the landing course, metres.
-    #[schemars(transform = limits::JITTER_M.in_schema())]
+    #[schemars(transform = in_schema(limits::JITTER_M))]
     pub right_m: Spread,
     /// Up, metres; not into the ground.
-    #[schemars(transform = limits::JITTER_M.in_schema())]
+    #[schemars(transform = in_schema(limits::JITTER_M))]
     pub height_m: Spread,
     /// Direction of the optical axis, degrees clockwise.
-    #[schemars(transform = limits::JITTER_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::JITTER_DEG))]
     pub heading_deg: Spread,
     /// Elevation of the optical axis, degrees up.
-    #[schemars(transform = limits::JITTER_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::JITTER_DEG))]
     pub pitch_deg: Spread,
-    /// Turn about the optical axis, degrees, right side down.
-    #[schemars(transform = limits::JITTER_DEG.in_schema())]
-    pub roll_deg: Spread,
     /// Horizontal field of view, degrees; it stays within 0.1 to 150.
-    #[schemars(transform = limits::JITTER_DEG.in_schema())]
+    #[schemars(transform = in_schema(limits::JITTER_DEG))]
     pub hfov_deg: Spread,
 }
 
 impl JitterTable {
-    /// The placement error of a camera in the scenario with this seed.
+    /// Draws a camera's placement error.
     pub(crate) fn draw(&self, scenario_seed: u64, camera: &str) -> Jitter {
         let draw = |name: &str, spread: &Spread| {
             spread.draw(&mut seed::of_value(
@@ -47,28 +41,18 @@ impl JitterTable {
             ))
         };
         Jitter {
-            along_m: draw("along_m", &self.along_m),
             right_m: draw("right_m", &self.right_m),
             height_m: draw("height_m", &self.height_m),
             heading_deg: draw("heading_deg", &self.heading_deg),
             pitch_deg: draw("pitch_deg", &self.pitch_deg),
-            roll_deg: draw("roll_deg", &self.roll_deg),
             hfov_deg: draw("hfov_deg", &self.hfov_deg),
+            // No sweep moves cameras along the course or rolls them.
+            along_m: 0.0,
+            roll_deg: 0.0,
         }
     }
 
     pub(crate) fn check(&self, cameras: &[PlannedCamera]) -> Checked<()> {
-        for (field, limits, spread) in [
-            ("along_m", limits::JITTER_M, &self.along_m),
-            ("right_m", limits::JITTER_M, &self.right_m),
-            ("height_m", limits::JITTER_M, &self.height_m),
-            ("heading_deg", limits::JITTER_DEG, &self.heading_deg),
-            ("pitch_deg", limits::JITTER_DEG, &self.pitch_deg),
-            ("roll_deg", limits::JITTER_DEG, &self.roll_deg),
-            ("hfov_deg", limits::JITTER_DEG, &self.hfov_deg),
-        ] {
-            limits.check_spread(format!("jitter.{field}"), spread)?;
-        }
         let (narrower_deg, wider_deg) = self.hfov_deg.range();
         let (lower_m, _) = self.height_m.range();
         for camera in cameras {

@@ -10,19 +10,19 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::sweep::check::fault::{Checked, Fault, fault, legal_name};
-use crate::sweep::check::limits::Enforce;
+use crate::sweep::check::limits::check_number;
 
 /// Steepest descent from the start to the touchdown target, degrees. From steeper ones the flight model lands far beyond the target, or not
 /// at all.
 const STEEPEST_DEG: f64 = 25.0;
-/// Heights over the runway at which an approach can start, metres.
+/// Allowed start heights over the runway, metres.
 const OVER_RUNWAY_M: (f64, f64) = (100.0, 6_000.0);
 
 /// Level at 2500 ft until the aircraft meets the glide path.
 pub(crate) const LEVEL_THEN_GLIDE_PATH: &str = "level-then-glide-path";
 /// The chart of WSSS 02L: 2500 ft until D7.6, 1500 ft until D4.4.
 const STEP_DOWN: &str = "step-down";
-/// From 3000 ft without a level segment.
+/// Descent from 3000 ft without a level segment.
 const CONTINUOUS: &str = "continuous";
 
 /// Elevation of the runway for which the built-in profiles are charted, WSSS 02L, metres.
@@ -80,7 +80,7 @@ impl ProfileTable {
                 ),
                 (msl_m, None) => Ok(msl_m),
                 (None, Some(above_m)) => {
-                    over_runway.check_key(key, above_m)?;
+                    check_number(key, above_m, over_runway)?;
                     Ok(Some(ground_m + above_m))
                 }
             }
@@ -183,29 +183,48 @@ fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<
     match *profile {
         ApproachProfile::GlidePath {
             level_altitude_msl_m,
-        } => above_ground.check_key(key("level_altitude_msl_m"), level_altitude_msl_m),
+        } => check_number(
+            key("level_altitude_msl_m"),
+            level_altitude_msl_m,
+            above_ground,
+        ),
         ApproachProfile::StepDown {
             upper_altitude_msl_m,
             step_from_threshold_m,
             lower_altitude_msl_m,
         } => {
-            above_ground.check_key(key("upper_altitude_msl_m"), upper_altitude_msl_m)?;
+            check_number(
+                key("upper_altitude_msl_m"),
+                upper_altitude_msl_m,
+                above_ground,
+            )?;
             let below_upper = Limits::new(
                 least_m,
                 upper_altitude_msl_m,
                 "an altitude in metres, not above the upper level,",
             );
-            below_upper.check_key(key("lower_altitude_msl_m"), lower_altitude_msl_m)?;
-            limits::STEP_FROM_THRESHOLD_M
-                .check_key(key("step_from_threshold_m"), step_from_threshold_m)
+            check_number(
+                key("lower_altitude_msl_m"),
+                lower_altitude_msl_m,
+                below_upper,
+            )?;
+            check_number(
+                key("step_from_threshold_m"),
+                step_from_threshold_m,
+                limits::STEP_FROM_THRESHOLD_M,
+            )
         }
         ApproachProfile::ContinuousDescent {
             start_altitude_msl_m,
-        } => above_ground.check_key(key("start_altitude_msl_m"), start_altitude_msl_m),
+        } => check_number(
+            key("start_altitude_msl_m"),
+            start_altitude_msl_m,
+            above_ground,
+        ),
     }
 }
 
-/// Rejects a start from which the flight would have to dive: `start` is the distance to the target and the height above the profile.
+/// Rejects a start that needs a dive: `start` is the distance to the target and the height above the profile.
 pub(crate) fn check_descent(
     name: &str,
     profile: &ApproachProfile,

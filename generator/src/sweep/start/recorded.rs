@@ -13,25 +13,22 @@ use crate::sweep::check::fault::{Checked, fault};
 use crate::sweep::grid::times::LocalDay;
 use crate::sweep::grid::{Combination, Selection};
 
-/// `[[recorded]]`: the first rule that matches a scenario applies; a rule without `times`, `weathers`, `profiles` and `repeats`
-/// matches all.
+/// `[[recorded]]`: the first rule that matches a scenario applies; a rule without `times`, `weathers` and `repeats` matches
+/// all.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedRule {
-    /// A CSV file, or a glob for several (`flights/*.csv`, `flights/**/*_ils.csv`); relative to the sweep. The repeats of a
-    /// condition fly them in turn, starting with any.
+    /// A CSV file, or a glob for several (`flights/*.csv`, `flights/**/*_ils.csv`); relative to the sweep. Repeats fly them in turn,
+    /// starting with any.
     #[schemars(length(min = 1))]
     pub files: String,
-    /// Only scenarios at these times.
+    /// Times of matching scenarios.
     #[serde(default)]
     pub times: Vec<String>,
-    /// Only scenarios in these weathers.
+    /// Weathers of matching scenarios.
     #[serde(default)]
     pub weathers: Vec<String>,
-    /// Only scenarios with these profiles of the grid.
-    #[serde(default)]
-    pub profiles: Vec<String>,
-    /// Only these repeats, counted from 1.
+    /// Repeats of matching scenarios, counted from 1.
     #[serde(default)]
     pub repeats: Vec<u32>,
     /// Flights that are no approach are rejected, except for these kinds.
@@ -49,8 +46,8 @@ pub struct RecordedFlights {
 }
 
 impl RecordedFlights {
-    /// The order in which the repeats of a condition fly the recordings, as indices. Every recording is flown once before one is
-    /// flown twice; the order is shuffled for every condition, so it depends only on the condition, the seed and the recordings.
+    /// Indices of the recordings in flying order, for a condition's repeats. Every recording is flown once before one is flown twice; the
+    /// order is shuffled for every condition, so it depends only on the condition, the seed and the recordings.
     pub(crate) fn order_for(&self, condition: &str, master_seed: u64) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.recordings.len()).collect();
         order.sort_by_cached_key(|index| {
@@ -74,16 +71,15 @@ pub(crate) fn read(
     let mut all = Vec::with_capacity(rules.len());
     for (index, rule) in rules.into_iter().enumerate() {
         let key = |field: &str| format!("recorded.{index}.{field}");
-        let selection = Selection {
-            times: &rule.times,
-            weathers: &rule.weathers,
-            profiles: &rule.profiles,
-            repeats: &rule.repeats,
+        let scenarios = Selection {
+            times: rule.times.clone(),
+            weathers: rule.weathers.clone(),
+            repeats: rule.repeats.clone(),
         };
-        let fits = selection.resolve(combinations, day, key)?;
+        let matches = scenarios.matcher(combinations, day, key)?;
         let mut taken = 0;
         for (combination, rule) in combinations.iter().zip(&mut rule_of) {
-            if rule.is_none() && fits(combination) {
+            if rule.is_none() && matches(combination) {
                 *rule = Some(index);
                 taken += 1;
             }

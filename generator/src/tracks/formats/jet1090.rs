@@ -4,17 +4,16 @@ use std::collections::BTreeMap;
 use std::io::BufRead;
 
 use dataset::geometry::geodesy::LatLon;
-use dataset::numbers::units::METERS_PER_FOOT;
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use serde::Deserialize;
 
-use super::{Fix, Kept, MPS_PER_KNOT, Track};
+use super::{Fix, NearFixes, Track};
 
 /// A velocity is forgotten after this time, seconds.
 const VELOCITY_S: f64 = 5.0;
 /// Positions on the ground (BDS register).
 const SURFACE: &str = "06";
 
-/// The fields of a message that describe a flight.
 #[derive(Deserialize)]
 struct Message {
     timestamp: f64,
@@ -27,10 +26,8 @@ struct Message {
     track: Option<f64>,
 }
 
-/// A velocity and its time.
 type Velocity = (f64, f64, f64);
 
-/// True if the first line of a file is such a message.
 pub(super) fn is_one(head: &[u8]) -> bool {
     let first = head.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let contains = |word: &[u8]| first.windows(word.len()).any(|part| part == word);
@@ -39,7 +36,7 @@ pub(super) fn is_one(head: &[u8]) -> bool {
 
 /// The tracks near a place; the error is a line and the reason.
 pub(super) fn read<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
-    let mut tracks: BTreeMap<String, Kept> = BTreeMap::new();
+    let mut tracks: BTreeMap<String, NearFixes> = BTreeMap::new();
     let mut velocities: BTreeMap<String, Velocity> = BTreeMap::new();
     for (index, line) in file.lines().enumerate() {
         let bad = |error: &dyn std::fmt::Display| format!("line {}: {error}", index + 1);

@@ -1,23 +1,23 @@
-//! X-Plane's own recordings: `Data.txt`, the data output to disk, with the simulator's exact states, and files of a flight data recorder
+//! X-Plane's own recordings: `Data.txt`, the data output to disk, with the simulator's exact states, and flight data recorder files
 //! (`.fdr`), which may come from a real aircraft: attitudes were measured, and altitudes are as uncertain as a receiver's.
 //!
-//! `Data.txt` has columns between bars; a line with their names begins it, and follows each change of the columns. Rows of an `.fdr` begin
-//! with `DATA` in version 3, with the time of day in version 4 ("Creating FDR Files", x-plane.com/kb).
+//! `Data.txt` has columns between bars; a line with their names begins it, and follows each change of the columns. In `.fdr` files, rows
+//! begin with `DATA` in version 3, with the time of day in version 4 ("Creating FDR Files", x-plane.com/kb).
 
 use std::io::BufRead;
 
 use dataset::geometry::geodesy::LatLon;
-use dataset::numbers::units::METERS_PER_FOOT;
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 
-use super::{Attitude, Fix, Kept, MPS_PER_KNOT, Track};
+use super::{Attitude, Fix, NearFixes, Track};
+use crate::time_of_day::SECONDS_PER_DAY;
 
 /// Rows that follow sooner than this are left out, seconds.
 const STEP_S: f64 = 0.2;
-/// A time that is this much earlier begins another flight, seconds.
+/// Step back in time that begins a new flight, seconds.
 const JUMPS_BACK_S: f64 = 1.0;
 /// An aircraft whose wheels are lower is on the ground, feet.
 const ON_GROUND_FT: f64 = 1.0;
-const DAY_S: f64 = 86_400.0;
 
 /// Names of columns in `Data.txt`, without underscores at their beginning; the first that is there counts. `p-alt` is above a pressure.
 const TIMES: [&str; 3] = ["totl,_time", "missn,_time", "real,_time"];
@@ -52,7 +52,7 @@ pub(super) fn is_data_txt(head: &[u8]) -> bool {
     first.contains('|') && first.contains(",_")
 }
 
-/// True if a file begins with the kind of its line ends and its version.
+/// True if a file begins with the kind of line ends and a version.
 pub(super) fn is_fdr(head: &[u8]) -> bool {
     let mut lines = first_lines(head);
     matches!(lines.next(), Some("A" | "I" | "IBM" | "APL"))
@@ -169,8 +169,8 @@ pub(super) fn fdr<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, Str
         let (time_s, place, attitude, has_true_heading) = if fields[0] == "DATA" {
             (number(1)?, 3, 10, true)
         } else if let Some(day_s) = time_of_day_s(fields[0]) {
-            let is_next_day = day_s + days_s < before_s - DAY_S / 2.0;
-            days_s += if is_next_day { DAY_S } else { 0.0 };
+            let is_next_day = day_s + days_s < before_s - SECONDS_PER_DAY / 2.0;
+            days_s += if is_next_day { SECONDS_PER_DAY } else { 0.0 };
             (day_s + days_s, 1, 5, false)
         } else {
             continue;
@@ -196,11 +196,11 @@ pub(super) fn fdr<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, Str
     Ok(rows.tracks())
 }
 
-/// The rows of a recording, thinned out.
+/// Rows, thinned out.
 struct Rows {
     /// Flights before this one.
-    ended: Vec<Kept>,
-    kept: Kept,
+    ended: Vec<NearFixes>,
+    kept: NearFixes,
     target: LatLon,
     last_s: f64,
 }
@@ -209,7 +209,7 @@ impl Rows {
     fn new(target: LatLon) -> Self {
         Self {
             ended: Vec::new(),
-            kept: Kept::default(),
+            kept: NearFixes::default(),
             target,
             last_s: f64::NEG_INFINITY,
         }
@@ -217,7 +217,7 @@ impl Rows {
 
     fn add(&mut self, fix: Fix) {
         if fix.time_s < self.last_s - JUMPS_BACK_S {
-            // Another flight in the same file.
+            // A new flight in the same file.
             self.ended.push(std::mem::take(&mut self.kept));
         } else if fix.time_s < self.last_s + STEP_S {
             return;
@@ -229,7 +229,7 @@ impl Rows {
     fn tracks(mut self) -> Vec<Track> {
         self.ended.push(self.kept);
         let count = self.ended.len();
-        let track = |(index, kept): (usize, Kept)| Track {
+        let track = |(index, kept): (usize, NearFixes)| Track {
             aircraft: (count > 1).then(|| format!("flight-{}", index + 1)),
             fixes: kept.fixes(),
         };
@@ -243,7 +243,6 @@ fn number(fields: &[&str], at: usize) -> Result<f64, String> {
     number.ok_or_else(|| format!("field {} is {text:?}; expected a number", at + 1))
 }
 
-/// Seconds of a time such as `18:54:32.5`.
 fn time_of_day_s(text: &str) -> Option<f64> {
     let mut parts = text.split(':').map(str::parse::<f64>);
     let (Some(Ok(hours)), Some(Ok(minutes)), Some(Ok(seconds)), None) =

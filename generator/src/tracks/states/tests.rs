@@ -4,16 +4,14 @@
 use std::fs;
 use std::path::Path as File;
 
-use dataset::numbers::units::METERS_PER_FOOT;
+use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
 
-const MPS_PER_KNOT: f64 = 1_852.0 / 3_600.0;
 const ACROSS_SD_M: f64 = 2.0;
 
-/// A second of the recorded flight.
 struct Recorded {
     altitude_ft: f64,
     ground_speed_mps: f64,
@@ -43,8 +41,8 @@ fn recorded() -> Vec<Recorded> {
     text.lines().skip(1).map(row).collect()
 }
 
-/// Its reports on an approach that ends at the touchdown target.
-fn reported(flight: &[Recorded], runway: &Runway) -> Vec<Seen> {
+/// Reports on an approach that ends at the touchdown target.
+fn reported(flight: &[Recorded], runway: &Runway) -> Vec<ArrivalFix> {
     let turned_deg = runway.course_true_deg - flight[flight.len() - 1].track_deg;
     let mut places = vec![[0.0, 0.0]];
     for pair in flight.windows(2).rev() {
@@ -71,7 +69,7 @@ fn reported(flight: &[Recorded], runway: &Runway) -> Vec<Seen> {
         });
         let right_m = right_m + ACROSS_SD_M * normal;
         let here = runway.point_on_approach(to_go_m, right_m);
-        seen.push(Seen {
+        seen.push(ArrivalFix {
             fix: Fix {
                 time_s: second as f64,
                 latitude_deg: here.latitude_deg,
@@ -95,7 +93,7 @@ fn root_mean_square(errors: &[f64]) -> f64 {
     (squares.sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-/// The band of airspeeds in which the level of the pitch is not judged.
+/// Airspeeds for which the pitch level is not judged.
 fn band(cas_kt: f64) -> usize {
     usize::from(cas_kt <= 210.0) + usize::from(cas_kt <= 160.0)
 }

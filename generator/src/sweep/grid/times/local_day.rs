@@ -8,12 +8,9 @@ use dataset::conditions::Clock;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
 use dataset::geometry::sun;
-use dataset::numbers::limits;
 
 use crate::airports;
 use crate::sweep::check::fault::{Checked, Fault, fault};
-use crate::sweep::check::limits::Enforce;
-use crate::sweep::grid::Grid;
 use crate::sweep::runways::AirportTable;
 use crate::time_of_day::TimeOfDay;
 
@@ -22,35 +19,35 @@ const MAX_FROM_SUN_H: f64 = 4.0;
 /// Clocks are changed at night: noon has the offset of the day.
 const NOON_H: u32 = 12;
 
-/// The day of a sweep at its runway.
+/// The sweep's day at the runway.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::sweep) struct LocalDay {
     pub(in crate::sweep) place: Geodetic,
     pub(in crate::sweep) day_of_year: u32,
     pub(in crate::sweep) utc_offset_h: f64,
-    /// By the time zone of the airport, if it is known.
+    /// Offset by the airport's time zone, if it is known.
     pub(in crate::sweep) zone_offset_h: Option<f64>,
 }
 
 impl LocalDay {
+    /// The day at a runway; `stated_h` is the offset from UTC that the sweep states.
     pub(in crate::sweep) fn of(
-        grid: &Grid,
+        day_of_year: u32,
+        stated_h: Option<f64>,
         runway: &Runway,
         airports: &BTreeMap<String, AirportTable>,
     ) -> Checked<Self> {
-        limits::DAY_OF_YEAR.check_key("grid.day_of_year", f64::from(grid.day_of_year))?;
         let zone = zone(&runway.airport, airports)?;
-        let by_zone_h = zone.and_then(|zone| utc_offset_h(zone, grid.day_of_year));
-        let utc_offset_h = match (grid.utc_offset_h, by_zone_h) {
+        let by_zone_h = zone.and_then(|zone| utc_offset_h(zone, day_of_year));
+        let utc_offset_h = match (stated_h, by_zone_h) {
             (Some(stated_h), by_zone_h) => {
-                limits::UTC_OFFSET_H.check_key("grid.utc_offset_h", stated_h)?;
                 check_with_sun(stated_h, runway)?;
                 // A built-in zone may be wrong for the sweep; `plan` and `generate` warn.
                 let states_zone = airports
                     .get(&runway.airport)
                     .is_some_and(|table| table.time_zone.is_some());
                 let own = zone.zip(by_zone_h).filter(|_| states_zone);
-                check_with_zone(stated_h, own, grid.day_of_year, runway)?;
+                check_with_zone(stated_h, own, day_of_year, runway)?;
                 stated_h
             }
             (None, Some(by_zone_h)) => {
@@ -70,7 +67,7 @@ impl LocalDay {
         };
         Ok(Self {
             place: runway.threshold,
-            day_of_year: grid.day_of_year,
+            day_of_year,
             utc_offset_h,
             zone_offset_h: by_zone_h,
         })
@@ -82,7 +79,7 @@ impl LocalDay {
     }
 }
 
-/// The time zone of an airport, by the sweep or built in.
+/// Airport's time zone, by the sweep or built in.
 fn zone(icao: &str, airports: &BTreeMap<String, AirportTable>) -> Checked<Option<Tz>> {
     let stated = airports
         .get(icao)

@@ -1,4 +1,4 @@
-//! Times by the sun: the minute of the local day at which its centre passes an elevation (geometric, without refraction).
+//! Times by the sun: the local minute when its centre passes an elevation (geometric, without refraction).
 
 use dataset::geometry::sun::Sun;
 use serde::Deserialize;
@@ -12,25 +12,24 @@ const TWILIGHT_DEG: f64 = -6.0;
 const HORIZON_DEG: f64 = -0.833;
 const HALF_DAY_MIN: u32 = 12 * 60;
 
-/// The half of the day in which the sun passes an elevation.
+/// Half of the day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Half {
+pub(crate) enum Half {
     /// Rising.
     Morning,
     /// Setting.
     Evening,
 }
 
-/// A passing of the sun.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct SunPassing {
+pub(crate) struct SunPassing {
     pub(super) elevation_deg: f64,
     pub(super) half: Half,
 }
 
 impl SunPassing {
-    /// By its name: `dawn`, `sunrise`, `sunset`, `dusk`.
+    /// Named passing: `dawn`, `sunrise`, `sunset`, `dusk`.
     pub(super) fn named(name: &str) -> Option<Self> {
         let (elevation_deg, half) = match name {
             "dawn" => (TWILIGHT_DEG, Half::Morning),
@@ -71,7 +70,7 @@ impl SunPassing {
     }
 }
 
-/// The minute at which the sun is highest.
+/// Minute with the highest sun.
 fn noon(day: &LocalDay) -> u32 {
     let elevations =
         (0..2 * HALF_DAY_MIN).map(|minute| elevation_deg(day, TimeOfDay::from_minutes(minute)));

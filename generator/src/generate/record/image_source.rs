@@ -1,4 +1,4 @@
-//! Source and size of the images of a run: the same for all its scenarios.
+//! Source and size of a run's images: the same for all scenarios.
 
 use std::sync::Arc;
 
@@ -6,16 +6,15 @@ use dataset::plan::Picture;
 use xplane_bridge::pixels::{PixelChoice, PixelKind, Screen};
 use xplane_bridge::{BridgeError, Simulator};
 
-/// The choice of a run.
 #[derive(Debug, Clone)]
-pub(crate) struct Pictures {
+pub(crate) struct ImageSource {
     choice: PixelChoice,
     width_px: u32,
     height_px: u32,
     screen: Arc<dyn Screen>,
 }
 
-impl Pictures {
+impl ImageSource {
     pub(crate) fn new(choice: PixelChoice, screen: Arc<dyn Screen>, picture: Picture) -> Self {
         Self {
             choice,
