@@ -12,7 +12,6 @@
 
 mod error;
 mod event;
-mod followed;
 mod freeze;
 mod options;
 mod outcome;

@@ -1,5 +1,6 @@
 //! A run's simulator: found or started, reconnected for every scenario, waited for when it is gone.
 
+pub(super) mod followed;
 pub(crate) mod restart;
 pub(crate) mod simulators;
 
@@ -16,9 +17,9 @@ use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, KnownBlocks, LocalUdp, Simu
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
-use super::followed::Followed;
 use super::record::image_source::ImageSource;
 use crate::generate::stand_in::{StandIn, StandInError, StandInTask};
+use followed::Followed;
 
 /// Maximum number of stand-ins on one machine: more are a typo.
 pub(super) const MAX_STAND_INS: usize = 64;

@@ -54,15 +54,15 @@ pub enum Allowed {
     Part,
 }
 
-impl Allowed {
-    fn key(self) -> &'static str {
-        match self {
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
             Self::Overflight => "overflight",
             Self::Offset => "offset",
             Self::Outside => "outside",
             Self::GoAround => "go-around",
             Self::Part => "part",
-        }
+        })
     }
 }
 
@@ -90,7 +90,7 @@ pub enum Implausible {
         expected: &'static str,
     },
     /// It does not land on this runway. `allow` of `[[recorded]]` accepts it.
-    #[error("{how}; if this is meant, add `allow = [\"{}\"]` to its [[recorded]]", allowed.key())]
+    #[error("{how}; if this is meant, add `allow = [\"{allowed}\"]` to its [[recorded]]")]
     NoApproach {
         /// Actual course of the flight.
         how: String,
@@ -351,10 +351,4 @@ pub(super) fn elsewhere(
         },
         expected: "degrees on WGS-84, north and east positive",
     })
-}
-
-impl fmt::Display for Allowed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.key())
-    }
 }

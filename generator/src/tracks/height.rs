@@ -35,7 +35,7 @@ pub(super) struct Datum {
     line: Line,
     /// True if the glide path gives the stretch.
     is_tied: bool,
-    is_exact: bool,
+    pub(super) is_exact: bool,
 }
 
 /// A line through altitudes by the distance to go.
@@ -114,10 +114,6 @@ impl Datum {
             is_tied: false,
             is_exact: true,
         }
-    }
-
-    pub(super) fn is_exact(self) -> bool {
-        self.is_exact
     }
 
     pub(super) fn height_m(self, altitude_m: f64) -> f64 {

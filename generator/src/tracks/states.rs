@@ -182,7 +182,7 @@ impl<'a> Path<'a> {
         let [along, across, heights] = measured;
         let heights = without_spikes(&heights);
         let noise = |noise: Noise| Noise {
-            place_m: if datum.is_exact() {
+            place_m: if datum.is_exact {
                 EXACT_M
             } else {
                 noise.place_m

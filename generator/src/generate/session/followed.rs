@@ -12,19 +12,19 @@ const ALIKE: usize = 3;
 
 /// Experience with one simulator.
 #[derive(Debug, Default)]
-pub(super) struct Followed {
+pub(crate) struct Followed {
     /// Scenarios with differing weather and the reported value, by quantity.
     differed: BTreeMap<EffectiveQuantity, BTreeMap<String, Option<f64>>>,
     not_followed: BTreeSet<EffectiveQuantity>,
 }
 
 impl Followed {
-    pub(super) fn not_followed(&self) -> BTreeSet<EffectiveQuantity> {
+    pub(crate) fn not_followed(&self) -> BTreeSet<EffectiveQuantity> {
         self.not_followed.clone()
     }
 
     /// Notes a scenario's differences; returns the quantities that count as not followed from now on.
-    pub(super) fn differed(
+    pub(crate) fn differed(
         &mut self,
         id: &str,
         differences: &[WeatherDifference],
@@ -45,7 +45,7 @@ impl Followed {
 
     /// Notes a recorded scenario's weather. A quantity is followed after all if it is as planned and has changed since a scenario where it
     /// differed, or if a repeated attempt at the same scenario has it right.
-    pub(super) fn shown(&mut self, id: &str, shown: &EffectiveWeather) {
+    pub(crate) fn shown(&mut self, id: &str, shown: &EffectiveWeather) {
         for (quantity, scenarios) in &mut self.differed {
             let Some(value) = shown.value(*quantity) else {
                 continue;
