@@ -252,7 +252,7 @@ impl CaptureService {
             write_message(&mut stream, &answer, &payload).await?;
             activity.heard();
             if payload.capacity() > 0 && matches!(answer, Answer::Frame(_)) {
-                self.lock_buffers().push(payload);
+                lock(&self.buffers).push(payload);
             }
         }
         Ok(())
@@ -282,7 +282,7 @@ impl CaptureService {
                     pixels,
                     window,
                     imaging: true,
-                    profile: self.lock_profile().clone(),
+                    profile: lock(&self.profile).clone(),
                     ..Hello::default()
                 }))
             }
@@ -298,7 +298,7 @@ impl CaptureService {
                 if let Some(text) = faulty {
                     return refusal(text);
                 }
-                self.lock_cameras().begin_flight();
+                lock(&self.cameras).begin_flight();
                 let mut world = self.world.lock();
                 world.freeze(runway);
                 world.set_imaging(imaging);
@@ -328,7 +328,7 @@ impl CaptureService {
                 }
             }
             Request::KeepProfile { profile } => {
-                *self.lock_profile() = Some(profile);
+                *lock(&self.profile) = Some(profile);
                 ready(Answer::ProfileKept)
             }
             // Its camera is never taken away, and it draws only on request.
@@ -397,7 +397,7 @@ impl CaptureService {
             Deliver::Picture | Deliver::Drawn => {}
         }
         let drawn = {
-            let mut cameras = self.lock_cameras();
+            let mut cameras = lock(&self.cameras);
             if let Some(text) = cameras.fault_of_no_view(&request) {
                 return ready(Answer::lasting_refusal(text));
             }
@@ -486,7 +486,7 @@ impl CaptureService {
             (picture, result)
         });
         let (picture, result) = shown.await.map_err(|error| error.to_string())?;
-        self.lock_buffers().push(picture.rgb);
+        lock(&self.buffers).push(picture.rgb);
         result.map_err(|error| error.to_string())
     }
 
@@ -497,7 +497,7 @@ impl CaptureService {
         key: &SceneKey,
         frame: Frame,
     ) -> Reply {
-        let mut rgb = self.lock_buffers().pop().unwrap_or_default();
+        let mut rgb = lock(&self.buffers).pop().unwrap_or_default();
         rgb.resize(request.rgb_bytes(), 0);
         let content = &drawn.request;
         let instants = Instants::all(SimTime(content.time_ns).seconds());
@@ -527,18 +527,11 @@ impl CaptureService {
         };
         (Answer::Frame(header), rgb)
     }
+}
 
-    fn lock_profile(&self) -> MutexGuard<'_, Option<Value>> {
-        self.profile.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn lock_cameras(&self) -> MutexGuard<'_, FaultyCameras> {
-        self.cameras.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn lock_buffers(&self) -> MutexGuard<'_, Vec<Vec<u8>>> {
-        self.buffers.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+/// A panic elsewhere leaves these values usable.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn ready(answer: Answer) -> Pending {
