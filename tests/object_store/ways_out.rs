@@ -181,7 +181,6 @@ fn a_damaged_file_beside_a_larger_plan_is_replaced_only_by_its_own() {
     store.push(&IN_A_FOLDER, 0);
     let fetched = tempdir().unwrap();
     store.fetch(fetched.path(), 0);
-    store.push(folder.path(), 0);
 }
 
 #[test]
