@@ -322,8 +322,7 @@ pub(crate) struct GenerateArgs {
     pub(crate) sweep: PathBuf,
     /// Folder of the corpus, created if missing, or its URL; finished scenarios are skipped
     ///
-    /// A URL is s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX or file:///FOLDER, with credentials from the environment
-    /// (docs/corpus.md).
+    /// A URL is s3://BUCKET/PREFIX or file:///FOLDER, with credentials from the environment (docs/corpus.md).
     #[arg(long, value_name = "CORPUS|URL", value_parser = Output::corpus_or_url())]
     pub(crate) out: CorpusLocation,
     /// For a URL: folder where scenarios are recorded before they are uploaded
@@ -387,7 +386,7 @@ pub(crate) struct GenerateArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct FetchArgs {
-    /// The corpus: s3://BUCKET/PREFIX, gs://.., az://CONTAINER/PREFIX or file:///FOLDER
+    /// The corpus: s3://BUCKET/PREFIX or file:///FOLDER
     pub(crate) url: StoreUrl,
     /// Folder of the corpus, created if missing. Existing scenarios are left alone
     #[arg(long, value_name = "FOLDER", value_parser = Output::Corpus.parser())]
@@ -408,9 +407,9 @@ pub(crate) struct PushArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// Destination: s3://BUCKET/PREFIX, gs://.., az://CONTAINER/PREFIX or file:///FOLDER
+    /// Destination: s3://BUCKET/PREFIX or file:///FOLDER
     ///
-    /// Older scenarios with other content are replaced.
+    /// Damaged scenarios are replaced there, and unlabelled ones by labelled ones of the same recording.
     #[arg(value_parser = Output::url())]
     pub(crate) url: StoreUrl,
     /// Longest wait for a store that does not answer

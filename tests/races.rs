@@ -119,6 +119,8 @@ fn is_true_ending(verb: &str, other: &str, output: &Output) -> bool {
         Some(3) if verb == "fetch" => {
             ["generate", "label", "detect", "push", "fetch"].contains(&other)
         }
+        // Labels and detections that were replaced in the meantime differ from the store's, which stay.
+        Some(3) if verb == "push" => ["label", "detect"].contains(&other),
         Some(2 | 3) => met_new_one,
         _ => false,
     }

@@ -11,7 +11,7 @@ use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::{Difference, Plan, PlannedScenario};
 use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
-use store::{Committed, CorpusStore, StoreError};
+use store::{Committed, Connection, CorpusStore, Logged, StoreError};
 
 use crate::generate::FolderState;
 use crate::plan::MeasuredSize;
@@ -89,7 +89,9 @@ impl Against {
         store: &'a CorpusStore,
     ) -> LocalBoxFuture<'a, Result<Self, StoreError>> {
         Box::pin(async move {
-            let path = Path::new(store.name()).join(Corpus::PLAN);
+            let name = store.name();
+            let path = Path::new(name).join(Corpus::PLAN);
+            let store = store.watched(&Logged);
             let frozen = match store.read(Corpus::PLAN).await? {
                 Some(bytes) => {
                     let frozen = Plan::parse_undamaged(&bytes, &path)?;
@@ -102,10 +104,9 @@ impl Against {
                 }
                 None => None,
             };
-            let listing = store.listing().await?;
             let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
             let (mut seals, mut damaged) = (BTreeMap::new(), BTreeMap::new());
-            for (id, state) in store.states(&listing, ids).await? {
+            for (id, state) in store.states(ids).await? {
                 match state {
                     Committed::Whole(seal) => {
                         seals.insert(id, seal);
@@ -121,7 +122,7 @@ impl Against {
             let whole: Vec<&str> = whole.map(|scenario| scenario.id.as_str()).collect();
             let mut records = Vec::new();
             for ids in whole.chunks(QUESTIONS_AT_ONCE) {
-                let asked = ids.iter().map(|id| record_in_store(store, id));
+                let asked = ids.iter().map(|id| record_in_store(&store, name, id));
                 records.extend(try_join_all(asked).await?.into_iter().flatten());
             }
             against.weather = ReportedWeather::by_name(&records);
@@ -199,13 +200,14 @@ fn measure(records: &[ScenarioRecord], corpus: &Corpus) -> dataset::Result<Optio
 
 /// The record of a scenario in an object store, if it is still there.
 async fn record_in_store(
-    store: &CorpusStore,
+    store: &Connection<'_>,
+    url: &str,
     id: &str,
 ) -> Result<Option<ScenarioRecord>, StoreError> {
     match store.sealed_file(id, ScenarioFolder::RECORD).await? {
         Some(bytes) => {
             let name = format!("scenarios/{id}/{}", ScenarioFolder::RECORD);
-            let path = Path::new(store.name()).join(name);
+            let path = Path::new(url).join(name);
             Ok(Some(ScenarioRecord::parse(&bytes, &path)?))
         }
         None => Ok(None),

@@ -166,7 +166,7 @@ pub fn generate<'a>(
         }
         freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
         if let Some(remote) = &options.remote {
-            remote.publish(&corpus, &plan).await?;
+            remote.publish(&corpus).await?;
             remote.clear_what_is_sent(&corpus, &in_store).await;
             remote.bring_failures(&corpus, &to_make, &in_store).await?;
         }

@@ -1,4 +1,4 @@
-//! Reading of sweeps for the comparison of two copies of a corpus ([`store::Mirror`]).
+//! Reading of sweeps for the comparison of two copies of a corpus ([`store::SweepLanguage`]).
 
 use dataset::corpus::splits::{Leak, Splits};
 use dataset::plan::Plan;

@@ -238,7 +238,7 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     let only_foggy = {
         let mut options = options(SimulatorTarget::Address(address), &[foggy]);
         options.remote = Some(Remote {
-            store: CorpusStore::open(&url.parse().unwrap(), true).unwrap(),
+            store: CorpusStore::open(&url.parse().unwrap(), true, Duration::from_secs(60)).unwrap(),
             keep_staged: false,
         });
         options

@@ -14,12 +14,12 @@ use generator::generate::{
 use generator::plan::{Outlook, expand};
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
-use store::{CorpusLocation, CorpusStore};
+use store::{CorpusLocation, CorpusStore, SPLIT_AGAIN};
 use xplane_bridge::{LocalUdp, WebApiPlace};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::object_store::{SPLIT_AGAIN, default_stage, failure_of};
+use super::object_store::{default_stage, failure_of};
 use super::output::{Next, count, finish, print_json};
 use super::plan::warn;
 use crate::args::GenerateArgs;
@@ -44,7 +44,6 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
         shard: args.shard.or_of_environment("generate")?,
         patience: Patience {
             simulator: timeout,
-            store: timeout,
             ..Patience::default()
         },
         restart: args.restart_simulator.clone().map(|command| Restart {
@@ -121,7 +120,8 @@ fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
         CorpusLocation::Store(url) => {
             let stage = args.staging.clone().unwrap_or_else(|| default_stage(url));
             let remote = Remote {
-                store: CorpusStore::open(url, true).map_err(failure_of)?,
+                store: CorpusStore::open(url, true, Duration::from_secs(args.timeout_s))
+                    .map_err(failure_of)?,
                 keep_staged: args.keep_staged,
             };
             eprintln!(

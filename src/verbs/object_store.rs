@@ -1,23 +1,24 @@
-//! Object stores on the command line: exit codes of their failures, the stage, and transfers that can be stopped.
+//! Object stores on the command line: exit codes of their failures, the stage, transfers that can be stopped, and the part that `fetch` and
+//! `push` share.
 
 use std::env;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use dataset::plan::PlannedScenarios;
-use store::{CorpusStore, MirrorError, StoreError, StoreUrl};
+use indicatif::{DecimalBytes, HumanDuration};
+use serde_json::Value;
+use store::{Connection, CorpusStore, MirrorReport, StoreError, StoreUrl};
 use tokio::time::sleep;
 
 use super::async_runtime::async_runtime;
-use crate::failure::Failure;
+use super::output::{count, print_json};
+use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 
+/// Longest wait for a store of verbs without `--timeout`.
+pub(super) const STORE_TIMEOUT: Duration = Duration::from_secs(300);
 /// Longest time for transfers to stop.
 const STOP_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// The message about a regenerated split.
-pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \
-                                      sides may have changed: train again before you evaluate";
 
 /// A failure of the store, or something that the caller must fix.
 pub(super) fn failure_of(error: StoreError) -> Failure {
@@ -25,33 +26,14 @@ pub(super) fn failure_of(error: StoreError) -> Failure {
         StoreError::Local(error) => Failure::of_corpus(error),
         StoreError::Stopped(_) => Failure::Interrupted { resumes: true },
         error if error.is_bad_input() => Failure::bad_input(error),
+        error if error.is_passing() => Failure::Failed(anyhow::anyhow!(
+            "{error}; run the same command again to resume"
+        )),
         error => Failure::Failed(error.into()),
     }
 }
 
-/// The same of a whole corpus.
-pub(super) fn failure_to_mirror(error: MirrorError) -> Failure {
-    match error {
-        MirrorError::Store(error) => failure_of(error),
-        MirrorError::Folder(error) => Failure::bad_input(error),
-        MirrorError::Refused { .. } => Failure::bad_input(error),
-        MirrorError::Damaged { .. } => Failure::Failed(error.into()),
-    }
-}
-
-/// Advice for a scenario that is damaged in a store. A scenario that is not planned is neither pushed nor recorded.
-pub(super) fn mend(store: &CorpusStore, planned: &PlannedScenarios, id: &str) -> String {
-    if planned.has(id) {
-        "`dtd push` from a folder that has it whole sends what is missing; without one, `dtd generate` records it again".into()
-    } else {
-        format!(
-            "plan.json has no such scenario: delete {}/scenarios/{id}/DONE.json, which removes it from the corpus",
-            store.name()
-        )
-    }
-}
-
-/// The default stage of a URL: in the user's cache, which survives a reboot, unlike the folder for temporary files.
+/// Default stage for a URL: in the user's cache, which survives a reboot, unlike the folder for temporary files.
 pub(super) fn default_stage(url: &StoreUrl) -> PathBuf {
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME")
@@ -62,8 +44,8 @@ pub(super) fn default_stage(url: &StoreUrl) -> PathBuf {
     cache.join("dtd").join("staging").join(url.folder_name())
 }
 
-/// Runs a verb's transfers. If they do not end soon after the verb was stopped, because a store does not answer or another process holds
-/// a scenario, they are dropped, which is no worse than a kill.
+/// Runs a verb's transfers. If they do not end soon after the verb was stopped, because a store does not answer or a scenario is
+/// claimed elsewhere, they are dropped, which is no worse than a kill.
 pub(super) fn run_transfers<T>(
     watch: &VerbWatch,
     transfers: impl Future<Output = Result<T, Failure>>,
@@ -81,4 +63,92 @@ pub(super) fn run_transfers<T>(
     });
     runtime.shutdown_background();
     result
+}
+
+/// Result after a corpus transfer.
+pub(super) struct Mirrored {
+    pub(super) report: MirrorReport,
+    pub(super) bytes: u64,
+    pub(super) stopped: bool,
+    took: Duration,
+}
+
+/// Transfers a corpus. The result includes all that was done before a signal.
+pub(super) fn mirror(
+    verb: &'static str,
+    store: &CorpusStore,
+    transfer: impl AsyncFnOnce(&Connection<'_>, &mut MirrorReport) -> store::Result<()>,
+) -> Result<Mirrored, Failure> {
+    let began = Instant::now();
+    let watch = VerbWatch::new(verb, "scenarios");
+    let connection = store.watched(&watch);
+    let mut report = MirrorReport::default();
+    let transferring = async { transfer(&connection, &mut report).await.map_err(failure_of) };
+    let stopped = match run_transfers(&watch, transferring) {
+        Err(Failure::Interrupted { .. }) if !report.left.is_empty() => true,
+        result => result.map(|()| false)?,
+    };
+    Ok(Mirrored {
+        bytes: connection.bytes(),
+        report,
+        stopped,
+        took: began.elapsed(),
+    })
+}
+
+impl Mirrored {
+    /// Prints the result: as JSON, or `scenarios` and then bytes, time and `place`.
+    pub(super) fn print(
+        &self,
+        json: Option<Value>,
+        scenarios: &str,
+        place: &str,
+    ) -> Result<(), Failure> {
+        match json {
+            Some(json) => print_json(&json)?,
+            None => println!(
+                "{scenarios}; {} in {}: {place}",
+                DecimalBytes(self.bytes),
+                HumanDuration(self.took)
+            ),
+        }
+        for line in &self.report.corpus_files {
+            eprintln!("{line}");
+        }
+        Ok(())
+    }
+
+    /// Prints the losses; `moved` is the verb's participle.
+    pub(super) fn end(&self, moved: &str) -> Ending {
+        let report = &self.report;
+        for (model, reason) in &report.left_detections {
+            eprint_warning!("detections {model} were not {moved}: {reason}");
+        }
+        for (what, reason) in &report.refused {
+            eprint_warning!("{what} was not {moved}: {reason}");
+        }
+        if self.stopped {
+            eprintln!(
+                "interrupted: {} {moved}, {} to go; run the same command again to resume",
+                count(report.moved.len(), "scenario"),
+                report.left.len()
+            );
+            return Ending::Interrupted;
+        }
+        let lists = [&report.left_detections, &report.refused];
+        if lists.iter().all(|list| list.is_empty()) && report.different.is_empty() {
+            Ending::Done
+        } else {
+            Ending::Losses
+        }
+    }
+}
+
+/// Pairs as JSON objects with these keys.
+pub(super) fn objects<'a>(
+    pairs: impl IntoIterator<Item = &'a (String, String)>,
+    [first, second]: [&str; 2],
+) -> Value {
+    let object = |(one, other): &(String, String)| serde_json::json!({first: one, second: other});
+    pairs.into_iter().map(object).collect()
 }

@@ -18,11 +18,11 @@ use generator::against::{Against, Standing};
 use generator::plan::{Estimate, Outlook, Pacing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;
-use store::{CorpusLocation, CorpusStore, StoreUrl};
+use store::{CorpusLocation, CorpusStore, Logged, StoreUrl};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::object_store::failure_of;
+use super::object_store::{STORE_TIMEOUT, failure_of};
 use super::output::print_json;
 use crate::args::PlanArgs;
 use crate::failure::{Ending, Failure};
@@ -99,9 +99,9 @@ fn compare(sweep: &Sweep, plan: &Plan, corpus: &Corpus) -> Result<Compared, Fail
 }
 
 fn compare_with_store(plan: &Plan, url: &StoreUrl) -> Result<Compared, Failure> {
-    let store = CorpusStore::open(url, false).map_err(failure_of)?;
+    let store = CorpusStore::open(url, false, STORE_TIMEOUT).map_err(failure_of)?;
     let against = async_runtime()?.block_on(async {
-        store.check().await?;
+        store.watched(&Logged).check().await?;
         Against::compare_with_store(plan, &store).await
     });
     Ok(Compared {

@@ -2,7 +2,6 @@
 
 use std::env;
 use std::fs;
-use std::time::Duration;
 
 use dataset::Error;
 use dataset::corpus::Corpus;
@@ -12,14 +11,14 @@ use dataset::plan::PlannedScenarios;
 use dataset::work::watch::{Stopped, Watch};
 use generator::sweep_language::Sweeps;
 use store::{
-    CorpusLocation, CorpusStore, Fetched, Listing, MirrorError, Patience, StoreError, Transfer,
+    Connection, CorpusLocation, CorpusStore, Fetched, Listing, MirrorReport, StoreError,
     sweep_fault,
 };
 use tempfile::TempDir;
 use verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
 
 use super::Outcome;
-use super::object_store::{failure_of, failure_to_mirror, mend, run_transfers};
+use super::object_store::{STORE_TIMEOUT, failure_of, run_transfers};
 use super::open_corpus::{open_corpus, refuse_empty, repair};
 use super::output::{count, listed, print_json};
 use crate::args::VerifyArgs;
@@ -29,9 +28,6 @@ use crate::progress::verb_watch::VerbWatch;
 /// Views whose empty boxes are listed, and ticks of each.
 const MAX_VIEWS_LISTED: usize = 8;
 const MAX_TICKS_LISTED: usize = 12;
-
-/// Timeout for an unreachable store.
-const STORE_TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Runs the verb. A corpus with faults is a failure, with every fault named on stdout.
 pub(crate) fn run(args: &VerifyArgs) -> Outcome {
@@ -50,9 +46,10 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             (root.display().to_string(), report)
         }
         CorpusLocation::Store(url) => {
-            let store = CorpusStore::open(url, false).map_err(failure_of)?;
-            let report = run_transfers(&watch, verify_in_store(&store, options, &watch))
-                .map_err(Failure::without_results)?;
+            let store = CorpusStore::open(url, false, STORE_TIMEOUT).map_err(failure_of)?;
+            let connection = store.watched(&watch);
+            let verifying = verify_in_store(&connection, store.name(), options, &watch);
+            let report = run_transfers(&watch, verifying).map_err(Failure::without_results)?;
             (store.name().to_owned(), report)
         }
     };
@@ -219,7 +216,8 @@ fn verify(
 
 /// Verifies a corpus in an object store: one scenario at a time is here.
 async fn verify_in_store(
-    store: &CorpusStore,
+    store: &Connection<'_>,
+    url: &str,
     options: VerifyOptions,
     watch: &VerbWatch,
 ) -> Result<VerifyReport, Failure> {
@@ -229,14 +227,15 @@ async fn verify_in_store(
     store.check().await.map_err(failure_of)?;
     let listing = store.listing().await.map_err(failure_of)?;
     if listing.committed().is_empty() {
-        return Err(failure_to_mirror(MirrorError::nothing_committed(store)));
+        return Err(failure_of(store.nothing_committed()));
     }
-    let report = verify_listed(store, &listing, &corpus, options, watch).await;
+    let report = verify_listed(store, url, &listing, &corpus, options, watch).await;
     report.map_err(failure_of)
 }
 
 async fn verify_listed(
-    store: &CorpusStore,
+    store: &Connection<'_>,
+    url: &str,
     listing: &Listing,
     corpus: &Corpus,
     options: VerifyOptions,
@@ -251,39 +250,31 @@ async fn verify_listed(
     let planned = PlannedScenarios::read(corpus).unwrap_or_default();
     let committed = listing.committed();
     watch.begin("", committed.len() as u64);
-    let (patience, transfer) = (Patience(STORE_TIMEOUT), Transfer::new(watch));
     let mut verification = Verification::new(options, watch);
     for (done, id) in committed.iter().enumerate() {
         watch.advance(done as u64, id);
-        let objects = listing.of(id);
-        let fetched = patience.with(&transfer, async || {
-            store
-                .fetch_scenario(id, corpus, Some(&objects), &transfer)
-                .await
-        });
-        match fetched.await {
+        match store.fetch_scenario(id, corpus).await {
             Ok(Fetched::NotCommitted) => {}
             Ok(_) => {
                 let scenario = corpus.scenario(id);
-                let detections = patience.with(&transfer, async || {
-                    store.fetch_detections(&scenario, &transfer).await
-                });
-                for left in detections.await?.left {
-                    let file = format!("detections/{}", left.model);
-                    verification.add_fault(id, &file, left.reason);
+                let mut moved = MirrorReport::default();
+                store.fetch_detections(&scenario, &mut moved).await?;
+                for (name, reason) in moved.left_detections {
+                    let model = name.rsplit('/').next().unwrap_or(&name);
+                    verification.add_fault(id, &format!("detections/{model}"), reason);
                 }
                 verification.add(scenario.clone())?;
                 let videos = scenario.root().join("views");
                 fs::remove_dir_all(&videos).map_err(Error::io("remove", &videos))?;
             }
             Err(StoreError::Faulty { faults, .. }) => {
-                let advice = mend(store, &planned, id);
+                let advice = store.advice(&planned, id);
                 let faults = faults.0.iter();
-                verification
-                    .add_unreadable(id, faults.map(|it| (it.file(), format!("{it}; {advice}"))));
+                let faults = faults.map(|it| (it.file.as_str(), format!("{it}; {advice}")));
+                verification.add_unreadable(id, faults);
             }
             Err(StoreError::Damaged { place, message }) => {
-                let scenario = format!("{}/scenarios/{id}/", store.name());
+                let scenario = format!("{url}/scenarios/{id}/");
                 let file = place.strip_prefix(&scenario).unwrap_or(MANIFEST);
                 verification.add_unreadable(id, [(file, message)]);
             }

@@ -149,58 +149,38 @@ fn a_damaged_plan_of_a_store_is_written_again_by_generate_or_push() {
 }
 
 #[test]
-fn a_sweep_that_is_not_of_the_stores_plan_is_named_and_its_own_folder_replaces_it() {
+fn a_sweep_that_is_not_of_the_stores_plan_is_replaced_along_with_it() {
     let store = Store::full();
     let (_copy, corpus) = copy_of(&IN_A_FOLDER);
     let (_noted, noted) = sweep_with("[corpus]", "# noted\n[corpus]");
     store.run(&["generate", text(&noted), "--out", text(&corpus)], 0);
     // As an upload leaves it that is interrupted after the plan.
     fs::copy(corpus.join("plan.json"), store.path("plan.json")).unwrap();
-    let words = store.push(&IN_A_FOLDER, 3);
-    assert!(
-        words.contains("corpus.toml") && words.contains("`dtd push` from"),
-        "{words}"
-    );
     let fetched = tempdir().unwrap();
     store.fetch(fetched.path(), 1);
+    let words = store.push(&IN_A_FOLDER, 0);
+    assert!(words.contains("replaced the store's plan.json"), "{words}");
+    store.fetch(fetched.path(), 0);
+    // Of two sound copies with the same scenarios, the store's stays.
     store.push(&corpus, 0);
     store.fetch(fetched.path(), 0);
 }
 
 #[test]
-fn lost_detections_are_named_and_sent_again() {
-    let store = Store::empty();
-    let (_copy, corpus) = copy_of(&IN_A_FOLDER);
-    detect(&corpus, 0.25);
-    store.push(&corpus, 0);
-    let folder = fs::read_dir(store.path("scenarios")).unwrap();
-    let lost = folder
-        .map(|entry| entry.unwrap().path().join("detections"))
-        .find(|folder| folder.is_dir())
-        .unwrap();
-    let is_table = |path: &PathBuf| path.extension().is_some_and(|it| it == "parquet");
-    let tables = fs::read_dir(lost)
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
-    let table = tables.into_iter().find(is_table).unwrap();
-    for cut in [false, true] {
-        if cut {
-            fs::write(&table, "half").unwrap();
-        } else {
-            fs::remove_file(&table).unwrap();
-        }
-        let folder = tempdir().unwrap();
-        let words = store.fetch(folder.path(), 3);
-        assert!(words.contains("damaged in the store"), "{words}");
-        assert!(
-            words.contains("`dtd push`") && !words.contains("dtd generate"),
-            "{words}"
-        );
-        let words = store.push(&corpus, 0);
-        assert!(words.contains("mended the detections"), "{words}");
-        assert!(!words.contains("older"), "{words}");
-        store.fetch(folder.path(), 0);
-    }
+fn a_damaged_file_beside_a_larger_plan_is_replaced_only_by_its_own() {
+    let store = Store::full();
+    let (_smaller, smaller) = sweep_with("repeats = 3", "repeats = 2");
+    let folder = tempdir().unwrap();
+    let only = ["--only", "1200-clear-r1"];
+    let arguments = ["generate", text(&smaller), "--out", text(folder.path())];
+    store.run(&[&arguments[..], &only].concat(), 0);
+    fs::write(store.path("splits.json"), "{").unwrap();
+    let words = store.push(folder.path(), 3);
+    assert!(words.contains("splits.json was not pushed"), "{words}");
+    assert!(words.contains("`dtd push` from the folder"), "{words}");
+    store.push(&IN_A_FOLDER, 0);
+    let fetched = tempdir().unwrap();
+    store.fetch(fetched.path(), 0);
 }
 
 #[test]

@@ -1,19 +1,19 @@
 //! A corpus in an object store: upload, listing, download.
 //!
-//! There are no renames and no locks in a bucket, so three rules replace them:
+//! There are no renames and no locks in a bucket, so five rules replace them:
 //!
-//! - **A scenario counts once its `DONE.json` is there.** It is uploaded last, and readers ignore all other objects until then.
-//! - **Every other object of a scenario is named after its content** and never changes (`scenario/content_name.rs`). However late an upload
-//!   arrives, it never replaces other content.
-//! - **`DONE.json` is replaced only by comparison** with the version that was judged (`corpus_store/commit.rs`), by the copy that goes
-//!   before it (`scenario/precedence.rs`). It notes size and ETag of each object, so one listing shows whether all of them are there
-//!   (`scenario/stored_seal.rs`), and a checksum of itself.
-//!
-//! Objects carry the BLAKE3 hash of the manifest as metadata, so a resumed upload compares instead of sending again.
+//! - **Objects first, `DONE.json` last.** A scenario counts once its `DONE.json` is there, and all other objects are named after their
+//!   content. `DONE.json` is created, or replaces the one that was judged: damaged, or unlabelled and from the same recording
+//!   (`upload.rs`).
+//! - **Detections that the store lacks are added** (`detections.rs`).
+//! - **Whole means that name, size and noted ETag agree.** With a different ETag an object is read; with none noted, the hash in its
+//!   metadata counts (`stored.rs`).
+//! - **A local copy is removed only if the store's is whole** (the generator's uploads).
+//! - **One damaged scenario stops no other** (`mirror.rs`).
 //!
 //! ```text
-//! CorpusLocation: folder or URL  ->  CorpusStore: what is committed  ->  scenario: upload and download of one
-//!                                                                    ->  mirror: a whole corpus and its files
+//! CorpusLocation: folder or URL  ->  CorpusStore, Connection: requests  ->  stored: wholeness  ->  upload, download, detections
+//!                                                                                                  ->  mirror: a whole corpus
 //! ```
 //!
 //! Recording, labelling and training need seeks, locks and FFmpeg, so they work on folders: `dtd generate --out URL` records in a staging
@@ -21,24 +21,25 @@
 
 #![forbid(unsafe_code)]
 
-mod corpus_store;
+mod client;
+mod corpus_files;
+mod detections;
+mod download;
 mod error;
+mod leftovers;
 mod location;
 mod mirror;
-mod patience;
-mod scenario;
+mod stored;
+mod upload;
 
 #[cfg(test)]
 mod tests;
 
-pub use corpus_store::{CorpusStore, Listing, Objects};
-pub use error::{Result, StoreError};
+pub use client::{Connection, CorpusStore, Listing, Logged};
+pub use corpus_files::{SweepLanguage, sweep_fault};
+pub use download::Fetched;
+pub use error::{Fault, Faults, Result, StoreError};
 pub use location::{CorpusLocation, StoreUrl, redacted};
-pub use mirror::{
-    BadFile, FetchedCorpus, FetchedScenario, FileDecision, Keep, Mirror, MirrorError, PushedCorpus,
-    PushedScenario, Replaced, SweepLanguage, sweep_fault,
-};
-pub use patience::{Patience, Transfer};
-pub use scenario::{
-    Before, Committed, Fetched, LeftDetections, MovedDetections, Pushed, StoredFault, StoredFaults,
-};
+pub use mirror::{MirrorReport, SPLIT_AGAIN};
+pub use stored::Committed;
+pub use upload::{Before, Pushed};

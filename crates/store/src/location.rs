@@ -1,4 +1,4 @@
-//! Location of a corpus: a folder or a URL.
+//! Corpus location: a folder or a URL.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -8,34 +8,21 @@ use url::Url;
 
 use crate::error::{Result, StoreError};
 
-/// Location of a corpus.
+/// Corpus location.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CorpusLocation {
-    /// In a folder.
+    /// A folder.
     Folder(PathBuf),
-    /// In an object store.
+    /// An object store.
     Store(StoreUrl),
 }
 
-/// The URL of a corpus in an object store.
+/// Object store URL.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct StoreUrl {
-    pub(crate) kind: Kind,
-    pub(crate) url: Url,
-}
-
-/// The provider of the object store.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
-    S3,
-    Google,
-    Azure,
-    LocalFiles,
-}
+pub struct StoreUrl(pub(crate) Url);
 
 impl CorpusLocation {
-    /// Distinguishes a folder from a URL: a URL starts with a scheme of at least two letters and `://`. So `C:\corpus` and `a:b`
-    /// are paths.
+    /// Tells a URL, with a scheme of at least two letters and `://`, from a path such as `C:\corpus` or `a:b`.
     ///
     /// # Errors
     /// A URL that names no object store, with the supported ones.
@@ -57,18 +44,7 @@ fn is_url(text: &str) -> bool {
     })
 }
 
-fn is_azure(text: &str) -> bool {
-    text.starts_with("abfs://") || text.starts_with("abfss://")
-}
-
-/// The parts of a URL before and after its last `@`. Secrets may have slashes, so the search does not end at the first slash.
-fn user_of(text: &str) -> Option<(&str, &str)> {
-    let (_, rest) = text.split_once("://")?;
-    rest.rsplit_once('@')
-}
-
-/// A URL or `USER:PASSWORD@HOST` without credentials, for messages. A query is left out as well: presigned URLs and those with a SAS token
-/// have their secrets there.
+/// A URL or `USER:PASSWORD@HOST` without credentials, for messages. Queries are left out as well: presigned URLs have their secrets there.
 pub fn redacted(text: &str) -> String {
     let Some((scheme, after)) = text.split_once("://") else {
         return match text.rsplit_once('@') {
@@ -77,7 +53,7 @@ pub fn redacted(text: &str) -> String {
         };
     };
     let (user, rest) = match after.rsplit_once('@') {
-        // The @ may be one of a secret in the query.
+        // The @ may belong to a secret in the query.
         Some((user, _)) if user.contains(['?', '#']) => return format!("{scheme}://***"),
         Some((_, rest)) => ("***@", rest),
         None => ("", after),
@@ -93,62 +69,49 @@ impl FromStr for StoreUrl {
     type Err = StoreError;
 
     fn from_str(text: &str) -> Result<Self> {
-        let bad = |why: &str| StoreError::BadUrl {
-            text: redacted(text),
-            why: why.into(),
-        };
-        // Azure's URLs name a container there; in all other URLs it is a user.
-        if let Some((user, _)) = user_of(text)
-            && (user.contains(':') || !is_azure(text))
-        {
+        let bad = |why: &str| StoreError::bad_url(text, why);
+        if text.contains('@') {
             return Err(bad("it holds credentials; they come from the environment"));
         }
         let mut url = Url::parse(text).map_err(|error| match error {
             url::ParseError::RelativeUrlWithoutBase => bad("it does not begin with a scheme"),
             other => bad(&format!("it is not a URL: {other}")),
         })?;
-        let kind = match url.scheme() {
-            "s3" | "s3a" => Kind::S3,
-            "gs" => Kind::Google,
-            "az" | "azure" | "abfs" | "abfss" | "adl" => Kind::Azure,
-            "file" => Kind::LocalFiles,
-            other => return Err(bad(&format!("{other}:// is not an object store"))),
+        let is_local = match url.scheme() {
+            "s3" | "s3a" => false,
+            "file" => true,
+            other => return Err(bad(&format!("{other}:// is not a known object store"))),
         };
         if url.query().is_some() || url.fragment().is_some() {
             return Err(bad("it has a ? or #, which no object's name may have here"));
         }
-        match (kind, url.host_str().is_some_and(|host| !host.is_empty())) {
-            (Kind::LocalFiles, true) => {
-                return Err(bad("a file URL has three slashes and an absolute path"));
-            }
-            (Kind::LocalFiles, false) if url.path() == "/" => {
-                return Err(bad("it names no folder"));
-            }
-            (Kind::LocalFiles, false) | (_, true) => {}
-            (_, false) => return Err(bad("it names no bucket")),
+        let has_host = url.host_str().is_some_and(|host| !host.is_empty());
+        match (is_local, has_host) {
+            (true, true) => return Err(bad("a file URL has three slashes and an absolute path")),
+            (true, false) if url.path() == "/" => return Err(bad("it names no folder")),
+            (false, false) => return Err(bad("it names no bucket")),
+            _ => {}
         }
         let path = url.path().trim_end_matches('/').to_owned();
         url.set_path(&path);
-        Ok(Self { kind, url })
+        Ok(Self(url))
     }
 }
 
 impl fmt::Display for StoreUrl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.url.as_str().trim_end_matches('/'))
+        f.write_str(self.0.as_str().trim_end_matches('/'))
     }
 }
 
 impl StoreUrl {
-    /// The folder that a `file://` URL names; `None` for other stores.
+    /// Folder in a `file://` URL; `None` for other stores.
     pub fn local_folder(&self) -> Option<PathBuf> {
-        match self.kind {
-            Kind::LocalFiles => self.url.to_file_path().ok(),
-            Kind::S3 | Kind::Google | Kind::Azure => None,
-        }
+        let is_local = self.0.scheme() == "file";
+        is_local.then(|| self.0.to_file_path().ok()).flatten()
     }
 
-    /// The name of a local folder that is unique to this URL: its readable part, and its hash.
+    /// Unique name for a local folder that belongs to this URL: its readable part and its hash.
     pub fn folder_name(&self) -> String {
         let text = self.to_string();
         let readable: String = text
@@ -199,24 +162,14 @@ mod tests {
 
     #[test]
     fn urls_are_known_by_their_scheme_and_lose_the_last_slash() {
-        for (text, kind, shown) in [
-            ("s3://bucket/a/b/", Kind::S3, "s3://bucket/a/b"),
-            ("s3://bucket", Kind::S3, "s3://bucket"),
-            ("gs://bucket/a", Kind::Google, "gs://bucket/a"),
-            ("az://container/a", Kind::Azure, "az://container/a"),
-            (
-                "abfss://c@account.dfs.core.windows.net/a",
-                Kind::Azure,
-                "abfss://c@account.dfs.core.windows.net/a",
-            ),
-            (
-                "file:///data/corpus/",
-                Kind::LocalFiles,
-                "file:///data/corpus",
-            ),
+        for (text, shown, is_local) in [
+            ("s3://bucket/a/b/", "s3://bucket/a/b", false),
+            ("s3://bucket", "s3://bucket", false),
+            ("file:///data/corpus/", "file:///data/corpus", true),
         ] {
             let url = store(text);
-            assert_eq!((url.kind, url.to_string().as_str()), (kind, shown));
+            assert_eq!(url.to_string(), shown);
+            assert_eq!(url.local_folder().is_some(), is_local);
         }
     }
 
@@ -225,7 +178,8 @@ mod tests {
         for text in [
             "http://host/corpus",
             "ftp://host/corpus",
-            "s4://bucket/a",
+            "gs://bucket/a",
+            "az://container/a",
             "s3:///prefix",
             "file://host/a",
             "file:///",
@@ -234,7 +188,7 @@ mod tests {
             assert!(error.is_bad_input());
             let message = error.to_string();
             assert!(
-                message.contains(text) && message.contains("gs://"),
+                message.contains(text) && message.contains("s3://BUCKET"),
                 "{message}"
             );
         }
@@ -246,8 +200,6 @@ mod tests {
             "s3://KEY:SECRET@bucket/a",
             "s3://KEY:SEC/RET@bucket/a",
             "s3://SECRET@bucket/a",
-            "gs://SECRET@bucket/a",
-            "abfss://container:SECRET@account.dfs.core.windows.net/a",
             "https://KEY:SECRET@host/a",
         ] {
             let error = CorpusLocation::of(Path::new(text)).unwrap_err();
@@ -267,7 +219,7 @@ mod tests {
     fn secrets_in_a_query_or_before_a_host_are_not_repeated() {
         for (text, shown) in [
             ("s3://bucket/a?X-Amz-Signature=SECRET", "s3://bucket/a?***"),
-            ("az://container/a#SECRET", "az://container/a#***"),
+            ("s3://bucket/a#SECRET", "s3://bucket/a#***"),
             ("s3://KEY:SECRET@bucket/a?b=SECRET", "s3://***@bucket/a?***"),
             ("s3://bucket/a?b=SEC@SECRET", "s3://***"),
             ("user:SECRET@host", "***@host"),
@@ -286,7 +238,7 @@ mod tests {
 
     #[test]
     fn each_url_has_a_folder_name_of_its_own() {
-        let names = ["s3://bucket/a/b", "s3://bucket/a_b", "gs://bucket/a/b"]
+        let names = ["s3://bucket/a/b", "s3://bucket/a_b", "file:///bucket/a/b"]
             .map(|text| store(text).folder_name());
         assert!(names[0].starts_with("s3___bucket_a_b-"), "{}", names[0]);
         assert!(names[0] != names[1] && names[0] != names[2]);

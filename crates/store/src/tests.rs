@@ -2,15 +2,17 @@
 
 mod changed_seals;
 mod copies;
+mod faults;
 mod faulty_store;
 mod interleavings;
 mod lost_objects;
 mod places;
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::detections::{self, Detection, NewTables};
@@ -19,14 +21,18 @@ use dataset::corpus::seal::{self, DONE, MANIFEST, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::{Silent, Watch};
-use object_store::ObjectStoreExt;
+use object_store::memory::InMemory;
+use object_store::path::Path as ObjectPath;
+use object_store::{ObjectStore, ObjectStoreExt};
 use tempfile::TempDir;
 
 use super::*;
-use crate::corpus_store::scenario_file;
-use crate::scenario::file_name;
+use crate::client::scenario_file;
+use crate::stored::file_name;
 
 const ID: &str = "1200-clear-r1";
+/// Its detections of the model `abc`.
+const MODEL: &str = "1200-clear-r1/abc";
 /// Of the record.
 const CONFIG_HASH: &str = "985970a59798a068db8bc453403b79e51b260fdbb0b466acfa8fb960a5b84abb";
 /// More than one part.
@@ -61,12 +67,36 @@ fn empty() -> (TempDir, Corpus) {
     (folder, corpus)
 }
 
+/// Timeout of the stores.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// A corpus in this store.
+fn over(client: Arc<dyn ObjectStore>) -> CorpusStore {
+    CorpusStore {
+        client,
+        root: ObjectPath::from("corpora/small"),
+        folder: None,
+        bucket: None,
+        name: "memory:///corpora/small".into(),
+        timeout: TIMEOUT,
+    }
+}
+
+fn in_memory() -> CorpusStore {
+    over(Arc::new(InMemory::new()))
+}
+
 /// One store of each kind, and the folder that must outlive the second.
 fn stores() -> (TempDir, [CorpusStore; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let url = format!("file://{}/a bucket", folder.path().display());
-    let in_folder = CorpusStore::open(&url.parse().unwrap(), true).unwrap();
-    (folder, [CorpusStore::in_memory(), in_folder])
+    let in_folder = CorpusStore::open(&url.parse().unwrap(), true, TIMEOUT).unwrap();
+    (folder, [in_memory(), in_folder])
+}
+
+/// The store with no watch.
+fn at(store: &CorpusStore) -> Connection<'_> {
+    store.watched(&Silent)
 }
 
 fn same_files(a: &ScenarioFolder, b: &ScenarioFolder) {
@@ -77,13 +107,28 @@ fn same_files(a: &ScenarioFolder, b: &ScenarioFolder) {
 }
 
 async fn push(store: &CorpusStore, corpus: &Corpus) -> Result<Pushed> {
-    let folder = corpus.scenario(ID);
-    store.push_scenario(&folder, None, &UNWATCHED).await
+    at(store).push_scenario(&corpus.scenario(ID)).await
+}
+
+async fn fetch(store: &CorpusStore, id: &str, corpus: &Corpus) -> Result<Fetched> {
+    at(store).fetch_scenario(id, corpus).await
+}
+
+async fn push_detections(store: &CorpusStore, folder: &ScenarioFolder) -> MirrorReport {
+    let mut report = MirrorReport::default();
+    let pushed = at(store).push_detections(folder, &mut report).await;
+    pushed.map(|()| report).unwrap()
+}
+
+async fn fetch_detections(store: &CorpusStore, folder: &ScenarioFolder) -> MirrorReport {
+    let mut report = MirrorReport::default();
+    let fetched = at(store).fetch_detections(folder, &mut report).await;
+    fetched.map(|()| report).unwrap()
 }
 
 /// A store in memory, and the corpus whose scenario it has.
 async fn pushed() -> (CorpusStore, TempDir, Corpus) {
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     let (folder, ours) = corpus_with("table");
     push(&store, &ours).await.unwrap();
     (store, folder, ours)
@@ -92,12 +137,12 @@ async fn pushed() -> (CorpusStore, TempDir, Corpus) {
 /// Puts an object into a store.
 async fn put(store: &CorpusStore, name: &str, bytes: impl Into<object_store::PutPayload>) {
     let key = store.key(name);
-    store.store.put(&key, bytes.into()).await.unwrap();
+    store.client.put(&key, bytes.into()).await.unwrap();
 }
 
 /// The name of a file's object in the corpus.
 async fn object_of(store: &CorpusStore, file: &str) -> String {
-    let there = store.objects(ID).await.unwrap();
+    let there = at(store).objects(ID).await.unwrap();
     let mut objects = there.0.into_keys();
     let object = objects.find(|object| file_name(object) == file).unwrap();
     scenario_file(ID, &object)
@@ -123,7 +168,7 @@ async fn put_as_before(store: &CorpusStore, id: &str, folder: &ScenarioFolder) {
 /// The error of fetching a scenario; no part of it may be left in the folder afterwards.
 async fn refusal(store: &CorpusStore, id: &str) -> String {
     let (_theirs, theirs) = empty();
-    let fetched = store.fetch_scenario(id, &theirs, None, &UNWATCHED).await;
+    let fetched = fetch(store, id, &theirs).await;
     assert!(theirs.scenarios().unwrap().is_empty());
     fetched.unwrap_err().to_string()
 }
@@ -131,12 +176,10 @@ async fn refusal(store: &CorpusStore, id: &str) -> String {
 /// Fetches the scenario into an empty folder, where it has the files of this corpus.
 async fn arrives(store: &CorpusStore, ours: &Corpus) {
     let (_theirs, theirs) = empty();
-    let fetched = store.fetch_scenario(ID, &theirs, None, &UNWATCHED).await;
+    let fetched = fetch(store, ID, &theirs).await;
     fetched.unwrap();
     same_files(&ours.scenario(ID), &theirs.scenario(ID));
 }
-
-static UNWATCHED: Transfer<'_> = Transfer::new(&Silent);
 
 /// Stops a transfer after this many files and parts of files.
 struct StopAfter {
@@ -162,7 +205,7 @@ async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
     let (_folder, stores) = stores();
     for store in stores {
         let (_ours, ours) = corpus_with("table");
-        assert!(store.listing().await.unwrap().committed().is_empty());
+        assert!(at(&store).listing().await.unwrap().committed().is_empty());
         let pushed = push(&store, &ours).await.unwrap();
         assert_eq!(
             pushed,
@@ -173,10 +216,10 @@ async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
             }
         );
         assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
-        let committed = store.listing().await.unwrap().committed();
+        let committed = at(&store).listing().await.unwrap().committed();
         assert_eq!(committed.into_iter().collect::<Vec<_>>(), [ID]);
         let (_theirs, theirs) = empty();
-        let fetch = || store.fetch_scenario(ID, &theirs, None, &UNWATCHED);
+        let fetch = || fetch(&store, ID, &theirs);
         assert_eq!(
             fetch().await.unwrap(),
             Fetched::Whole {
@@ -191,49 +234,28 @@ async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
 }
 
 #[tokio::test]
-async fn an_upload_that_ends_early_commits_nothing_and_is_gone_on_with() {
-    let (_folder, stores) = stores();
-    for store in stores {
-        let (_ours, ours) = corpus_with("table");
-        let folder = ours.scenario(ID);
-        // After the table, and in the middle of the video.
-        for (limit, there_then) in [(1, 1), (3, 1)] {
-            let stop = stop_after(limit);
-            let transfer = Transfer::new(&stop);
-            let stopped = store.push_scenario(&folder, None, &transfer).await;
-            assert!(matches!(stopped, Err(StoreError::Stopped(_))));
-            assert!(store.listing().await.unwrap().committed().is_empty());
-            let there = store.objects(ID).await.unwrap();
-            assert_eq!(there.0.len(), there_then, "{there:?}");
+async fn an_upload_that_is_stopped_anywhere_commits_all_or_nothing_and_is_gone_on_with() {
+    let (_ours, ours) = corpus_with("table");
+    for limit in 0.. {
+        let store = in_memory();
+        let stop = stop_after(limit);
+        let connection = store.watched(&stop);
+        let pushed = connection.push_scenario(&ours.scenario(ID)).await;
+        if pushed.is_ok() {
+            assert!(limit > 10, "{limit}");
+            break;
         }
-        let (_theirs, theirs) = empty();
-        let fetched = store
-            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-            .await
-            .unwrap();
-        assert_eq!(fetched, Fetched::NotCommitted);
+        assert!(matches!(pushed, Err(StoreError::Stopped(_))), "{pushed:?}");
+        let state = at(&store).state(ID).await.unwrap();
+        assert!(!matches!(state, Committed::Damaged(_)), "{state:?}");
+        let before = at(&store).objects(ID).await.unwrap().0.len();
         let pushed = push(&store, &ours).await.unwrap();
-        assert_eq!(
-            pushed,
-            Pushed::Committed {
-                sent: 1,
-                there: 1,
-                before: Before::Nothing
+        match pushed {
+            Pushed::Committed { sent, there, .. } => {
+                assert_eq!((sent + there, there), (2, before.min(2)), "{limit}");
             }
-        );
-    }
-}
-
-#[tokio::test]
-async fn what_has_the_right_size_but_another_content_is_sent_again() {
-    let (_folder, stores) = stores();
-    for store in stores {
-        let (_other, other) = corpus_with("tafel");
-        let _ = store
-            .push_scenario(&other.scenario(ID), None, &Transfer::new(&stop_after(1)))
-            .await;
-        let (_ours, ours) = corpus_with("table");
-        push(&store, &ours).await.unwrap();
+            pushed => assert_eq!((pushed, before), (Pushed::Same, 4), "{limit}"),
+        }
         arrives(&store, &ours).await;
     }
 }
@@ -241,7 +263,7 @@ async fn what_has_the_right_size_but_another_content_is_sent_again() {
 #[tokio::test]
 async fn a_file_that_is_not_what_was_sealed_is_not_sent() {
     for name in ["frames.parquet", "views/left.mp4"] {
-        let store = CorpusStore::in_memory();
+        let store = in_memory();
         let (_ours, ours) = corpus_with("table");
         let path = ours.scenario(ID).root().join(name);
         let mut bytes = fs::read(&path).unwrap();
@@ -250,9 +272,9 @@ async fn a_file_that_is_not_what_was_sealed_is_not_sent() {
         let error = push(&store, &ours).await.unwrap_err();
         assert!(matches!(error, StoreError::Damaged { .. }), "{error}");
         assert!(error.to_string().contains(name), "{error}");
-        let there = store.objects(ID).await.unwrap();
+        let there = at(&store).objects(ID).await.unwrap();
         assert!(!there.0.keys().any(|object| file_name(object) == name));
-        assert!(store.listing().await.unwrap().committed().is_empty());
+        assert!(at(&store).listing().await.unwrap().committed().is_empty());
     }
 }
 
@@ -260,9 +282,9 @@ async fn a_file_that_is_not_what_was_sealed_is_not_sent() {
 async fn another_recording_is_kept_and_other_parameters_are_refused() {
     let (store, _first, first) = pushed().await;
     let (_second, second) = corpus_with("another table");
-    assert_eq!(push(&store, &second).await.unwrap(), Pushed::OtherRecording);
+    assert_eq!(push(&store, &second).await.unwrap(), Pushed::Other);
     let seal = first.scenario(ID).seal().unwrap().unwrap();
-    let state = store.committed_state(ID, None).await.unwrap();
+    let state = at(&store).state(ID).await.unwrap();
     assert_eq!(state, Committed::Whole(seal));
     seal_folder(second.scenario(ID).root(), "other config").unwrap();
     let error = push(&store, &second).await.unwrap_err().to_string();
@@ -277,10 +299,7 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
     fs::create_dir_all(partial.join("views")).unwrap();
     fs::write(partial.join("frames.parquet"), "table").unwrap();
     fs::write(partial.join("views/left.mp4"), "half").unwrap();
-    let fetched = store
-        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-        .await
-        .unwrap();
+    let fetched = fetch(&store, ID, &theirs).await.unwrap();
     assert_eq!(
         fetched,
         Fetched::Whole {
@@ -291,36 +310,26 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
     same_files(&ours.scenario(ID), &theirs.scenario(ID));
 
     let (_labelled, labelled) = corpus_with("table with labels");
-    let fetched = store
-        .fetch_scenario(ID, &labelled, None, &UNWATCHED)
-        .await
-        .unwrap();
+    let fetched = fetch(&store, ID, &labelled).await.unwrap();
     assert_eq!(fetched, Fetched::Other);
     let table = labelled.scenario(ID).root().join("frames.parquet");
     assert_eq!(fs::read(table).unwrap(), b"table with labels");
 }
 
 #[tokio::test]
-async fn what_is_damaged_in_the_store_is_named_and_never_becomes_a_scenario() {
-    for (damage, words) in [(Some("tafel"), "has another content"), (None, "is missing")] {
-        let (store, ..) = pushed().await;
-        let name = object_of(&store, "frames.parquet").await;
-        match damage {
-            Some(text) => put(&store, &name, text).await,
-            None => store.store.delete(&store.key(&name)).await.unwrap(),
-        }
-        let message = refusal(&store, ID).await;
-        assert!(
-            message.contains(words) && message.contains("frames.parquet"),
-            "{message}"
-        );
+async fn a_manifest_that_names_a_file_outside_or_of_a_seal_is_refused() {
+    for (name, words) in [
+        ("../../escaped", "outside"),
+        ("DONE.json.new", "no file of a scenario"),
+    ] {
+        refuse_manifest(name, words).await;
     }
 }
 
-#[tokio::test]
-async fn a_manifest_that_names_a_file_outside_is_refused() {
-    let store = CorpusStore::in_memory();
-    let manifest = format!("{}  ../../escaped\n", "0".repeat(64));
+/// Asserts that a scenario with a file of this name is refused, with these words.
+async fn refuse_manifest(name: &str, words: &str) {
+    let store = in_memory();
+    let manifest = format!("{}  {name}\n", "0".repeat(64));
     let seal = format!(
         "{{\"config_hash\": \"\", \"manifest_blake3\": \"{}\"}}",
         blake3::hash(manifest.as_bytes())
@@ -329,7 +338,7 @@ async fn a_manifest_that_names_a_file_outside_is_refused() {
         put(&store, &format!("scenarios/{ID}/{name}"), text).await;
     }
     let message = refusal(&store, ID).await;
-    assert!(message.contains("outside"), "{message}");
+    assert!(message.contains(words), "{message}");
 }
 
 /// A detection of the model `abc`.
@@ -372,22 +381,16 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
         push(&store, &ours).await.unwrap();
         detect(&ours, 0.5);
         let folder = ours.scenario(ID);
-        let moved = |models: &[&str]| MovedDetections {
-            moved: models.iter().map(ToString::to_string).collect(),
-            ..MovedDetections::default()
-        };
-        let push = async || store.push_detections(&folder, &UNWATCHED).await.unwrap();
-        assert_eq!(push().await, moved(&["abc"]));
-        assert_eq!(push().await, moved(&[]));
+        for expected in [vec![MODEL], vec![]] {
+            assert_eq!(push_detections(&store, &folder).await.detections, expected);
+        }
         let (_theirs, theirs) = empty();
-        store
-            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-            .await
-            .unwrap();
+        fetch(&store, ID, &theirs).await.unwrap();
         let there = theirs.scenario(ID);
-        let fetch = async || store.fetch_detections(&there, &UNWATCHED).await.unwrap();
-        assert_eq!(fetch().await, moved(&["abc"]));
-        assert_eq!(fetch().await, moved(&[]));
+        for expected in [vec![MODEL], vec![]] {
+            let fetched = fetch_detections(&store, &there).await;
+            assert_eq!(fetched.detections, expected);
+        }
         for path in [
             ScenarioFolder::detections_path,
             |folder: &ScenarioFolder, model: &str| detections::record_path(folder, model),
@@ -400,60 +403,24 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
         assert!(seal::faults(there.root()).unwrap().is_empty());
         // Half of them counts as none.
         store
-            .store
+            .client
             .delete(&store.key(&format!("scenarios/{ID}/detections/abc.json")))
             .await
             .unwrap();
         let (_third, third) = empty();
-        store
-            .fetch_scenario(ID, &third, None, &UNWATCHED)
+        fetch(&store, ID, &third).await.unwrap();
+        let left = fetch_detections(&store, &third.scenario(ID))
             .await
-            .unwrap();
-        let left = store
-            .fetch_detections(&third.scenario(ID), &UNWATCHED)
-            .await;
-        let left = left.unwrap().left;
-        assert!(
-            left[0].reason.contains("their record is missing"),
-            "{left:?}"
-        );
+            .left_detections;
+        assert!(left[0].1.contains("their record is missing"), "{left:?}");
         assert!(!third.scenario(ID).detections_path("abc").exists());
-    }
-}
-
-#[tokio::test]
-async fn the_first_plan_stays_unless_the_one_who_comes_later_may_replace_it_and_the_sweep_goes_with_it()
- {
-    let (_folder, stores) = stores();
-    for store in stores {
-        let settle = async |ours: &'static str, keep: Keep| {
-            let mut seen = Vec::new();
-            let files = [(Corpus::PLAN, ours), (Corpus::SWEEP, ours)];
-            let judge = |name, theirs: &[u8], plan| {
-                seen.push((name, String::from_utf8(theirs.to_vec()).unwrap()));
-                Ok::<_, StoreError>(if name == Corpus::PLAN { keep } else { plan })
-            };
-            let files = files.map(|(name, text)| (name, text.as_bytes()));
-            store.settle_files(files, judge).await.unwrap();
-            for name in [Corpus::PLAN, Corpus::SWEEP] {
-                let there = store.read(name).await.unwrap().unwrap();
-                let stays = if keep == Keep::Ours { ours } else { "one" };
-                assert_eq!(String::from_utf8(there).unwrap(), stays);
-            }
-            seen
-        };
-        assert_eq!(settle("one", Keep::Ours).await, []);
-        assert_eq!(settle("one", Keep::Theirs).await, []);
-        let seen = [Corpus::PLAN, Corpus::SWEEP].map(|name| (name, "one".to_owned()));
-        assert_eq!(settle("two", Keep::Theirs).await, seen);
-        assert_eq!(settle("two", Keep::Ours).await, seen);
     }
 }
 
 #[tokio::test]
 async fn a_folder_that_is_not_there_is_said_before_it_is_read() {
     let url = format!("file://{}/none", Path::new("/no/such").display());
-    let error = CorpusStore::open(&url.parse().unwrap(), false).unwrap_err();
+    let error = CorpusStore::open(&url.parse().unwrap(), false, TIMEOUT).unwrap_err();
     assert!(error.is_bad_input());
     assert!(error.to_string().contains("no such folder"), "{error}");
 }
@@ -480,16 +447,16 @@ async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
 
 #[tokio::test]
 async fn an_interrupted_download_of_detections_resumes_and_replaces_no_other_table() {
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     let (_ours, ours) = corpus_with_record();
     push(&store, &ours).await.unwrap();
     detect(&ours, 0.5);
     let scenario = ours.scenario(ID);
-    store.push_detections(&scenario, &UNWATCHED).await.unwrap();
+    push_detections(&store, &scenario).await;
     // The record is written last.
     fs::remove_file(detections::record_path(&scenario, "abc")).unwrap();
-    let fetched = store.fetch_detections(&scenario, &UNWATCHED).await.unwrap();
-    assert_eq!(fetched.moved, ["abc"]);
+    let fetched = fetch_detections(&store, &scenario).await;
+    assert_eq!(fetched.detections, [MODEL]);
     assert_eq!(
         scenario
             .open()
@@ -504,48 +471,40 @@ async fn an_interrupted_download_of_detections_resumes_and_replaces_no_other_tab
     fs::remove_file(detections::record_path(&scenario, "abc")).unwrap();
     let table = scenario.detections_path("abc");
     fs::write(&table, "another table").unwrap();
-    let fetched = store.fetch_detections(&scenario, &UNWATCHED).await.unwrap();
-    assert!(fetched.left[0].reason.contains("without its record"));
+    let fetched = fetch_detections(&store, &scenario).await;
+    assert!(fetched.left_detections[0].1.contains("without its record"));
     assert_eq!(fs::read(&table).unwrap(), b"another table");
 }
 
 #[tokio::test]
 async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     let (_ours, ours) = corpus_with_record();
     push(&store, &ours).await.unwrap();
     detect(&ours, 0.5);
-    store
-        .push_detections(&ours.scenario(ID), &UNWATCHED)
-        .await
-        .unwrap();
+    push_detections(&store, &ours.scenario(ID)).await;
     let (_theirs, theirs) = empty();
-    store
-        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-        .await
-        .unwrap();
+    fetch(&store, ID, &theirs).await.unwrap();
     let there = theirs.scenario(ID);
     // Another process detects there, and finishes while the fetch is waiting.
     let claim = there.claim().unwrap();
-    let fetching = tokio::spawn({
-        let (store, there) = (store.clone(), there.clone());
-        async move { store.fetch_detections(&there, &UNWATCHED).await }
-    });
-    // A store in memory answers at once, so the claim is the only thing to wait for.
-    for _ in 0..100 {
-        tokio::task::yield_now().await;
-    }
-    write_detection(&claim, &there, detection(0.9));
-    drop(claim);
-    let fetched = fetching.await.unwrap().unwrap();
-    assert_eq!(fetched.left.len(), 1, "{fetched:?}");
+    let detecting = async {
+        // A store in memory answers at once, so the claim is the only thing to wait for.
+        for _ in 0..100 {
+            tokio::task::yield_now().await;
+        }
+        write_detection(&claim, &there, detection(0.9));
+        drop(claim);
+    };
+    let (fetched, ()) = tokio::join!(fetch_detections(&store, &there), detecting);
+    assert_eq!(fetched.left_detections.len(), 1, "{fetched:?}");
     let kept = there.open().unwrap().detections("abc").unwrap().boxes;
     assert_eq!(kept, [detection(0.9)]);
 }
 
 #[tokio::test]
 async fn a_scenario_that_lost_a_file_is_damaged_and_says_which() {
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     let (_ours, ours) = corpus_with("table");
     for name in ["views/left.mp4", MANIFEST] {
         fs::remove_file(ours.scenario(ID).root().join(name)).unwrap();
@@ -557,7 +516,7 @@ async fn a_scenario_that_lost_a_file_is_damaged_and_says_which() {
 
 #[tokio::test]
 async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_nor_brought() {
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     let (_ours, ours) = corpus_with_record();
     push(&store, &ours).await.unwrap();
     // A copy within the store.
@@ -565,13 +524,11 @@ async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_no
     let message = refusal(&store, "copy").await;
     assert!(message.contains("expected \"copy\""), "{message}");
     let (_theirs, theirs) = empty();
-    let fetched = store
-        .fetch_scenario("copy", &theirs, None, &UNWATCHED)
-        .await;
+    let fetched = fetch(&store, "copy", &theirs).await;
     assert!(fetched.is_err() && !theirs.partial_scenario("copy").root().exists());
     let copy = ours.scenario("copy");
     fs::rename(ours.scenario(ID).root(), copy.root()).unwrap();
-    let pushed = store.push_scenario(&copy, None, &UNWATCHED).await;
+    let pushed = at(&store).push_scenario(&copy).await;
     let error = pushed.unwrap_err();
     assert!(matches!(error, StoreError::Damaged { .. }), "{error:?}");
     assert!(error.to_string().contains("expected \"copy\""), "{error}");
@@ -597,10 +554,7 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
             "detections" => fs::create_dir(partial.join(name)).unwrap(),
             _ => fs::write(partial.join(name), "mine").unwrap(),
         }
-        let error = store
-            .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-            .await
-            .unwrap_err();
+        let error = fetch(&store, ID, &theirs).await.unwrap_err();
         assert!(
             error.to_string().contains(&format!("holds {name}")),
             "{error}"
@@ -611,10 +565,7 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
             _ => fs::remove_file(partial.join(name)).unwrap(),
         }
     }
-    store
-        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-        .await
-        .unwrap();
+    fetch(&store, ID, &theirs).await.unwrap();
     let folder = theirs.scenario(ID);
     assert_eq!(seal::faults(folder.root()).unwrap(), Vec::<String>::new());
     same_files(&ours.scenario(ID), &folder);
@@ -644,7 +595,7 @@ async fn a_linked_folder_in_a_store_is_neither_written_through_nor_read() {
 
 #[tokio::test]
 async fn a_manifest_larger_than_readers_take_is_not_brought() {
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     let (_ours, ours) = corpus_with("table");
     put_as_before(&store, ID, &ours.scenario(ID)).await;
     let name = format!("scenarios/{ID}/{MANIFEST}");
@@ -659,16 +610,15 @@ async fn stores_that_another_tool_copied_are_read_and_added_to() {
     for store in stores {
         let (_ours, ours) = corpus_with("table");
         put_as_before(&store, ID, &ours.scenario(ID)).await;
-        let state = store.committed_state(ID, None).await.unwrap();
+        let state = at(&store).state(ID).await.unwrap();
         assert!(matches!(state, Committed::Whole(_)), "{state:?}");
         arrives(&store, &ours).await;
         assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
         // An object that the store lost is sent again, the others are not.
         let table = store.key(&scenario_file(ID, "frames.parquet"));
-        store.store.delete(&table).await.unwrap();
+        store.client.delete(&table).await.unwrap();
         let pushed = push(&store, &ours).await.unwrap();
-        let file = "frames.parquet".into();
-        let before = Before::Damaged(StoredFault::Missing { file }.into());
+        let before = Before::Damaged(Fault::missing("frames.parquet").into());
         assert_eq!(
             pushed,
             Pushed::Committed {
@@ -682,26 +632,11 @@ async fn stores_that_another_tool_copied_are_read_and_added_to() {
 }
 
 #[tokio::test]
-async fn a_download_keeps_the_time_of_the_seal() {
-    let (store, _ours, ours) = pushed().await;
-    let time = |corpus: &Corpus| {
-        let seal = corpus.scenario(ID).root().join(DONE);
-        crate::scenario::unix_ms(fs::metadata(seal).unwrap().modified().unwrap())
-    };
-    let (_theirs, theirs) = empty();
-    store
-        .fetch_scenario(ID, &theirs, None, &UNWATCHED)
-        .await
-        .unwrap();
-    assert_eq!(time(&ours), time(&theirs));
-}
-
-#[tokio::test]
 async fn a_local_scenario_that_lost_a_file_is_not_there_already() {
     let (store, _ours, ours) = pushed().await;
     let video = ours.scenario(ID).root().join("views/left.mp4");
     fs::remove_file(video).unwrap();
-    let fetched = store.fetch_scenario(ID, &ours, None, &UNWATCHED).await;
+    let fetched = fetch(&store, ID, &ours).await;
     let message = fetched.unwrap_err().to_string();
     assert!(message.contains("move it away"), "{message}");
 }
@@ -713,7 +648,7 @@ async fn names_that_no_folder_can_have_are_listed_as_foreign() {
     for id in [long.as_str(), "thesis.tex"] {
         put(&store, &format!("scenarios/{id}/{DONE}"), "{}").await;
     }
-    let listing = store.listing().await.unwrap();
+    let listing = at(&store).listing().await.unwrap();
     assert_eq!(listing.committed().into_iter().collect::<Vec<_>>(), [ID]);
     let foreign: Vec<_> = listing.foreign().map(|(id, _)| id).collect();
     assert_eq!(foreign, [long.as_str(), "thesis.tex"]);

@@ -1,5 +1,5 @@
-//! A corpus in an object store: the folder is then a stage, where scenarios are recorded and from which finished ones are uploaded
-//! (`uploads.rs`). Scenarios committed in the store count as done; the stage holds the rest.
+//! A corpus in an object store: the folder is then a stage, where scenarios are recorded and uploaded when finished (`uploads.rs`).
+//! Scenarios committed in the store count as done; the stage holds the rest. They are removed from it only if the store's copy is whole.
 
 pub(crate) mod stage;
 pub(crate) mod uploads;
@@ -13,11 +13,11 @@ use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::seal::Seal;
 use dataset::corpus::set_aside::{FOLDER as FAILED, SetAside};
 use dataset::corpus::splits::Splits;
-use dataset::files::outside_file::{self, FileKind};
 use dataset::plan::{Difference, Plan, PlannedScenario};
-use store::{Committed, CorpusStore, Keep};
+use store::{Committed, Connection, CorpusStore, Logged};
 
 use super::error::GenerateError;
+use crate::sweep_language::Sweeps;
 
 /// Destination of finished scenarios.
 #[derive(Debug, Clone)]
@@ -29,21 +29,34 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Checks that the store grants access, and rejects objects of others and a corpus that was started from a different sweep. Returns
-    /// the split of that corpus, if it has one. In the place of a damaged one, the split of the stage holds; a damaged plan is replaced if
-    /// this sweep has all scenarios that are there.
+    pub(super) const fn connection(&self) -> Connection<'_> {
+        self.store.watched(&Logged)
+    }
+
+    /// Checks that the store grants access, and rejects foreign objects and a corpus that was started from a different sweep. Returns
+    /// that corpus's split, if it has one. If it is damaged, the stage's holds; a damaged plan is replaced if this sweep has all scenarios
+    /// that are there.
     pub(super) async fn look(
         &self,
         plan: &Plan,
         stage: &Path,
     ) -> Result<Option<Vec<u8>>, GenerateError> {
-        self.store.check_place().await?;
-        if let Some(theirs) = self.store.read(Corpus::PLAN).await?
-            && self.agrees(plan, &theirs)?.is_none()
-        {
-            self.has_all_committed(plan).await?;
+        let store = self.connection();
+        store.check_place().await?;
+        if let Some(theirs) = store.read(Corpus::PLAN).await? {
+            match Plan::parse_undamaged(&theirs, &self.path_of(Corpus::PLAN))? {
+                None => self.check_all_committed(plan).await?,
+                Some(theirs) => {
+                    if let Some(difference) = Difference::between(&theirs, plan).conflict() {
+                        return Err(GenerateError::OtherPlan {
+                            corpus: self.store.name().into(),
+                            difference,
+                        });
+                    }
+                }
+            }
         }
-        let Some(split) = self.store.read(Corpus::SPLITS).await? else {
+        let Some(split) = store.read(Corpus::SPLITS).await? else {
             return Ok(None);
         };
         match Splits::parse(&split, &self.path_of(Corpus::SPLITS)) {
@@ -56,23 +69,9 @@ impl Remote {
         }
     }
 
-    /// The plan of the store, if ours may replace it; `None` if it is damaged.
-    fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Option<Plan>, GenerateError> {
-        let Some(theirs) = Plan::parse_undamaged(theirs, &self.path_of(Corpus::PLAN))? else {
-            return Ok(None);
-        };
-        match Difference::between(&theirs, plan).conflict() {
-            Some(difference) => Err(GenerateError::OtherPlan {
-                corpus: self.store.name().into(),
-                difference,
-            }),
-            None => Ok(Some(theirs)),
-        }
-    }
-
-    /// Rejects a plan that lacks a committed scenario, in the place of a damaged one.
-    async fn has_all_committed(&self, plan: &Plan) -> Result<(), GenerateError> {
-        let committed = self.store.listing().await?.committed();
+    /// Rejects a plan that lacks a committed scenario: it may not replace a damaged one.
+    async fn check_all_committed(&self, plan: &Plan) -> Result<(), GenerateError> {
+        let committed = self.connection().listing().await?.committed();
         let is_planned = |id: &String| plan.scenarios.iter().any(|scenario| scenario.id == *id);
         if let Some(id) = committed.into_iter().find(|id| !is_planned(id)) {
             return Err(GenerateError::LostPlan {
@@ -84,16 +83,16 @@ impl Remote {
         Ok(())
     }
 
-    /// The committed ones of `wanted` that are complete in the store, after checking their parameters. Scenarios with lost objects are sent
-    /// or recorded again.
+    /// Committed scenarios among `wanted` that are whole in the store, after checking their parameters. Damaged ones are sent or recorded
+    /// again.
     pub(super) async fn committed(
         &self,
         wanted: &[&PlannedScenario],
     ) -> Result<BTreeMap<String, Seal>, GenerateError> {
-        let listing = self.store.listing().await?;
+        let store = self.connection();
         let ids = wanted.iter().map(|scenario| scenario.id.clone());
         let mut seals = BTreeMap::new();
-        for (id, state) in self.store.states(&listing, ids).await? {
+        for (id, state) in store.states(ids).await? {
             match state {
                 Committed::Whole(seal) => {
                     seals.insert(id, seal);
@@ -119,27 +118,8 @@ impl Remote {
     }
 
     /// Uploads the files of the whole corpus.
-    pub(super) async fn publish(&self, stage: &Corpus, plan: &Plan) -> Result<(), GenerateError> {
-        let files = [
-            outside_file::read(&stage.plan_path(), FileKind::PLAN)?,
-            outside_file::read(&stage.splits_path(), FileKind::json("split"))?,
-            outside_file::read(&stage.sweep_path(), FileKind::SWEEP)?,
-        ];
-        let named = Corpus::FILES
-            .into_iter()
-            .zip(files.iter().map(Vec::as_slice));
-        self.store
-            .settle_files(named, |name, theirs, settled_plan| {
-                Ok(match name {
-                    Corpus::PLAN if self.agrees(plan, theirs)?.as_ref() == Some(plan) => {
-                        Keep::Theirs
-                    }
-                    // A text that the plan was not expanded from is damaged, or of an interrupted run.
-                    Corpus::SWEEP if plan.is_of_sweep(theirs) => settled_plan,
-                    _ => Keep::Ours,
-                })
-            })
-            .await
+    pub(super) async fn publish(&self, stage: &Corpus) -> Result<(), GenerateError> {
+        Ok(self.connection().publish(stage, &Sweeps).await?)
     }
 
     /// Removes from the stage what an earlier run uploaded and did not clear before it was killed.
@@ -162,18 +142,18 @@ impl Remote {
             if partial.root().exists() {
                 remove(partial.root());
             }
-            // Other content is somebody's work: it stays.
+            // Different content stays: it may exist nowhere else.
             if whole.seal().is_ok_and(|ours| ours.as_ref() == Some(theirs)) {
                 self.unstage(stage, id).await;
             }
         }
     }
 
-    /// Removes a scenario from the stage once the store has it, of which the caller made sure, without ever leaving half of one under
-    /// its name. It stays if its detections exist nowhere else.
+    /// Removes a scenario that is whole in the store from the stage, without ever leaving a half under its name. It stays if the store
+    /// lacks detections or has damaged them.
     pub(super) async fn unstage(&self, stage: &Corpus, id: &str) {
         let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
-        match self.store.has_detections_of(&whole).await {
+        match self.connection().has_detections_of(&whole).await {
             Ok(true) => {}
             Ok(false) => {
                 tracing::warn!(
@@ -203,14 +183,15 @@ impl Remote {
         to_make: &[&PlannedScenario],
         committed: &BTreeMap<String, Seal>,
     ) -> Result<(), GenerateError> {
-        for name in self.store.names_in(FAILED).await? {
+        let store = self.connection();
+        for name in store.names_in(FAILED).await? {
             let Some(id) = name.strip_suffix(".json") else {
                 continue;
             };
             if committed.contains_key(id) {
                 self.forget_failure(id).await;
             } else if to_make.iter().any(|scenario| scenario.id == id)
-                && let Some(text) = self.store.read(&SetAside::name(id)).await?
+                && let Some(text) = store.read(&SetAside::name(id)).await?
             {
                 SetAside::adopt(stage, id, &text)?;
             }
@@ -222,7 +203,8 @@ impl Remote {
     pub(super) async fn tell_of_failure(&self, stage: &Corpus, id: &str) {
         let told = async {
             let text = SetAside::text(stage, id)?;
-            Ok::<_, GenerateError>(self.store.write(&SetAside::name(id), &text).await?)
+            let name = SetAside::name(id);
+            Ok::<_, GenerateError>(self.connection().write(&name, &text).await?)
         };
         if let Err(error) = told.await {
             tracing::warn!(id, %error, "why it failed is on the stage only");
@@ -230,7 +212,7 @@ impl Remote {
     }
 
     pub(super) async fn forget_failure(&self, id: &str) {
-        if let Err(error) = self.store.remove(&SetAside::name(id)).await {
+        if let Err(error) = self.connection().remove(&SetAside::name(id)).await {
             tracing::warn!(id, %error, "it is committed, but the store still says why it failed before");
         }
     }

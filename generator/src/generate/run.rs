@@ -92,7 +92,6 @@ impl<'a> Run<'a> {
         let (stage, tally) = (self.work.corpus, &self.tally);
         let uploader = self.remote.map(|remote| Uploader {
             remote,
-            patience: self.patience.store,
             stage,
             reporter: &self.reporter,
             tally,
@@ -207,7 +206,8 @@ impl<'a> Run<'a> {
     async fn is_in_store(&self, task: &Task<'a>) -> bool {
         match self.remote {
             Some(remote) => {
-                let state = remote.store.committed_state(&task.scenario.id, None).await;
+                let store = remote.connection();
+                let state = store.state(&task.scenario.id).await;
                 matches!(state, Ok(Committed::Whole(_)))
             }
             None => false,
@@ -278,7 +278,7 @@ impl<'a> Run<'a> {
     /// A scenario is complete in the corpus' folder.
     async fn made(&self, task: Task<'a>, claim: Claim, uploads: Option<&Uploads<'_, 'a>>) {
         match uploads {
-            Some(uploads) => uploads.hand_over(task.scenario, claim, false).await,
+            Some(uploads) => uploads.hand_over(task.scenario, claim).await,
             None => self.tally.committed(task.scenario),
         }
         self.queue().done_with(task);

@@ -1,7 +1,5 @@
 //! A `DONE.json` with any changed byte is damaged or says the same, and a whole copy replaces it.
 
-use std::time::SystemTime;
-
 use super::copies::LocalCopy;
 use super::interleavings::read_all;
 use super::*;
@@ -15,7 +13,7 @@ struct Changed<'a> {
 
 impl<'a> Changed<'a> {
     async fn of(store: CorpusStore, copy: &'a LocalCopy) -> Self {
-        let done = store.read(&scenario_file(ID, DONE)).await.unwrap();
+        let done = at(&store).read(&scenario_file(ID, DONE)).await.unwrap();
         Self {
             done: done.unwrap(),
             store,
@@ -23,9 +21,9 @@ impl<'a> Changed<'a> {
         }
     }
 
-    async fn change(&self, at: usize) -> String {
+    async fn change(&self, place: usize) -> String {
         let mut changed = self.done.clone();
-        changed[at] ^= 1;
+        changed[place] ^= 1;
         let text = String::from_utf8_lossy(&changed).into_owned();
         put(&self.store, &scenario_file(ID, DONE), changed).await;
         text
@@ -49,33 +47,27 @@ impl<'a> Changed<'a> {
     }
 }
 
-async fn sealed(store: &CorpusStore) -> SystemTime {
-    store.found_seal(ID).await.unwrap().unwrap().sealed()
-}
-
 #[tokio::test]
 async fn a_changed_byte_of_a_seal_is_damage_and_a_whole_copy_replaces_it() {
     let [_, labelled, ..] = LocalCopy::some();
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     assert!(push(&store, &labelled.corpus).await.is_ok());
-    let sealed_at = sealed(&store).await;
     let changed = Changed::of(store, &labelled).await;
     let store = &changed.store;
     let mut harmless = 0;
-    for at in 0..changed.done.len() {
-        let text = changed.change(at).await;
-        match store.committed_state(ID, None).await.unwrap() {
+    for place in 0..changed.done.len() {
+        let text = changed.change(place).await;
+        match at(store).state(ID).await.unwrap() {
             // The name of the checksum was changed, so it is a field of another version.
             Committed::Whole(seal) => {
                 harmless += 1;
                 assert_eq!(seal, labelled.seal, "{text}");
-                assert_eq!(sealed(store).await, sealed_at, "{text}");
                 assert!(!changed.push_mends(&text).await, "{text}");
             }
             Committed::Damaged(faults) => {
-                assert!(faults.0.iter().all(|it| it.file() == DONE), "{faults}");
+                assert!(faults.0.iter().all(|it| it.file == DONE), "{faults}");
                 let (_theirs, theirs) = empty();
-                let fetched = store.fetch_scenario(ID, &theirs, None, &UNWATCHED).await;
+                let fetched = fetch(store, ID, &theirs).await;
                 let error = fetched.unwrap_err();
                 assert!(matches!(error, StoreError::Faulty { .. }), "{error}");
                 assert!(changed.push_mends(&text).await, "{text}");
@@ -89,11 +81,11 @@ async fn a_changed_byte_of_a_seal_is_damage_and_a_whole_copy_replaces_it() {
 #[tokio::test]
 async fn a_changed_byte_of_a_seal_of_an_earlier_version_is_damage_or_says_the_same() {
     let [plain, ..] = LocalCopy::some();
-    let store = CorpusStore::in_memory();
+    let store = in_memory();
     put_as_before(&store, ID, &plain.folder()).await;
     let changed = Changed::of(store, &plain).await;
-    for at in 0..changed.done.len() {
-        let text = changed.change(at).await;
+    for place in 0..changed.done.len() {
+        let text = changed.change(place).await;
         let is_mended = changed.push_mends(&text).await;
         let of_parameters = text.contains("config_hash") && !text.contains("\"config\"");
         assert!(is_mended || !of_parameters, "{text}");

@@ -25,10 +25,18 @@ pub(super) struct Faults {
     pub(super) most_turns: u64,
     /// One of this number of writes is applied very late, half of these after the sender received an error. 0 for none.
     pub(super) late_write_of: u64,
+    /// One of this number of requests is answered with 503. 0 for none.
+    pub(super) unavailable_of: u64,
     /// True if the store compares versions.
     pub(super) is_conditional: bool,
     /// True if every answer with content breaks off after its first half.
     pub(super) cuts_content: bool,
+    /// Writes of keys with this text are confirmed, and nothing is kept.
+    pub(super) drops: Option<&'static str>,
+    /// Objects of keys with this text have a flipped bit, with the size and ETag as before.
+    pub(super) rots: Option<&'static str>,
+    /// True if there is a key with an empty part.
+    pub(super) has_stray_key: bool,
 }
 
 impl Faults {
@@ -36,8 +44,12 @@ impl Faults {
         seed: 0,
         most_turns: 0,
         late_write_of: 0,
+        unavailable_of: 0,
         is_conditional: true,
         cuts_content: false,
+        drops: None,
+        rots: None,
+        has_stray_key: false,
     };
 }
 
@@ -53,7 +65,7 @@ pub(super) struct Requests {
 /// The store.
 #[derive(Debug)]
 pub(super) struct FaultyStore {
-    inner: Arc<InMemory>,
+    inner: Arc<dyn ObjectStore>,
     faults: Faults,
     random: Random,
     late: Mutex<Vec<JoinHandle<()>>>,
@@ -82,8 +94,13 @@ impl Random {
 
 impl FaultyStore {
     pub(super) fn new(faults: Faults) -> Arc<Self> {
+        Self::over(Arc::new(InMemory::new()), faults)
+    }
+
+    /// The disturbances in front of an existing store.
+    pub(super) fn over(inner: Arc<dyn ObjectStore>, faults: Faults) -> Arc<Self> {
         Arc::new(Self {
-            inner: Arc::new(InMemory::new()),
+            inner,
             faults,
             random: Random::new(faults.seed),
             late: Mutex::default(),
@@ -113,10 +130,19 @@ impl FaultyStore {
         }
     }
 
-    async fn wait(&self) {
+    fn is_in(&self, text: Option<&str>, location: &Path) -> bool {
+        text.is_some_and(|text| location.as_ref().contains(text))
+    }
+
+    async fn wait(&self) -> Result<()> {
         for _ in 0..self.random.below(self.faults.most_turns + 1) {
             yield_now().await;
         }
+        let one_of = self.faults.unavailable_of;
+        if one_of > 0 && self.random.below(one_of) == 0 {
+            return Err(unavailable());
+        }
+        Ok(())
     }
 }
 
@@ -143,17 +169,21 @@ impl ObjectStore for FaultyStore {
     ) -> Result<PutResult> {
         self.requests.puts.fetch_add(1, Ordering::Relaxed);
         if !self.faults.is_conditional && !matches!(options.mode, PutMode::Overwrite) {
-            return Err(object_store::Error::NotImplemented {
-                operation: "conditional put".into(),
-                implementer: self.to_string(),
+            // As the client words the answer of a gateway.
+            return Err(object_store::Error::Generic {
+                store: "faulty",
+                source: "Server returned non-2xx status code: 501 Not Implemented".into(),
             });
         }
-        self.wait().await;
+        self.wait().await?;
         let is_late =
             self.faults.late_write_of > 0 && self.random.below(self.faults.late_write_of) == 0;
         if !is_late {
-            let put = self.inner.put_opts(location, payload, options).await;
-            self.wait().await;
+            let nowhere = InMemory::new();
+            let is_dropped = self.is_in(self.faults.drops, location);
+            let kept: &dyn ObjectStore = if is_dropped { &nowhere } else { &*self.inner };
+            let put = kept.put_opts(location, payload, options).await;
+            self.wait().await?;
             return put;
         }
         let turns = self.random.below(40 * self.faults.most_turns);
@@ -190,16 +220,23 @@ impl ObjectStore for FaultyStore {
             &self.requests.gets
         };
         counter.fetch_add(1, Ordering::Relaxed);
-        self.wait().await;
+        self.wait().await?;
         let is_cut = self.faults.cuts_content && !options.head;
-        let mut got = self.inner.get_opts(location, options).await?;
+        let mut got = self.inner.get_opts(location, options.clone()).await?;
         if is_cut && location.extension() == Some("mp4") {
             let half = got.meta.size / 2;
             let bytes = self.inner.get_range(location, 0..half).await?;
             let cut = stream::iter([Ok(bytes), Err(unavailable())]);
             got.payload = GetResultPayload::Stream(cut.boxed());
         }
-        self.wait().await;
+        if !options.head && self.is_in(self.faults.rots, location) {
+            let mut bytes = got.bytes().await?.to_vec();
+            bytes[0] ^= 1;
+            let bytes = stream::iter([Ok(bytes.into())]).boxed();
+            got = self.inner.get_opts(location, GetOptions::default()).await?;
+            got.payload = GetResultPayload::Stream(bytes);
+        }
+        self.wait().await?;
         Ok(got)
     }
 
@@ -212,6 +249,13 @@ impl ObjectStore for FaultyStore {
 
     fn list(&self, prefix: Option<&Path>) -> BoxStream<'static, Result<ObjectMeta>> {
         self.requests.lists.fetch_add(1, Ordering::Relaxed);
+        if self.faults.has_stray_key {
+            let stray = Path::parse("corpora/small/scenarios/a//b").unwrap_err();
+            return stream::iter([Err(stray.into())]).boxed();
+        }
+        if self.faults.unavailable_of > 0 && self.random.below(self.faults.unavailable_of) == 0 {
+            return stream::iter([Err(unavailable())]).boxed();
+        }
         let turns = self.random.below(self.faults.most_turns + 1);
         let (inner, prefix) = (self.inner.clone(), prefix.cloned());
         let listed = async move {

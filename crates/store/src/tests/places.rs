@@ -9,12 +9,12 @@ const PLAN: &str = r#"{"plan_hash": "0", "scenarios": []}"#;
 async fn a_prefix_with_objects_of_others_is_refused_and_a_corpus_with_notes_is_not() {
     let (_folder, stores) = stores();
     for store in stores {
-        store.check_place().await.unwrap();
+        at(&store).check_place().await.unwrap();
         for own in ["corpus.toml", "splits.json", "plan.json"] {
             put(&store, own, "").await;
         }
         put(&store, "failed/1200-clear-r1.json", "{}").await;
-        store.check_place().await.unwrap();
+        at(&store).check_place().await.unwrap();
         for (name, text) in [
             ("plan.json", r#"{"planned_values": {}}"#),
             ("splits.json", r#"{"train": [1]}"#),
@@ -24,7 +24,7 @@ async fn a_prefix_with_objects_of_others_is_refused_and_a_corpus_with_notes_is_n
             ("data/a.csv", "1"),
         ] {
             put(&store, name, text).await;
-            let placed = store.check_place().await;
+            let placed = at(&store).check_place().await;
             if name.starts_with("scenarios/") {
                 // It is kept as it is.
                 placed.unwrap();
@@ -35,11 +35,11 @@ async fn a_prefix_with_objects_of_others_is_refused_and_a_corpus_with_notes_is_n
                 assert!(error.to_string().contains(entry), "{name}: {error}");
                 // With a plan, it is a corpus in which somebody keeps notes.
                 put(&store, Corpus::PLAN, PLAN).await;
-                store.check_place().await.unwrap();
+                at(&store).check_place().await.unwrap();
             }
             let key = store.key(name);
-            let _ = store.store.delete(&key).await;
-            let _ = store.store.delete(&store.key(Corpus::PLAN)).await;
+            let _ = store.client.delete(&key).await;
+            let _ = store.client.delete(&store.key(Corpus::PLAN)).await;
         }
     }
 }
@@ -48,5 +48,5 @@ async fn a_prefix_with_objects_of_others_is_refused_and_a_corpus_with_notes_is_n
 async fn a_damaged_plan_beside_a_committed_scenario_is_the_corpus_own() {
     let (store, ..) = pushed().await;
     put(&store, Corpus::PLAN, "{").await;
-    store.check_place().await.unwrap();
+    at(&store).check_place().await.unwrap();
 }

@@ -1,5 +1,5 @@
-//! The mark of a stage: it names the object store to which the corpus's scenarios are uploaded. A folder without it may hold the only copy
-//! of its scenarios, so no file is ever removed from it.
+//! Stage mark: it names the object store that the corpus's scenarios are uploaded to. A folder without it may hold their only copy, so no
+//! file is ever removed from it.
 
 use std::fs;
 use std::path::Path;
@@ -19,7 +19,7 @@ struct Mark {
     corpus: String,
 }
 
-/// Rejects a folder that is the stage of another corpus, or contains scenarios and is not a stage. Does not write.
+/// Rejects a folder that is a different corpus's stage, or contains scenarios and is not a stage. Does not write.
 pub(crate) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
     let refused = |message: String| {
         Err(GenerateError::NotAStage {

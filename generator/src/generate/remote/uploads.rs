@@ -6,7 +6,7 @@ use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::PlannedScenario;
 use dataset::work::watch::{self, Watch};
-use store::{Objects, Pushed, StoreError, Transfer};
+use store::{Pushed, StoreError};
 use tokio::sync::mpsc;
 use tokio::time::sleep;
 
@@ -22,28 +22,24 @@ use crate::generate::run::tally::Tally;
 pub(crate) const WAITING: usize = 1;
 /// Longest time for a cancelled transfer to stop.
 const CANCEL_TIMEOUT: Duration = Duration::from_secs(5);
-/// Interval for checking a staged scenario that another process is uploading.
+/// Interval for checking a staged scenario that is being uploaded elsewhere.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A finished scenario to upload. Its claim keeps others off until the store has it.
 struct Job<'a> {
     scenario: &'a PlannedScenario,
     claim: Claim,
-    /// True if an earlier run may have sent a part of it.
-    is_resumed: bool,
 }
 
 /// The worker that uploads finished scenarios.
 pub(crate) struct Uploader<'r, 'a> {
     pub(crate) remote: &'r Remote,
-    /// Timeout for a store that does not answer.
-    pub(crate) patience: Duration,
     pub(crate) stage: &'r Corpus,
     pub(crate) reporter: &'r Reporter<'a>,
     pub(crate) tally: &'r Tally,
 }
 
-/// Handle with which other workers submit finished scenarios to the uploader, which ends when all handles are dropped.
+/// Handle for submitting finished scenarios to the uploader, which ends when all handles are dropped.
 #[derive(Clone)]
 pub(crate) struct Uploads<'r, 'a> {
     jobs: mpsc::Sender<Job<'a>>,
@@ -52,17 +48,8 @@ pub(crate) struct Uploads<'r, 'a> {
 
 impl<'a> Uploads<'_, 'a> {
     /// Queues a finished scenario for upload; waits while the queue is full. If the run ends before, it stays on the stage.
-    pub(crate) async fn hand_over(
-        &self,
-        scenario: &'a PlannedScenario,
-        claim: Claim,
-        is_resumed: bool,
-    ) {
-        let job = Job {
-            scenario,
-            claim,
-            is_resumed,
-        };
+    pub(crate) async fn hand_over(&self, scenario: &'a PlannedScenario, claim: Claim) {
+        let job = Job { scenario, claim };
         let job = match self.jobs.try_send(job) {
             Ok(()) => return,
             Err(mpsc::error::TrySendError::Full(job) | mpsc::error::TrySendError::Closed(job)) => {
@@ -86,14 +73,14 @@ impl<'a> Uploads<'_, 'a> {
     pub(crate) async fn hand_over_staged(self, staged: &[&'a PlannedScenario]) {
         for scenario in staged {
             match self.claim_staged(scenario).await {
-                Ok(Some(claim)) => self.hand_over(scenario, claim, true).await,
+                Ok(Some(claim)) => self.hand_over(scenario, claim).await,
                 Ok(None) => {}
                 Err(error) => self.uploader.tally.fail(error),
             }
         }
     }
 
-    /// The claim on a staged scenario; `None` if it needs no upload, because another process has uploaded it or the run ends.
+    /// The claim on a staged scenario; `None` if it needs no upload, because it was uploaded elsewhere or the run ends.
     async fn claim_staged(
         &self,
         scenario: &PlannedScenario,
@@ -116,7 +103,7 @@ impl<'a> Uploads<'_, 'a> {
     }
 }
 
-/// Reports one transfer to the listener of a run.
+/// Reports a transfer to the run's listener.
 struct Watching<'r, 'a> {
     uploader: &'r Uploader<'r, 'a>,
     id: &'r str,
@@ -147,7 +134,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
                 if self.tally.halt.is_cancelled() {
                     self.tally.stays_staged(job.scenario);
                 } else {
-                    self.upload(job.scenario, job.is_resumed).await;
+                    self.upload(job.scenario).await;
                 }
                 drop(job.claim);
             }
@@ -155,21 +142,19 @@ impl<'r, 'a> Uploader<'r, 'a> {
         (uploads, work)
     }
 
-    async fn upload(&self, scenario: &PlannedScenario, is_resumed: bool) {
+    async fn upload(&self, scenario: &PlannedScenario) {
         let id = scenario.id.as_str();
         let began = Instant::now();
-        match self.push(id, is_resumed).await {
-            // The store has been compared with a listing: it has all of this scenario, or of the one that goes before it.
+        match self.push(id).await {
+            // The store has a whole copy: this one, or one that goes before it.
             Ok(pushed) => {
                 self.remote.forget_failure(id).await;
-                if self.is_superseded(id, &pushed) && !self.remote.keep_staged {
+                if !self.remote.keep_staged && !self.is_only_labelled_copy(id, &pushed) {
                     self.remote.unstage(self.stage, id).await;
                 }
                 match pushed {
                     Pushed::Committed { .. } => self.tally.committed(scenario),
-                    Pushed::Same | Pushed::OtherRecording | Pushed::Newer | Pushed::Labelled => {
-                        self.tally.skipped(scenario);
-                    }
+                    Pushed::Same | Pushed::Other | Pushed::Labelled => self.tally.skipped(scenario),
                 }
                 self.reporter.tell(Event::Uploaded {
                     id,
@@ -177,8 +162,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
                 });
             }
             Err(StoreError::Stopped(_)) => self.tally.stays_staged(scenario),
-            // The others are unaffected.
-            Err(error @ StoreError::Damaged { .. }) => {
+            Err(error) if error.is_of_scenario() => {
                 let reason = format!(
                     "{error}. Move {} away, then the scenario will be recorded again",
                     self.stage.scenario(id).root().display()
@@ -201,41 +185,31 @@ impl<'r, 'a> Uploader<'r, 'a> {
         }
     }
 
-    /// True if a scenario is no longer needed on the stage. Labels of a recording that the store does not accept exist only here.
-    fn is_superseded(&self, id: &str, pushed: &Pushed) -> bool {
-        let labels = self
-            .stage
-            .scenario(id)
-            .root()
-            .join(ScenarioFolder::TRUTH_BOXES);
-        if *pushed != Pushed::OtherRecording || !labels.exists() {
-            return true;
+    /// True if the store keeps a different copy and this one is labelled: its labels exist only here.
+    fn is_only_labelled_copy(&self, id: &str, pushed: &Pushed) -> bool {
+        let folder = self.stage.scenario(id);
+        let labels = folder.root().join(ScenarioFolder::TRUTH_BOXES);
+        if *pushed != Pushed::Other || !labels.exists() {
+            return false;
         }
         tracing::warn!(
             id,
-            "stays on the stage: it is labelled, and the store has another recording of it; move it away to keep it"
+            "stays on the stage: it is labelled, and the store has a different copy of it; move it away to keep it"
         );
-        false
+        true
     }
 
     /// Sends a scenario, as long as the store can be reached and the run does not end.
-    async fn push(&self, id: &str, is_resumed: bool) -> store::Result<Pushed> {
+    async fn push(&self, id: &str) -> store::Result<Pushed> {
         let folder = self.stage.scenario(id);
-        // A scenario that was recorded just now has no objects in the store yet: one listing, after the upload, is enough.
-        let mut seen = (!is_resumed).then(Objects::default);
         let watching = Watching { uploader: self, id };
-        let transfer = Transfer::new(&watching);
-        let pushing = store::Patience(self.patience).with(&transfer, async || {
-            let store = &self.remote.store;
-            let seen = seen.take();
-            store.push_scenario(&folder, seen.as_ref(), &transfer).await
-        });
+        let store = self.remote.store.watched(&watching);
         let no_longer = async {
             self.tally.halt.cancelled().await;
             sleep(CANCEL_TIMEOUT).await;
         };
         tokio::select! {
-            pushed = pushing => pushed,
+            pushed = store.push_scenario(&folder) => pushed,
             () = no_longer => Err(watch::Stopped.into()),
         }
     }

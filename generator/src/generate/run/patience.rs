@@ -15,8 +15,6 @@ pub struct Patience {
     pub answer: Duration,
     /// Timeout for a simulator that does not answer: it may be restarting.
     pub simulator: Duration,
-    /// Timeout for an object store that does not answer.
-    pub store: Duration,
 }
 
 impl Default for Patience {
@@ -28,7 +26,6 @@ impl Default for Patience {
             pause_factor: 5,
             answer: Duration::from_secs(60),
             simulator: Duration::from_secs(300),
-            store: Duration::from_secs(300),
         }
     }
 }
