@@ -77,7 +77,7 @@ fn numbers(page: &str, name: &str) -> Vec<f64> {
     let cells = row.unwrap_or_else(|| panic!("no row {name} in {page}"));
     let cells = cells.trim_start_matches(&format!("| {name} |"));
     let words = cells.split([' ', '|', '/', '(', ')']);
-    let words = words.filter(|word| !word.is_empty() && *word != "-");
+    let words = words.filter(|word| !word.is_empty() && *word != "–");
     words
         .map(|word| {
             word.parse()
