@@ -1,5 +1,5 @@
 //! `dtd verify` against faults that only a recorded corpus can have: images, poses and cameras that do not belong together, sealed again,
-//! so that the content must reveal them. The checks of single files are tested in `crates/dataset/src/verify/tests.rs`.
+//! so that the content must reveal them. The checks of single files are tested in `crates/verify/src/tests.rs`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
