@@ -29,7 +29,7 @@ PHRASES = {
     "nothing, nobody": (r"\b(?:nothing|nobody)\b", 2, 5, "say what is the case: `no file`, `no client`, `only`"),
     "a for per": (rf"\d[ \n](?:(?:{UNITS})[ \n])?an?[ \n](?:{COUNTED})\b", 0.3, 0.5, "write `per image`, `per second`"),
     ", too": (r",\s+too\b", 0.3, 0.5, "write `also`, or leave it out"),
-    "of a, of its, of them": (r"\bof\s+(?:a|an|one|its|it|them|these)\b", 42, 70, "use a possessive or a compound noun"),
+    "of a, of its, of them": (r"\bof\s+(?:a|an|one|its|it|them|these)\b", 30, 70, "use a possessive or a compound noun"),
     "by which, of whom": (r"\b(?:by|from|in|of|at|with)\s+(?:which|whom|how|where|what)\b", 10, 10, "split the sentence, or name the thing"),
     "what is, what it": (r"\bwhat\s+(?:is|was|it|they|a|the)\b", 6, 6, "name the thing"),
     "another": (r"\banother\b", 8, 8, "write `a second`, `a different`, `the next`"),
