@@ -69,7 +69,12 @@ END
 
 if [ -n "$with_ffmpeg" ]; then
     mkdir "$licences/debian"
-    ldd "$program" | awk '$2 == "=>" { print $1, $3 }' | while read -r soname path; do
+    # `dtd` loads the drivers of cameras only with a camera: they are beside libavformat, with its number.
+    drivers=$(ldd "$program" | awk '$1 ~ /^libavformat/ { sub("avformat", "avdevice", $3); print $3 }')
+    {
+        ldd "$program" "$drivers" | awk '$2 == "=>" { print $1, $3 }'
+        echo "$(basename "$drivers") $drivers"
+    } | sort -u | while read -r soname path; do
         file=$(realpath "$path")
         # Packages from before Debian merged /lib into /usr/lib list their files without /usr.
         package=$(dpkg-query -S "$file" 2>/dev/null || dpkg-query -S "${file#/usr}")
@@ -95,7 +100,9 @@ distributed under the GPL; each part keeps its own licence. \`sources.txt\` name
 fetches one, and Debian's archive of snapshots keeps replaced versions.
 END
     glibc='^(ld-linux.*|lib(c|m|mvec|dl|pthread|rt|resolv|util|anl))\.so'
-    if outside=$(env -i ldd "$root/bin/dtd" | awk '$2 == "=>"' | grep -vF "$root/" | awk '{ print $1 }' | grep -vE "$glibc"); then
+    # With the drivers loaded first, their libraries have the program's search path, as they do when it loads them.
+    loaded=$(env -i LD_PRELOAD="$root/lib/dtd/$(basename "$drivers")" ldd "$root/bin/dtd")
+    if outside=$(awk '$2 == "=>"' <<<"$loaded" | grep -vF "$root/" | awk '{ print $1 }' | grep -vE "$glibc"); then
         echo "package: $program would load libraries from outside the archive, expected the rpath \$ORIGIN/../lib/dtd:" >&2
         echo "$outside" >&2
         exit 1

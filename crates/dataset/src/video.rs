@@ -7,6 +7,7 @@
 //! can be read at once; when it is finished, the fragments become a plain file with an index. Images are BT.709, full range, and tagged so.
 
 mod camera_stream;
+mod capture_devices;
 mod codec;
 mod conversion;
 mod decoded_image;
@@ -26,6 +27,7 @@ use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
 pub use camera_stream::CameraStream;
+pub use capture_devices::{capture_device, load_capture_devices};
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
 pub use conversion::luma::Luma;

@@ -1,11 +1,11 @@
 //! The screen of this machine, grabbed through FFmpeg's input devices.
 
 use std::env;
-use std::sync::Once;
 
+use dataset::video::capture_device;
 use ffmpeg_next::codec::context::Context;
 use ffmpeg_next::format::context::Input;
-use ffmpeg_next::{Dictionary, Format, Packet, decoder, device, format, frame, media};
+use ffmpeg_next::{Dictionary, Packet, decoder, format, frame, media};
 
 use super::device::{DeviceCall, Platform};
 use super::pixel_form;
@@ -46,7 +46,6 @@ impl Screen for FfmpegScreen {
     }
 
     fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError> {
-        start_ffmpeg();
         let platform = self.platform.ok_or_else(|| {
             PixelError::Setup(
                 "the screen of this system cannot be grabbed: Linux (X11), Windows and macOS can; use --pixels gl or run X-Plane there"
@@ -54,7 +53,7 @@ impl Screen for FfmpegScreen {
             )
         })?;
         let call = platform.call(&self.display, part);
-        let format = input_device(call.device)?;
+        let format = capture_device(call.device).map_err(PixelError::Setup)?;
         let mut options = Dictionary::new();
         for (name, value) in &call.options {
             options.set(name, value);
@@ -133,37 +132,14 @@ impl Grab for FfmpegGrab {
     }
 }
 
-/// FFmpeg's input device of this name.
-fn input_device(name: &'static str) -> Result<Format, PixelError> {
-    let is_it = |format: &Format| format.name() == name;
-    device::input::video().find(is_it).ok_or_else(|| {
-        PixelError::Setup(format!(
-            "the FFmpeg of this machine was built without its input device {name}; install one that has it"
-        ))
-    })
-}
-
-fn start_ffmpeg() {
-    static START: Once = Once::new();
-    START.call_once(|| {
-        // It fails only if FFmpeg lacks memory for its tables; opening a device reports that too.
-        let _ = ffmpeg_next::init();
-        // Errors are returned as values; FFmpeg's own lines on stderr would disrupt progress bars.
-        ffmpeg_next::log::set_level(ffmpeg_next::log::Level::Fatal);
-    });
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_device_of_this_system_is_in_this_ffmpeg() {
-        start_ffmpeg();
         let device = Platform::here().unwrap().call("", None).device;
-        assert_eq!(input_device(device).ok().unwrap().name(), device);
-        let message = input_device("telepathy").err().unwrap().to_string();
-        assert!(message.contains("telepathy"), "{message}");
+        assert_eq!(capture_device(device).unwrap().name(), device);
     }
 
     #[cfg(all(unix, not(target_os = "macos")))]
