@@ -26,6 +26,15 @@ pub(crate) enum Ending {
 }
 
 impl Ending {
+    /// The ending of a verb that has these losses.
+    pub(crate) fn with_losses<T>(losses: &[T]) -> Self {
+        if losses.is_empty() {
+            Self::Done
+        } else {
+            Self::Losses
+        }
+    }
+
     pub(crate) fn and(self, other: Self) -> Self {
         if self == Self::Done { other } else { self }
     }

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 use dataset::corpus::Corpus;
-use dataset::corpus::detections::parse_detections;
+use dataset::corpus::detections::Detections;
 use dataset::tables::pixel_box::PixelBox;
 use detector_evaluation::{AveragePrecision, PrecisionTally, TrueAircraft};
 use rand::{RngExt, SeedableRng};
@@ -174,7 +174,7 @@ fn pictured(tiny: &Tiny, mode: &str) -> Vec<Pictured> {
         let path = tiny.path(&format!("judged/searched/{mode}/{}.parquet", record.id));
         let content = fs::read(&path).unwrap();
         let mut found: HashMap<_, Vec<_>> = HashMap::new();
-        for seen in parse_detections(content, &path, record.pictures())
+        for seen in Detections::parse(content, &path, record.pictures())
             .unwrap()
             .boxes
         {

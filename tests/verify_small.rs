@@ -11,7 +11,8 @@ use dataset::corpus::seal::seal_folder;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::frames::Frames;
-use dataset::tables::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
+use dataset::tables::image_rows::ImageRow;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use testkit::command::Dtd;
 use testkit::sweep::{SmallSweep, WEATHER_NAMES, starting_from};
@@ -199,7 +200,7 @@ impl Window<'_> {
                 })
             })
             .collect();
-        write_truth_boxes(&scenario.truth_boxes_path(), &boxes).unwrap();
+        TruthBox::write(&boxes, &scenario.truth_boxes_path()).unwrap();
         let [width_px, height_px] = flight.size_px;
         for (view, name) in flight.record.views.iter().enumerate() {
             let path = scenario.video_path(name);

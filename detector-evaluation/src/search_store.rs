@@ -16,14 +16,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use dataset::corpus::claim::Claim;
-use dataset::corpus::detections::{parse_detections, write_detections};
+use dataset::corpus::detections::Detections;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::workshop;
 use dataset::error::FolderFault;
 use dataset::files::json_file::{read_json, write_json};
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::{own_path, resolved};
-use dataset::tables::registrations::{parse_registrations, write_registrations};
+use dataset::tables::image_rows::ImageRow;
+use dataset::tables::registrations::Registration;
 use labeller::{CpuTime, Findings};
 use serde::{Deserialize, Serialize};
 
@@ -109,8 +110,8 @@ impl SearchStore {
             return Ok(None);
         };
         Ok(Some(Findings {
-            detections: parse_detections(found, &detections, pictures)?,
-            registrations: parse_registrations(registered, &registrations, pictures)?,
+            detections: Detections::parse(found, &detections, pictures)?,
+            registrations: Registration::parse(registered, &registrations, pictures)?,
             cpu_s: record.cpu_s,
         }))
     }
@@ -126,8 +127,8 @@ impl SearchStore {
         let [record, detections, registrations] = self.paths(mode, &scenario.id());
         let folder = self.root.join(SEARCHED).join(mode.key());
         fs::create_dir_all(&folder).map_err(dataset::Error::io("create", &folder))?;
-        write_detections(&detections, &findings.detections)?;
-        write_registrations(&registrations, &findings.registrations)?;
+        findings.detections.write(&detections)?;
+        Registration::write(&findings.registrations, &registrations)?;
         let hash = dataset::corpus::seal::hash_file;
         let made = Record {
             search: search.to_owned(),

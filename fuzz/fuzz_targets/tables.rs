@@ -5,11 +5,12 @@
 use std::fs;
 use std::path::Path;
 
-use dataset::corpus::detections::{parse_detections, write_detections};
+use dataset::corpus::detections::Detections;
 use dataset::tables::frames::Frames;
-use dataset::tables::health::{parse_health, write_health};
-use dataset::tables::pixel_box::{parse_truth_boxes, write_truth_boxes};
-use dataset::tables::registrations::{parse_registrations, write_registrations};
+use dataset::tables::health::ViewHealth;
+use dataset::tables::image_rows::ImageRow;
+use dataset::tables::pixel_box::TruthBox;
+use dataset::tables::registrations::Registration;
 use dtd_fuzz::place;
 use libfuzzer_sys::fuzz_target;
 
@@ -27,27 +28,27 @@ fuzz_target!(|bytes: &[u8]| {
             }
         }
         1 => {
-            if let Ok(boxes) = parse_truth_boxes(bytes.to_vec(), path, PICTURES) {
-                let again = written(|path| write_truth_boxes(path, &boxes));
-                assert_eq!(parse_truth_boxes(again, path, PICTURES).unwrap(), boxes);
+            if let Ok(boxes) = TruthBox::parse(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| TruthBox::write(&boxes, path));
+                assert_eq!(TruthBox::parse(again, path, PICTURES).unwrap(), boxes);
             }
         }
         2 => {
-            if let Ok(found) = parse_detections(bytes.to_vec(), path, PICTURES) {
-                let again = written(|path| write_detections(path, &found));
-                assert_eq!(parse_detections(again, path, PICTURES).unwrap(), found);
+            if let Ok(found) = Detections::parse(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| found.write(path));
+                assert_eq!(Detections::parse(again, path, PICTURES).unwrap(), found);
             }
         }
         3 => {
-            if let Ok(found) = parse_registrations(bytes.to_vec(), path, PICTURES) {
-                let again = written(|path| write_registrations(path, &found));
-                assert_eq!(parse_registrations(again, path, PICTURES).unwrap(), found);
+            if let Ok(found) = Registration::parse(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| Registration::write(&found, path));
+                assert_eq!(Registration::parse(again, path, PICTURES).unwrap(), found);
             }
         }
         _ => {
-            if let Ok(found) = parse_health(bytes.to_vec(), path, PICTURES) {
-                let again = written(|path| write_health(path, &found));
-                assert_eq!(parse_health(again, path, PICTURES).unwrap(), found);
+            if let Ok(found) = ViewHealth::parse(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| ViewHealth::write(&found, path));
+                assert_eq!(ViewHealth::parse(again, path, PICTURES).unwrap(), found);
             }
         }
     }

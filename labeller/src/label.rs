@@ -16,7 +16,8 @@ use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::geometry::camera::Camera;
 use dataset::geometry::pose::Controls;
 use dataset::tables::frames::Frames;
-use dataset::tables::pixel_box::{TruthBox, write_truth_boxes};
+use dataset::tables::image_rows::ImageRow;
+use dataset::tables::pixel_box::TruthBox;
 use dataset::work::watch::Watch;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -119,7 +120,7 @@ fn label_scenario(folder: &ScenarioFolder) -> Result<Labelled> {
             &[ScenarioFolder::FRAMES, ScenarioFolder::TRUTH_BOXES],
             |name, path| match name {
                 ScenarioFolder::FRAMES => labels.frames.write(path),
-                _ => write_truth_boxes(path, &labels.boxes),
+                _ => TruthBox::write(&labels.boxes, path),
             },
         )?;
     }

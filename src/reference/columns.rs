@@ -1,11 +1,12 @@
 //! The columns of a scenario's tables: names, types and limits from empty tables, meanings from the comments of the rows that fill them.
 
-use dataset::corpus::detections::{Detection, Detections, Miss, detection_columns};
+use dataset::corpus::detections::{Detection, Miss, Row};
 use dataset::tables::columns::TableWriter;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{ViewHealth, health_columns};
-use dataset::tables::pixel_box::{TruthBox, truth_box_columns};
-use dataset::tables::registrations::{Registration, registration_columns};
+use dataset::tables::health::ViewHealth;
+use dataset::tables::image_rows::ImageRow;
+use dataset::tables::pixel_box::TruthBox;
+use dataset::tables::registrations::Registration;
 use schemars::schema_for;
 use serde_json::{Value, json};
 
@@ -35,22 +36,22 @@ pub(super) fn sections() -> String {
         ),
         (
             "boxes_truth.parquet",
-            truth_box_columns(&[]),
+            TruthBox::columns(&[]),
             json!(schema_for!(TruthBox)),
         ),
         (
             "detections/&lt;model&gt;.parquet",
-            detection_columns(&Detections::default()),
+            Row::columns(&[]),
             json!(schema_for!((Detection, Miss))),
         ),
         (
             "registrations/&lt;model&gt;.parquet",
-            registration_columns(&[]),
+            Registration::columns(&[]),
             json!(schema_for!(Registration)),
         ),
         (
             "health/&lt;model&gt;.parquet",
-            health_columns(&[]),
+            ViewHealth::columns(&[]),
             json!(schema_for!(ViewHealth)),
         ),
     ];

@@ -75,11 +75,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         let hint = next(&corpus, &outcome).unwrap_or_default();
         finish("detect", began, &hint);
     }
-    Ok(if outcome.failed.is_empty() {
-        Ending::Done
-    } else {
-        Ending::Losses
-    })
+    Ok(Ending::with_losses(&outcome.failed))
 }
 
 /// The cameras that a run has fitted.

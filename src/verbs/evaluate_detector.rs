@@ -61,11 +61,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
         println!("report: {}", report.display());
     }
     finish("evaluate-detector", began, &Next::default());
-    Ok(if evaluation.failed.is_empty() {
-        Ending::Done
-    } else {
-        Ending::Losses
-    })
+    Ok(Ending::with_losses(&evaluation.failed))
 }
 
 /// Evaluates a detector with a progress bar; `None` if interrupted.

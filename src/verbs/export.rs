@@ -20,11 +20,7 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
     let watch = VerbWatch::new("export", "images");
     let outcome = exporter::export(&corpus, &request, &args.out, &watch).map_err(failure)?;
     drop(watch);
-    let ending = ending.and(if outcome.lost.is_empty() {
-        Ending::Done
-    } else {
-        Ending::Losses
-    });
+    let ending = ending.and(Ending::with_losses(&outcome.lost));
     if args.json {
         return print_json(&outcome).map(|()| ending);
     }

@@ -33,11 +33,7 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
     if outcome.failed.is_empty() {
         finish("label", began, &Next::verb("detect", &args.corpus));
     }
-    Ok(if outcome.failed.is_empty() {
-        Ending::Done
-    } else {
-        Ending::Losses
-    })
+    Ok(Ending::with_losses(&outcome.failed))
 }
 
 /// The ending of a stopped run; prints how much is left.

@@ -26,11 +26,7 @@ pub(crate) fn open_sound_corpus(verb: &str, root: &Path) -> Result<(Corpus, Endi
             out_of(root)
         );
     }
-    let ending = if damaged.is_empty() {
-        Ending::Done
-    } else {
-        Ending::Losses
-    };
+    let ending = Ending::with_losses(&damaged);
     Ok((sound, ending))
 }
 

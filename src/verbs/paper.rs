@@ -219,10 +219,7 @@ impl Experiment<'_> {
         let ending = work(self);
         let is_done = matches!(ending, Ok(Ending::Done));
         self.notes.add(name, began.elapsed(), is_done)?;
-        Ok(match ending? {
-            Ending::Done => None,
-            other => Some(other),
-        })
+        Ok(Some(ending?).filter(|ending| *ending != Ending::Done))
     }
 
     fn record(&self, sweep: &Sweep, place: Place) -> Outcome {
@@ -400,11 +397,7 @@ impl Experiment<'_> {
             .found
             .ranges
             .extend(results::ranges(&evaluation, is_pretrained));
-        Ok(if evaluation.failed.is_empty() {
-            Ending::Done
-        } else {
-            Ending::Losses
-        })
+        Ok(Ending::with_losses(&evaluation.failed))
     }
 
     fn run_folder(&self, place: Place) -> RunFolder {
@@ -415,11 +408,8 @@ impl Experiment<'_> {
 fn label_in(corpus: &Path) -> Outcome {
     let corpus = Corpus::open(corpus).map_err(Failure::of_corpus)?;
     let labelled = label(&corpus)?;
-    Ok(match label::interrupted(&labelled) {
-        Some(ending) => ending,
-        None if labelled.failed.is_empty() => Ending::Done,
-        None => Ending::Losses,
-    })
+    let ending = label::interrupted(&labelled);
+    Ok(ending.unwrap_or_else(|| Ending::with_losses(&labelled.failed)))
 }
 
 /// Share of the seen ticks that one view alone sees.

@@ -4,20 +4,17 @@ mod pacing;
 mod show;
 mod warnings;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::files::outside_file::{self, FileKind};
-use dataset::geometry::runway::Runway;
 use dataset::geometry::sun::Sun;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
-use dataset::plan::{Change, Plan, PlannedScenario};
+use dataset::plan::{Plan, PlannedScenario};
 use generator::against::{Against, Standing};
 use generator::plan::{Estimate, Outlook, Pacing, expand};
 use generator::sweep::Sweep;
-use serde::Serialize;
+use serde_json::{Value, json};
 use store::{CorpusLocation, CorpusStore, Logged, StoreUrl};
 
 use super::Outcome;
@@ -180,110 +177,66 @@ impl<'a> Report<'a> {
         )
     }
 
-    fn document(&self) -> Document<'_> {
-        let standing = |index: usize| Some(self.compared?.against.standings[index]);
+    /// Output of `--json`.
+    fn document(&self) -> Value {
         let scenarios = self.plan.scenarios.iter().enumerate();
-        Document {
-            plan_hash: &self.plan.plan_hash,
-            corpus: &self.plan.corpus,
-            scenarios: scenarios
-                .map(|(index, scenario)| Row::new(scenario, self.sun(scenario), standing(index)))
-                .collect(),
-            runway: &self.plan.common.runway,
-            estimate: &self.estimate,
-            utc_offset_h: self.utc_offset_h,
-            outlook: &self.outlook,
-            against: self.compared.map(|compared| AgainstDocument {
-                corpus: &compared.corpus,
-                whole: self.ids(compared, Standing::Whole),
-                to_make: self.ids(compared, Standing::ToMake),
-                new: self.ids(compared, Standing::New),
-                damaged: &compared.against.damaged,
-                weather: &compared.against.weather,
-                changed: &compared.against.difference.changed,
-                removed: &compared.against.difference.removed,
-                left: self.left.as_ref(),
-            }),
-        }
+        let scenarios: Vec<Value> = scenarios
+            .map(|(index, scenario)| {
+                let mut row = row(scenario, self.sun(scenario));
+                if let Some(compared) = self.compared {
+                    row["standing"] = json!(compared.against.standings[index]);
+                }
+                row
+            })
+            .collect();
+        json!({
+            "plan_hash": self.plan.plan_hash,
+            "corpus": self.plan.corpus,
+            "runway": self.plan.common.runway,
+            "estimate": self.estimate,
+            "utc_offset_h": self.utc_offset_h,
+            "outlook": self.outlook,
+            "against": self.compared.map(|compared| self.difference(compared)),
+            "scenarios": scenarios,
+        })
     }
 
-    fn ids(&self, compared: &'a Compared, standing: Standing) -> Vec<&'a str> {
-        let id = |scenario: &'a PlannedScenario| scenario.id.as_str();
-        let standing = compared.against.standing(self.plan, standing);
-        standing.map(id).collect()
-    }
-}
-
-/// Output of `--json`.
-#[derive(Serialize)]
-struct Document<'a> {
-    plan_hash: &'a str,
-    corpus: &'a str,
-    runway: &'a Runway,
-    estimate: &'a Estimate,
-    /// Local time minus UTC, hours.
-    utc_offset_h: f64,
-    outlook: &'a Outlook,
-    against: Option<AgainstDocument<'a>>,
-    scenarios: Vec<Row<'a>>,
-}
-
-#[derive(Serialize)]
-struct Row<'a> {
-    id: &'a str,
-    time_of_day: &'a str,
-    weather: &'a str,
-    seed: u64,
-    /// `live`, `computed` or a file name.
-    flight: &'a str,
-    /// Name of the flight profile; absent for recordings.
-    profile: Option<&'a str>,
-    start_dtd_nm: f64,
-    visibility_m: f64,
-    /// Elevation of the sun's centre, without refraction.
-    sun_elevation_deg: f64,
-    /// Clockwise from north.
-    sun_azimuth_deg: f64,
-    ticks: u32,
-    config_hash: &'a str,
-    /// State in the corpus, if compared with one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    standing: Option<Standing>,
-}
-
-impl<'a> Row<'a> {
-    fn new(scenario: &'a PlannedScenario, sun: Sun, standing: Option<Standing>) -> Self {
-        let parameters = &scenario.parameters;
-        let live = parameters.live.as_ref();
-        Self {
-            id: &scenario.id,
-            time_of_day: &scenario.time_of_day,
-            weather: &scenario.weather,
-            seed: scenario.seed,
-            flight: &scenario.flight,
-            profile: live.map(|live| live.profile_name.as_str()),
-            start_dtd_nm: parameters.start_dtd_m / METERS_PER_NAUTICAL_MILE,
-            visibility_m: parameters.conditions.weather.visibility_m,
-            sun_elevation_deg: sun.elevation_deg,
-            sun_azimuth_deg: sun.azimuth_deg,
-            ticks: scenario.ticks,
-            config_hash: &scenario.config_hash,
-            standing,
-        }
+    fn difference(&self, compared: &Compared) -> Value {
+        let against = &compared.against;
+        let ids = |standing: Standing| -> Vec<&str> {
+            let scenarios = against.standing(self.plan, standing);
+            scenarios.map(|scenario| scenario.id.as_str()).collect()
+        };
+        json!({
+            "corpus": compared.corpus,
+            "whole": ids(Standing::Whole),
+            "to_make": ids(Standing::ToMake),
+            "new": ids(Standing::New),
+            "damaged": against.damaged,
+            "weather": against.weather,
+            "changed": against.difference.changed,
+            "removed": against.difference.removed,
+            "left": self.left,
+        })
     }
 }
 
-#[derive(Serialize)]
-struct AgainstDocument<'a> {
-    corpus: &'a str,
-    whole: Vec<&'a str>,
-    to_make: Vec<&'a str>,
-    new: Vec<&'a str>,
-    /// Faults, by identifier.
-    damaged: &'a BTreeMap<String, String>,
-    /// Weather reported by simulators at the aircraft, by name of the planned weather.
-    weather: &'a BTreeMap<String, ReportedWeather>,
-    changed: &'a [Change],
-    removed: &'a [String],
-    left: Option<&'a Estimate>,
+/// A scenario in the output of `--json`. The sun's elevation is without refraction, its azimuth clockwise from north.
+fn row(scenario: &PlannedScenario, sun: Sun) -> Value {
+    let parameters = &scenario.parameters;
+    let profile = parameters.live.as_ref().map(|live| &live.profile_name);
+    json!({
+        "id": scenario.id,
+        "time_of_day": scenario.time_of_day,
+        "weather": scenario.weather,
+        "seed": scenario.seed,
+        "flight": scenario.flight,
+        "profile": profile,
+        "start_dtd_nm": parameters.start_dtd_m / METERS_PER_NAUTICAL_MILE,
+        "visibility_m": parameters.conditions.weather.visibility_m,
+        "sun_elevation_deg": sun.elevation_deg,
+        "sun_azimuth_deg": sun.azimuth_deg,
+        "ticks": scenario.ticks,
+        "config_hash": scenario.config_hash,
+    })
 }

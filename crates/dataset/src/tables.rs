@@ -3,6 +3,7 @@
 pub mod columns;
 pub mod frames;
 pub mod health;
+pub mod image_rows;
 pub mod pixel_box;
 pub mod registrations;
 pub(crate) mod row_parts;

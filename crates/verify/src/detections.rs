@@ -11,14 +11,15 @@ use serde_json::Value;
 
 use crate::faults::Faults;
 use dataset::corpus::ScenarioFolder;
-use dataset::corpus::detections::{self, Detection, Row, read_rows_with_faults};
+use dataset::corpus::detections::{self, Detection, Row};
 use dataset::corpus::open_scenario::{OpenScenario, RowFault, fault_of, fault_of_registration};
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::files::json_file::read_json;
 use dataset::files::own_path::own_path;
 use dataset::numbers::limits::{self, MAX_PICTURES};
-use dataset::tables::health::read_health_with_faults;
-use dataset::tables::registrations::{Registration, read_registrations_with_faults};
+use dataset::tables::health::ViewHealth;
+use dataset::tables::image_rows::ImageRow;
+use dataset::tables::registrations::Registration;
 
 /// The record besides the table's origin. Other programs may write less.
 #[derive(Default, Deserialize)]
@@ -92,7 +93,7 @@ impl OfModel<'_> {
         if !path.exists() {
             return;
         }
-        let read = read_rows_with_faults(&path, self.pictures);
+        let read = Row::read_with_faults(&path, self.pictures);
         let Some(found) = faults.keep_table(&file, read) else {
             return;
         };
@@ -112,7 +113,7 @@ impl OfModel<'_> {
 
     fn check_registrations(&self, faults: &mut Faults) -> Option<Vec<Registration>> {
         let (file, path) = self.table(detections::REGISTRATIONS, faults)?;
-        let read = read_registrations_with_faults(&path, self.pictures);
+        let read = Registration::read_with_faults(&path, self.pictures);
         let rows = faults.keep_table(&file, read)?;
         let keys = rows.iter().map(|row| {
             let fault = self
@@ -127,7 +128,7 @@ impl OfModel<'_> {
     fn check_health(&self, faults: &mut Faults) {
         if let Some((file, path)) = self.table(detections::HEALTH, faults)
             && let Some(rows) =
-                faults.keep_table(&file, read_health_with_faults(&path, self.pictures))
+                faults.keep_table(&file, ViewHealth::read_with_faults(&path, self.pictures))
         {
             let keys = rows.iter().map(|row| {
                 let fault = self

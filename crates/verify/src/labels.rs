@@ -13,7 +13,8 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::geometry::runway::RunwayCoordinates;
 use dataset::numbers::limits;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::pixel_box::{TruthBox, read_truth_boxes_with_faults};
+use dataset::tables::image_rows::ImageRow;
+use dataset::tables::pixel_box::TruthBox;
 
 /// Tolerance of recomputed times in seconds, and of recomputed shares.
 const TIME_AND_SHARE_TOLERANCE: f64 = 1e-6;
@@ -53,7 +54,7 @@ pub(super) fn read_boxes(
         faults.file(ScenarioFolder::TRUTH_BOXES, fault);
     }
     let pictures = pictures.unwrap_or(limits::MAX_PICTURES);
-    let boxes = boxes_exist.then(|| read_truth_boxes_with_faults(&path, pictures))?;
+    let boxes = boxes_exist.then(|| TruthBox::read_with_faults(&path, pictures))?;
     faults.keep_table(ScenarioFolder::TRUTH_BOXES, boxes)
 }
 

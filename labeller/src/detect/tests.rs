@@ -2,9 +2,7 @@ use std::fs;
 use std::sync::Mutex;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::corpus::detections::{
-    Detection, Detections, Miss, MissReason, NewTables, SearchMode, write_detections,
-};
+use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
 
 use dataset::corpus::seal::seal_folder;
 use dataset::files::json_file::read_json;
@@ -352,7 +350,7 @@ fn a_table_that_is_not_the_one_of_its_record_is_refused_and_made_again() {
     let path = one.detections_path(MODEL);
     let mut found = stored(&other).unwrap();
     found.pop();
-    write_detections(&path, &found.into()).unwrap();
+    Detections::from(found).write(&path).unwrap();
     let message = stored(&one).unwrap_err();
     assert!(message.contains("its hash differs"), "{message}");
     assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);

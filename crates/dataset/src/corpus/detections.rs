@@ -28,18 +28,15 @@ use crate::files::json_file::write_json;
 use crate::files::new_file::{clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
 use crate::files::own_path::own_path;
-use crate::tables::health::{ViewHealth, write_health};
-use crate::tables::registrations::{Registration, write_registrations};
+use crate::tables::health::ViewHealth;
+use crate::tables::image_rows::ImageRow;
+use crate::tables::registrations::Registration;
 
 pub use crate::files::corpus_names::{
     DETECTIONS as FOLDER, HEALTH, MODEL_FOLDERS as FOLDERS, REGISTRATIONS,
 };
 pub use choice::{NoChoice, choose};
-pub use table::{
-    Detection, Detections, Miss, MissReason, SearchMode, detection_columns, parse_detections,
-    write_detections,
-};
-pub use table::{Row, parse_rows, read_rows_with_faults};
+pub use table::{Detection, Detections, Miss, MissReason, Row, SearchMode};
 
 /// The part of the record of detections that every reader needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -281,12 +278,12 @@ pub fn replace<R: Serialize>(
     settle(folder, model)?;
     let path = |parent| folder.root().join(table_name(parent, model));
     let [table, registered, health] = FOLDERS.map(path);
-    write_detections(&with_new_suffix(&table), tables.detections)?;
+    tables.detections.write(&with_new_suffix(&table))?;
     if let Some(rows) = tables.registrations {
-        write_registrations(&with_new_suffix(&registered), rows)?;
+        Registration::write(rows, &with_new_suffix(&registered))?;
     }
     if let Some(rows) = tables.health {
-        write_health(&with_new_suffix(&health), rows)?;
+        ViewHealth::write(rows, &with_new_suffix(&health))?;
     }
     let is_written = [
         true,

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::corpus::calibration::Calibration;
-use crate::corpus::detections::{self, Detections, FoundTable, Provenance, parse_rows};
+use crate::corpus::detections::{self, Detections, FoundTable, Provenance, Row};
 use crate::corpus::scenario::ScenarioRecord;
 use crate::corpus::seal::sealed::{ATTEMPTS, Sealed};
 use crate::corpus::seal::{DONE, Seal, hash_file, view_of};
@@ -21,9 +21,10 @@ use crate::files::corpus_names::{CALIBRATION, FILES, RECORD};
 use crate::files::json_file::parse_json;
 use crate::files::outside_file::FileKind;
 use crate::tables::frames::Frames;
-use crate::tables::health::{ViewHealth, parse_health};
-use crate::tables::pixel_box::{TruthBox, parse_truth_boxes};
-use crate::tables::registrations::{Registration, parse_registrations};
+use crate::tables::health::ViewHealth;
+use crate::tables::image_rows::ImageRow;
+use crate::tables::pixel_box::TruthBox;
+use crate::tables::registrations::Registration;
 use crate::video::{PacketReader, RgbPicture, VideoReader};
 
 /// The identity in a scenario's record.
@@ -165,7 +166,7 @@ impl OpenScenario {
         let path = self.folder.truth_boxes_path();
         let content = self.contents.get(ScenarioFolder::TRUTH_BOXES);
         content
-            .map(|content| parse_truth_boxes(content.clone(), &path, pictures))
+            .map(|content| TruthBox::parse(content.clone(), &path, pictures))
             .transpose()
     }
 
@@ -186,7 +187,7 @@ impl OpenScenario {
     pub fn detections(&self, model: &str) -> Result<Detections> {
         let (path, content) = self.detections_table(model)?;
         let record = self.record()?;
-        let rows = parse_rows(content, &path, record.pictures())?;
+        let rows = Row::parse(content, &path, record.pictures())?;
         let faults = rows
             .iter()
             .map(|row| fault_of(row.tick(), row.view(), &record));
@@ -204,7 +205,7 @@ impl OpenScenario {
             return Ok(None);
         };
         let record = self.record()?;
-        let rows = parse_registrations(content, &path, record.pictures())?;
+        let rows = Registration::parse(content, &path, record.pictures())?;
         refuse_faults(
             &path,
             rows.iter().map(|row| fault_of_registration(row, &record)),
@@ -222,7 +223,7 @@ impl OpenScenario {
             return Ok(None);
         };
         let record = self.record()?;
-        let rows = parse_health(content, &path, record.pictures())?;
+        let rows = ViewHealth::parse(content, &path, record.pictures())?;
         let faults = rows
             .iter()
             .map(|row| fault_of(row.tick, &row.view, &record));

@@ -63,29 +63,21 @@ impl TableWriter {
         Self::default()
     }
 
-    fn push(mut self, name: &str, nullable: bool, array: ArrayRef) -> Self {
+    fn push(mut self, name: &str, nullable: bool, array: impl Array + 'static) -> Self {
         self.fields
             .push(Field::new(name, array.data_type().clone(), nullable));
-        self.arrays.push(array);
+        self.arrays.push(Arc::new(array));
         self
     }
 
     /// Adds a column of floats.
     pub fn f64(self, name: &str, values: impl IntoIterator<Item = f64>) -> Self {
-        self.push(
-            name,
-            false,
-            Arc::new(Float64Array::from_iter_values(values)),
-        )
+        self.push(name, false, Float64Array::from_iter_values(values))
     }
 
     /// Adds a column of single-precision floats.
     pub fn f32(self, name: &str, values: impl IntoIterator<Item = f32>) -> Self {
-        self.push(
-            name,
-            false,
-            Arc::new(Float32Array::from_iter_values(values)),
-        )
+        self.push(name, false, Float32Array::from_iter_values(values))
     }
 
     /// Adds a column with `N` floats in each row.
@@ -97,7 +89,7 @@ impl TableWriter {
         let values = Float64Array::from_iter_values(values.into_iter().flatten());
         let field = Arc::new(Field::new_list_field(DataType::Float64, true));
         let rows = FixedSizeListArray::new(field, N as i32, Arc::new(values), None);
-        self.push(name, false, Arc::new(rows))
+        self.push(name, false, rows)
     }
 
     /// Adds a column with strings in each row.
@@ -110,7 +102,7 @@ impl TableWriter {
         for words in values {
             lists.append_value(words.into_iter().map(|word| Some(word)));
         }
-        self.push(name, false, Arc::new(lists.finish()))
+        self.push(name, false, lists.finish())
     }
 
     /// Adds a note about the whole table, which libraries look up by its key.
@@ -122,11 +114,7 @@ impl TableWriter {
 
     /// Adds a column of floats that may be missing.
     pub fn optional_f64(self, name: &str, values: impl IntoIterator<Item = Option<f64>>) -> Self {
-        self.push(
-            name,
-            true,
-            Arc::new(values.into_iter().collect::<Float64Array>()),
-        )
+        self.push(name, true, Float64Array::from_iter(values))
     }
 
     /// Adds a column of floats with limits; a table with values outside them is not written.
@@ -151,9 +139,9 @@ impl TableWriter {
         self.optional_f64(name, values)
     }
 
-    /// The table with unchecked numbers, as a different program may write it: for tests of readers.
-    #[must_use]
-    pub fn unchecked(self) -> Self {
+    /// The table with unchecked numbers, as a different program may write it.
+    #[cfg(test)]
+    pub(crate) fn unchecked(self) -> Self {
         Self {
             out_of_limits: None,
             ..self
@@ -186,26 +174,22 @@ impl TableWriter {
 
     /// Adds a column of signed integers.
     pub fn i64(self, name: &str, values: impl IntoIterator<Item = i64>) -> Self {
-        self.push(name, false, Arc::new(Int64Array::from_iter_values(values)))
+        self.push(name, false, Int64Array::from_iter_values(values))
     }
 
     /// Adds a column of unsigned 32-bit integers.
     pub fn u32(self, name: &str, values: impl IntoIterator<Item = u32>) -> Self {
-        self.push(name, false, Arc::new(UInt32Array::from_iter_values(values)))
+        self.push(name, false, UInt32Array::from_iter_values(values))
     }
 
     /// Adds a column of unsigned 32-bit integers that may be missing.
     pub fn optional_u32(self, name: &str, values: impl IntoIterator<Item = Option<u32>>) -> Self {
-        self.push(
-            name,
-            true,
-            Arc::new(values.into_iter().collect::<UInt32Array>()),
-        )
+        self.push(name, true, UInt32Array::from_iter(values))
     }
 
     /// Adds a column of unsigned 64-bit integers.
     pub fn u64(self, name: &str, values: impl IntoIterator<Item = u64>) -> Self {
-        self.push(name, false, Arc::new(UInt64Array::from_iter_values(values)))
+        self.push(name, false, UInt64Array::from_iter_values(values))
     }
 
     /// Adds a column of booleans.
@@ -213,13 +197,13 @@ impl TableWriter {
         self.push(
             name,
             false,
-            Arc::new(values.into_iter().map(Some).collect::<BooleanArray>()),
+            BooleanArray::from_iter(values.into_iter().map(Some)),
         )
     }
 
     /// Adds a column of strings.
     pub fn text<S: AsRef<str>>(self, name: &str, values: impl IntoIterator<Item = S>) -> Self {
-        self.push(name, false, Arc::new(StringArray::from_iter_values(values)))
+        self.push(name, false, StringArray::from_iter_values(values))
     }
 
     /// Adds a column of strings that may be missing.
@@ -228,11 +212,7 @@ impl TableWriter {
         name: &str,
         values: impl IntoIterator<Item = Option<S>>,
     ) -> Self {
-        self.push(
-            name,
-            true,
-            Arc::new(values.into_iter().collect::<StringArray>()),
-        )
+        self.push(name, true, StringArray::from_iter(values))
     }
 
     /// Number of rows.
@@ -843,7 +823,7 @@ mod tests {
         let lists =
             arrow_array::ListArray::from_iter_primitive::<Int32Type, _, _>([Some(vec![Some(1)])]);
         TableWriter::new()
-            .push("lists", true, Arc::new(lists))
+            .push("lists", true, lists)
             .write(&path)
             .unwrap();
         let message = Table::read(&path, 2_000).err().unwrap().to_string();

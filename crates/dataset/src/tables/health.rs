@@ -5,7 +5,6 @@
 //! ([`crate::corpus::detections`]), and it is replaced with them.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use glam::DVec2;
 use schemars::JsonSchema;
@@ -13,9 +12,9 @@ use schemars::JsonSchema;
 use crate::error::Result;
 use crate::geometry::camera::Camera;
 use crate::numbers::limits;
-use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::columns::{Table, TableWriter};
+use crate::tables::image_rows::ImageRow;
 use crate::tables::row_parts::{Numbers, numbers, words};
-use crate::work::memory;
 
 /// A view at one tick.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
@@ -184,71 +183,52 @@ numbers!(ViewLag, 2, {
     lag_sd_ms: limits::VIEW_LAG_SD_MS,
 });
 
-/// Writes `health/<model>.parquet`.
-pub fn write_health(path: &Path, rows: &[ViewHealth]) -> Result<()> {
-    health_columns(rows).write(path)
-}
+/// The table `health/<model>.parquet`.
+impl ImageRow for ViewHealth {
+    const NAME: &'static str = "health";
 
-/// The table `health/<model>.parquet` with its columns.
-pub fn health_columns(rows: &[ViewHealth]) -> TableWriter {
-    let rows = rows.iter();
-    let turns = rows.clone().map(|row| row.motion);
-    let lags = rows.clone().map(|row| row.lag);
-    TableWriter::new()
-        .u32("tick", rows.clone().map(|row| row.tick))
-        .text("view", rows.clone().map(|row| &row.view))
-        .text("state", rows.clone().map(|row| row.state.word()))
-        .optional_numbers(
-            CameraTurn::COLUMNS,
-            turns.map(|turn| turn.map(CameraTurn::to_array)),
-        )
-        .text("state_live", rows.clone().map(|row| row.state_live.word()))
-        .optional_numbers(ViewLag::COLUMNS, lags.map(|lag| lag.map(ViewLag::to_array)))
-        .optional_f64_within(
-            "vertical_px",
-            limits::SHIFT_PX,
-            rows.map(|row| row.vertical_px),
-        )
-}
+    fn columns(rows: &[Self]) -> TableWriter {
+        let rows = rows.iter();
+        let turns = rows.clone().map(|row| row.motion);
+        let lags = rows.clone().map(|row| row.lag);
+        TableWriter::new()
+            .u32("tick", rows.clone().map(|row| row.tick))
+            .text("view", rows.clone().map(|row| &row.view))
+            .text("state", rows.clone().map(|row| row.state.word()))
+            .optional_numbers(
+                CameraTurn::COLUMNS,
+                turns.map(|turn| turn.map(CameraTurn::to_array)),
+            )
+            .text("state_live", rows.clone().map(|row| row.state_live.word()))
+            .optional_numbers(ViewLag::COLUMNS, lags.map(|lag| lag.map(ViewLag::to_array)))
+            .optional_f64_within(
+                "vertical_px",
+                limits::SHIFT_PX,
+                rows.map(|row| row.vertical_px),
+            )
+    }
 
-/// Reads the content of `health/<model>.parquet` for this number of images, each with at most one row; messages name it as `path`.
-///
-/// # Errors
-/// A number is outside its limits, a row has only some numbers, or an unknown state.
-pub fn parse_health(content: Vec<u8>, path: &Path, images: u64) -> Result<Vec<ViewHealth>> {
-    health_of(&mut Table::parse(content, path, images)?)
-}
-
-/// Reads a file's rows and collects numbers outside their limits.
-pub fn read_health_with_faults(
-    path: &Path,
-    images: u64,
-) -> Result<(Vec<ViewHealth>, Vec<ColumnOutOfLimits>)> {
-    Table::read_with_faults(path, images, health_of)
-}
-
-fn health_of(table: &mut Table) -> Result<Vec<ViewHealth>> {
-    let row_bytes = 2 * size_of::<ViewHealth>() + 96;
-    memory::check("table of health", (table.rows() * row_bytes) as u64)?;
-    let ticks = table.u32("tick")?;
-    let turns = table.optional_numbers(CameraTurn::COLUMNS)?;
-    let states = table.words::<HealthState>("state")?;
-    let live = table.words::<HealthState>("state_live")?;
-    let lags = table.optional_numbers(ViewLag::COLUMNS)?;
-    let verticals_px = table.optional_f64_within("vertical_px", limits::SHIFT_PX)?;
-    let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
-    keys.map(|(row, (tick, view))| {
-        Ok(ViewHealth {
-            tick,
-            view,
-            state: states[row],
-            motion: all_or_none(table, row, turns[row])?.map(CameraTurn::of_array),
-            state_live: live[row],
-            lag: all_or_none(table, row, lags[row])?.map(ViewLag::of_array),
-            vertical_px: verticals_px[row],
+    fn of_table(table: &mut Table) -> Result<Vec<Self>> {
+        let ticks = table.u32("tick")?;
+        let turns = table.optional_numbers(CameraTurn::COLUMNS)?;
+        let states = table.words::<HealthState>("state")?;
+        let live = table.words::<HealthState>("state_live")?;
+        let lags = table.optional_numbers(ViewLag::COLUMNS)?;
+        let verticals_px = table.optional_f64_within("vertical_px", limits::SHIFT_PX)?;
+        let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
+        keys.map(|(row, (tick, view))| {
+            Ok(Self {
+                tick,
+                view,
+                state: states[row],
+                motion: all_or_none(table, row, turns[row])?.map(CameraTurn::of_array),
+                state_live: live[row],
+                lag: all_or_none(table, row, lags[row])?.map(ViewLag::of_array),
+                vertical_px: verticals_px[row],
+            })
         })
-    })
-    .collect()
+        .collect()
+    }
 }
 
 fn all_or_none<const N: usize>(
@@ -330,9 +310,9 @@ mod tests {
             row.vertical_px = None;
         }
         for rows in [rows(), unmeasured, Vec::new()] {
-            write_health(&path, &rows).unwrap();
+            ViewHealth::write(&rows, &path).unwrap();
             let content = std::fs::read(&path).unwrap();
-            assert_eq!(parse_health(content, &path, 6).unwrap(), rows);
+            assert_eq!(ViewHealth::parse(content, &path, 6).unwrap(), rows);
         }
     }
 
@@ -355,7 +335,9 @@ mod tests {
             });
             table.write(&path).unwrap();
             let content = std::fs::read(&path).unwrap();
-            parse_health(content, &path, 1).unwrap_err().to_string()
+            ViewHealth::parse(content, &path, 1)
+                .unwrap_err()
+                .to_string()
         };
         let whole = [Some(1.0); 4];
         let half = [Some(1.0), None, None, Some(0.1)];

@@ -4,16 +4,14 @@
 //! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is one pixel
 //! wide.
 
-use std::path::Path;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::numbers::limits;
-use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::columns::{Table, TableWriter};
+use crate::tables::image_rows::ImageRow;
 use crate::tables::row_parts::{NumberColumn, Numbers, numbers};
-use crate::work::memory;
 
 /// A detector is expected to find the aircraft if more than this part is in the image.
 const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
@@ -129,64 +127,45 @@ impl TruthBox {
     }
 }
 
-/// Writes `boxes_truth.parquet`.
-pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
-    truth_box_columns(boxes).write(path)
-}
+/// The table `boxes_truth.parquet`.
+impl ImageRow for TruthBox {
+    const NAME: &'static str = "boxes";
 
-/// The table `boxes_truth.parquet` with its columns.
-pub fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
-    TableWriter::new()
-        .u32("tick", boxes.iter().map(|b| b.tick))
-        .text("view", boxes.iter().map(|b| &b.view))
-        .text("class", boxes.iter().map(|b| &b.class))
-        .numbers(
-            PixelBox::COLUMNS,
-            boxes.iter().map(|b| b.pixel_box.to_array()),
-        )
-        .numbers(
-            RATIOS,
-            boxes
-                .iter()
-                .map(|b| [b.visible_fraction, b.truncation, b.transmission]),
-        )
-}
+    fn columns(boxes: &[Self]) -> TableWriter {
+        let boxes = boxes.iter();
+        let ratios = |b: &Self| [b.visible_fraction, b.truncation, b.transmission];
+        TableWriter::new()
+            .u32("tick", boxes.clone().map(|b| b.tick))
+            .text("view", boxes.clone().map(|b| &b.view))
+            .text("class", boxes.clone().map(|b| &b.class))
+            .numbers(
+                PixelBox::COLUMNS,
+                boxes.clone().map(|b| b.pixel_box.to_array()),
+            )
+            .numbers(RATIOS, boxes.map(ratios))
+    }
 
-/// Reads `boxes_truth.parquet` for this number of images, each with at most one box, collecting numbers outside their limits.
-pub fn read_truth_boxes_with_faults(
-    path: &Path,
-    pictures: u64,
-) -> Result<(Vec<TruthBox>, Vec<ColumnOutOfLimits>)> {
-    Table::read_with_faults(path, pictures, truth_boxes_of)
-}
-
-/// Reads the content of `boxes_truth.parquet`; messages name it as `path`. A number outside its limits is an error.
-pub fn parse_truth_boxes(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<TruthBox>> {
-    truth_boxes_of(&mut Table::parse(content, path, pictures)?)
-}
-
-fn truth_boxes_of(table: &mut Table) -> Result<Vec<TruthBox>> {
-    let row_bytes = 2 * size_of::<TruthBox>() + 32;
-    memory::check("table of boxes", (table.rows() * row_bytes) as u64)?;
-    let tick = table.u32("tick")?;
-    let boxes = table.numbers(PixelBox::COLUMNS)?;
-    let ratios = table.numbers(RATIOS)?;
-    let words = table.text("view")?.into_iter().zip(table.text("class")?);
-    Ok(words
-        .enumerate()
-        .map(|(row, (view, class))| {
-            let [visible_fraction, truncation, transmission] = ratios[row];
-            TruthBox {
-                tick: tick[row],
-                view,
-                class,
-                pixel_box: PixelBox::of_array(boxes[row]),
-                visible_fraction,
-                truncation,
-                transmission,
-            }
-        })
-        .collect())
+    fn of_table(table: &mut Table) -> Result<Vec<Self>> {
+        let tick = table.u32("tick")?;
+        let boxes = table.numbers(PixelBox::COLUMNS)?;
+        let ratios = table.numbers(RATIOS)?;
+        let words = table.text("view")?.into_iter().zip(table.text("class")?);
+        Ok(words
+            .enumerate()
+            .map(|(row, (view, class))| {
+                let [visible_fraction, truncation, transmission] = ratios[row];
+                Self {
+                    tick: tick[row],
+                    view,
+                    class,
+                    pixel_box: PixelBox::of_array(boxes[row]),
+                    visible_fraction,
+                    truncation,
+                    transmission,
+                }
+            })
+            .collect())
+    }
 }
 
 #[cfg(test)]
@@ -248,8 +227,8 @@ mod tests {
             truncation: 0.25,
             transmission: 0.9,
         }];
-        write_truth_boxes(&path, &truth).unwrap();
-        let read = read_truth_boxes_with_faults(&path, 1).unwrap();
+        TruthBox::write(&truth, &path).unwrap();
+        let read = TruthBox::read_with_faults(&path, 1).unwrap();
         assert_eq!(read, (truth, vec![]));
     }
 }

@@ -4,15 +4,13 @@
 //! or the reason why there is none. The table belongs to the detections of the same model: their record names it
 //! ([`crate::corpus::detections`]), and it is replaced with them.
 
-use std::path::Path;
-
 use schemars::JsonSchema;
 
 use crate::error::Result;
 use crate::numbers::limits;
-use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::columns::{Table, TableWriter};
+use crate::tables::image_rows::ImageRow;
 use crate::tables::row_parts::{Numbers, numbers, words};
-use crate::work::memory;
 
 /// A view compared with the reference view at one tick.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
@@ -95,81 +93,54 @@ pub fn is_within_limits(shift: &Shift) -> bool {
     numbers.all(|((_, limits), number)| limits.hold(number))
 }
 
-/// Writes `registrations/<model>.parquet`.
-pub fn write_registrations(path: &Path, registrations: &[Registration]) -> Result<()> {
-    registration_columns(registrations).write(path)
-}
+/// The table `registrations/<model>.parquet`.
+impl ImageRow for Registration {
+    const NAME: &'static str = "registrations";
 
-/// The table `registrations/<model>.parquet` with its columns.
-pub fn registration_columns(registrations: &[Registration]) -> TableWriter {
-    let rows = registrations.iter();
-    let shifts = rows.clone().map(|row| row.result.ok());
-    TableWriter::new()
-        .u32("tick", rows.clone().map(|row| row.tick))
-        .text("view", rows.clone().map(|row| &row.view))
-        .text("reference", rows.clone().map(|row| &row.reference))
-        .optional_numbers(
-            Shift::COLUMNS,
-            shifts.map(|shift| shift.map(Shift::to_array)),
-        )
-        .optional_text(
-            "reason",
-            rows.map(|row| row.result.err().map(NoShift::word)),
-        )
-}
+    fn columns(rows: &[Self]) -> TableWriter {
+        let rows = rows.iter();
+        let shifts = rows.clone().map(|row| row.result.ok());
+        TableWriter::new()
+            .u32("tick", rows.clone().map(|row| row.tick))
+            .text("view", rows.clone().map(|row| &row.view))
+            .text("reference", rows.clone().map(|row| &row.reference))
+            .optional_numbers(
+                Shift::COLUMNS,
+                shifts.map(|shift| shift.map(Shift::to_array)),
+            )
+            .optional_text(
+                "reason",
+                rows.map(|row| row.result.err().map(NoShift::word)),
+            )
+    }
 
-/// Reads the content of `registrations/<model>.parquet` for this number of images, each with at most one row; messages name it as `path`.
-///
-/// # Errors
-/// A number is outside its limits, or a row has neither a whole shift nor a known reason.
-pub fn parse_registrations(
-    content: Vec<u8>,
-    path: &Path,
-    pictures: u64,
-) -> Result<Vec<Registration>> {
-    registrations_of(&mut Table::parse(content, path, pictures)?)
-}
-
-/// Reads a file's rows and collects numbers outside their limits.
-pub fn read_registrations_with_faults(
-    path: &Path,
-    pictures: u64,
-) -> Result<(Vec<Registration>, Vec<ColumnOutOfLimits>)> {
-    Table::read_with_faults(path, pictures, registrations_of)
-}
-
-fn registrations_of(table: &mut Table) -> Result<Vec<Registration>> {
-    let row_bytes = 2 * size_of::<Registration>() + 96;
-    memory::check("table of registrations", (table.rows() * row_bytes) as u64)?;
-    let ticks = table.u32("tick")?;
-    let shifts = table.optional_numbers(Shift::COLUMNS)?;
-    let reasons = table.optional_words::<NoShift>("reason")?;
-    let views = table.text("view")?.into_iter();
-    let keys = ticks.into_iter().zip(views.zip(table.text("reference")?));
-    let results = shifts.into_iter().zip(reasons);
-    let rows = keys.zip(results).enumerate();
-    rows.map(|(row, ((tick, (view, reference)), (shift, reason)))| {
-        let result = match (shift, reason) {
-            (Ok(numbers), None) => Ok(Shift::of_array(numbers)),
-            (Err(0), Some(reason)) => Err(reason),
-            (shift, reason) => {
-                let reason =
-                    reason.map_or("no reason".into(), |r| format!("reason {:?}", r.word()));
-                let all = Shift::COLUMNS.len();
-                return Err(table.fault(format!(
-                    "row {row} has {} of {all} numbers and {reason}, expected all numbers, or none and a reason",
-                    shift.map_or_else(|count| count, |_| all),
-                )));
-            }
-        };
-        Ok(Registration {
-            tick,
-            view,
-            reference,
-            result,
+    fn of_table(table: &mut Table) -> Result<Vec<Self>> {
+        let ticks = table.u32("tick")?;
+        let shifts = table.optional_numbers(Shift::COLUMNS)?;
+        let reasons = table.optional_words::<NoShift>("reason")?;
+        let views = table.text("view")?.into_iter();
+        let keys = ticks.into_iter().zip(views.zip(table.text("reference")?));
+        let results = shifts.into_iter().zip(reasons);
+        let rows = keys.zip(results).enumerate();
+        rows.map(|(row, ((tick, (view, reference)), (shift, reason)))| {
+            let result = match (shift, reason) {
+                (Ok(numbers), None) => Ok(Shift::of_array(numbers)),
+                (Err(0), Some(reason)) => Err(reason),
+                (shift, reason) => {
+                    let count = shift.map_or_else(|count| count, |all| all.len());
+                    let all = Shift::COLUMNS.len();
+                    return Err(table.neither_whole_nor_absent(row, [count, all], reason));
+                }
+            };
+            Ok(Self {
+                tick,
+                view,
+                reference,
+                result,
+            })
         })
-    })
-    .collect()
+        .collect()
+    }
 }
 
 #[cfg(test)]
@@ -208,9 +179,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("abc.parquet");
         for rows in [rows(), Vec::new()] {
-            write_registrations(&path, &rows).unwrap();
+            Registration::write(&rows, &path).unwrap();
             let content = std::fs::read(&path).unwrap();
-            assert_eq!(parse_registrations(content, &path, 3).unwrap(), rows);
+            assert_eq!(Registration::parse(content, &path, 3).unwrap(), rows);
         }
     }
 
@@ -234,7 +205,7 @@ mod tests {
                 .write(&path)
                 .unwrap();
             let content = std::fs::read(&path).unwrap();
-            parse_registrations(content, &path, 1)
+            Registration::parse(content, &path, 1)
                 .unwrap_err()
                 .to_string()
         };
@@ -273,6 +244,6 @@ mod tests {
         assert!(!is_within_limits(&wild) && is_within_limits(&shift()));
         rows[0].result = Ok(wild);
         let path = folder.path().join("abc.parquet");
-        assert!(write_registrations(&path, &rows).is_err());
+        assert!(Registration::write(&rows, &path).is_err());
     }
 }

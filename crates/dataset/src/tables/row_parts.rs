@@ -1,6 +1,8 @@
 //! Parts of a row that several tables share: structs of numbers with a column per field, and enums with a word per variant.
 
-use crate::error::Result;
+use std::fmt::Display;
+
+use crate::error::{Error, Result};
 use crate::numbers::limits::Limits;
 use crate::tables::columns::{Table, TableWriter};
 
@@ -36,7 +38,7 @@ macro_rules! numbers {
 pub(crate) use numbers;
 
 /// An enum that a column holds as a word.
-pub(crate) trait Word: Copy + 'static {
+pub(crate) trait Word: Copy + Display + 'static {
     const WORDS: &'static [(&'static str, Self)];
 }
 
@@ -146,6 +148,19 @@ impl Table {
         words
             .map(|(row, word)| self.meaning(column, row, &word))
             .collect()
+    }
+
+    /// Error about a row that has neither all numbers nor a reason for having none. `counts`: its numbers, and all.
+    pub(crate) fn neither_whole_nor_absent<W: Word>(
+        &self,
+        row: usize,
+        [count, all]: [usize; 2],
+        reason: Option<W>,
+    ) -> Error {
+        let reason = reason.map_or("no reason".into(), |word| format!("reason \"{word}\""));
+        self.fault(format!(
+            "row {row} has {count} of {all} numbers and {reason}, expected all numbers, or none and a reason"
+        ))
     }
 
     fn meaning<W: Word>(&self, column: &str, row: usize, word: &str) -> Result<W> {

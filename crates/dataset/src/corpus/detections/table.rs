@@ -9,10 +9,10 @@ use schemars::JsonSchema;
 
 use crate::error::Result;
 use crate::numbers::limits;
-use crate::tables::columns::{ColumnOutOfLimits, Table, TableWriter};
+use crate::tables::columns::{Table, TableWriter};
+use crate::tables::image_rows::ImageRow;
 use crate::tables::pixel_box::PixelBox;
 use crate::tables::row_parts::{NumberColumn, Numbers, words};
-use crate::work::memory;
 
 /// A model's detections in a scenario's images.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -124,6 +124,23 @@ impl Detection {
 }
 
 impl Detections {
+    /// Writes `detections/<model>.parquet`, by tick.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let boxes = self.boxes.iter().cloned().map(Row::Box);
+        let misses = self.misses.iter().cloned().map(Row::Miss);
+        let mut rows: Vec<_> = boxes.chain(misses).collect();
+        rows.sort_by_key(Row::tick);
+        Row::write(&rows, path)
+    }
+
+    /// Reads the content of `detections/<model>.parquet` for this number of images; messages name it as `path`.
+    ///
+    /// # Errors
+    /// A number is outside its limits, or a row has neither a whole box nor a known reason.
+    pub fn parse(content: Vec<u8>, path: &Path, images: u64) -> Result<Self> {
+        Ok(Row::parse(content, path, images)?.into())
+    }
+
     /// The boxes that count.
     pub fn into_confirmed(self) -> impl Iterator<Item = Detection> {
         self.boxes.into_iter().filter(|found| found.confirmed)
@@ -208,127 +225,83 @@ impl From<Vec<Row>> for Detections {
     }
 }
 
-/// Writes `detections/<model>.parquet`, by tick.
-pub fn write_detections(path: &Path, detections: &Detections) -> Result<()> {
-    detection_columns(detections).write(path)
-}
+/// The table `detections/<model>.parquet`.
+impl ImageRow for Row {
+    const NAME: &'static str = "detections";
+    const MAX_PER_IMAGE: u64 = limits::MAX_DETECTIONS_PER_PICTURE;
 
-/// The table `detections/<model>.parquet` with its columns.
-pub fn detection_columns(detections: &Detections) -> TableWriter {
-    let boxes = detections.boxes.iter().cloned().map(Row::Box);
-    let mut rows: Vec<_> = boxes
-        .chain(detections.misses.iter().cloned().map(Row::Miss))
-        .collect();
-    rows.sort_by_key(Row::tick);
-    let found = rows.iter().map(Row::found);
-    let numbers = found.clone().map(|found| {
-        let Detection {
-            pixel_box, score, ..
-        } = found?;
-        let [cx, cy, width, height] = pixel_box.to_array();
-        Some([cx, cy, width, height, *score])
-    });
-    let table = TableWriter::new()
-        .u32("tick", rows.iter().map(Row::tick))
-        .text("view", rows.iter().map(Row::view))
-        .optional_numbers(SCORED_BOX, numbers)
-        .optional_u32("tile", found.clone().map(|found| Some(found?.tile)))
-        .optional_u32("track", found.clone().map(|found| found?.track))
-        .text("mode", rows.iter().map(|row| row.mode().word()))
-        .bool(
-            "confirmed",
-            found
-                .clone()
-                .map(|found| found.is_some_and(|found| found.confirmed)),
-        )
-        .optional_text(
-            "reason",
-            rows.iter().map(|row| row.reason().map(MissReason::word)),
-        );
-    let live = found.map(|found| found.map_or(Some(false), |found| found.counts_live));
-    match live.collect::<Option<Vec<bool>>>() {
-        Some(live) => table.bool(COUNTS_LIVE, live),
-        None => table,
+    fn columns(rows: &[Self]) -> TableWriter {
+        let found = rows.iter().map(Self::found);
+        let numbers = found.clone().map(|found| {
+            let Detection {
+                pixel_box, score, ..
+            } = found?;
+            let [cx, cy, width, height] = pixel_box.to_array();
+            Some([cx, cy, width, height, *score])
+        });
+        let confirmed = |found: Option<&Detection>| found.is_some_and(|found| found.confirmed);
+        let reasons = rows.iter().map(|row| row.reason().map(MissReason::word));
+        let table = TableWriter::new()
+            .u32("tick", rows.iter().map(Self::tick))
+            .text("view", rows.iter().map(Self::view))
+            .optional_numbers(SCORED_BOX, numbers)
+            .optional_u32("tile", found.clone().map(|found| Some(found?.tile)))
+            .optional_u32("track", found.clone().map(|found| found?.track))
+            .text("mode", rows.iter().map(|row| row.mode().word()))
+            .bool("confirmed", found.clone().map(confirmed))
+            .optional_text("reason", reasons);
+        let live = found.map(|found| found.map_or(Some(false), |found| found.counts_live));
+        match live.collect::<Option<Vec<bool>>>() {
+            Some(live) => table.bool(COUNTS_LIVE, live),
+            None => table,
+        }
     }
-}
 
-/// Reads the content of `detections/<model>.parquet` for this number of images; messages name it as `path`.
-///
-/// # Errors
-/// A number is outside its limits, or a row has neither a whole box nor a known reason.
-pub fn parse_detections(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Detections> {
-    Ok(parse_rows(content, path, pictures)?.into())
-}
-
-/// Like [`parse_detections`], as rows, for messages that number them.
-pub fn parse_rows(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Row>> {
-    rows_of(&mut Table::parse(content, path, most_rows(pictures))?)
-}
-
-/// Reads a file's rows and collects numbers outside their limits.
-pub fn read_rows_with_faults(
-    path: &Path,
-    pictures: u64,
-) -> Result<(Vec<Row>, Vec<ColumnOutOfLimits>)> {
-    Table::read_with_faults(path, most_rows(pictures), rows_of)
-}
-
-fn most_rows(pictures: u64) -> u64 {
-    pictures.saturating_mul(limits::MAX_DETECTIONS_PER_PICTURE)
-}
-
-fn rows_of(table: &mut Table) -> Result<Vec<Row>> {
-    let row_bytes = 2 * size_of::<Row>() + 96;
-    memory::check("table of detections", (table.rows() * row_bytes) as u64)?;
-    let ticks = table.u32("tick")?;
-    let boxes = table.optional_numbers(SCORED_BOX)?;
-    let tiles = table.optional_u32("tile")?;
-    let tracks = table.optional_u32("track")?;
-    let modes = table.words::<SearchMode>("mode")?;
-    let confirmed = table.bool("confirmed")?;
-    let live = if table.has(COUNTS_LIVE) {
-        Some(table.bool(COUNTS_LIVE)?)
-    } else {
-        None
-    };
-    let reasons = table.optional_words::<MissReason>("reason")?;
-    let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
-    keys.map(|(row, (tick, view))| {
-        let mode = modes[row];
-        match (boxes[row], tiles[row], reasons[row]) {
-            (Ok([cx, cy, width, height, score]), Some(tile), None) => {
-                Ok(Row::Box(Detection {
+    fn of_table(table: &mut Table) -> Result<Vec<Self>> {
+        let ticks = table.u32("tick")?;
+        let boxes = table.optional_numbers(SCORED_BOX)?;
+        let tiles = table.optional_u32("tile")?;
+        let tracks = table.optional_u32("track")?;
+        let modes = table.words::<SearchMode>("mode")?;
+        let confirmed = table.bool("confirmed")?;
+        let live = if table.has(COUNTS_LIVE) {
+            Some(table.bool(COUNTS_LIVE)?)
+        } else {
+            None
+        };
+        let reasons = table.optional_words::<MissReason>("reason")?;
+        let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
+        keys.map(|(row, (tick, view))| {
+            let mode = modes[row];
+            match (boxes[row], tiles[row], reasons[row]) {
+                (Ok([cx, cy, width, height, score]), Some(tile), None) => {
+                    Ok(Self::Box(Detection {
+                        tick,
+                        view,
+                        pixel_box: PixelBox::of_array([cx, cy, width, height]),
+                        score,
+                        tile,
+                        track: tracks[row],
+                        mode,
+                        confirmed: confirmed[row],
+                        counts_live: live.as_ref().map(|live| live[row]),
+                    }))
+                }
+                (Err(0), None, Some(reason)) => Ok(Self::Miss(Miss {
                     tick,
                     view,
-                    pixel_box: PixelBox::of_array([cx, cy, width, height]),
-                    score,
-                    tile,
-                    track: tracks[row],
                     mode,
-                    confirmed: confirmed[row],
-                    counts_live: live.as_ref().map(|live| live[row]),
-                }))
+                    reason,
+                })),
+                (numbers, tile, reason) => {
+                    let count = numbers.map_or_else(|count| count, |all| all.len());
+                    let counts = [count + usize::from(tile.is_some()), SCORED_BOX.len() + 1];
+                    Err(table.neither_whole_nor_absent(row, counts, reason))
+                }
             }
-            (Err(0), None, Some(reason)) => Ok(Row::Miss(Miss {
-                tick,
-                view,
-                mode,
-                reason,
-            })),
-            (numbers, tile, reason) => {
-                let count = numbers.map_or_else(|count| count, |all| all.len());
-                let reason = reason.map_or("no reason".into(), |found| {
-                    format!("reason {:?}", found.word())
-                });
-                Err(table.fault(format!(
-                    "row {row} has {} of {} numbers and {reason}, expected all numbers, or none and a reason",
-                    count + usize::from(tile.is_some()),
-                    SCORED_BOX.len() + 1
-                )))
-            }
-        }
-    })
-    .collect()
+        })
+        .collect()
+    }
 }
 
 #[cfg(test)]
@@ -373,7 +346,7 @@ mod tests {
     }
 
     fn read(path: &Path) -> Result<Detections> {
-        parse_detections(std::fs::read(path).unwrap(), path, 7)
+        Detections::parse(std::fs::read(path).unwrap(), path, 7)
     }
 
     #[test]
@@ -385,10 +358,10 @@ mod tests {
             found.counts_live = Some(found.tick > 0);
         }
         for detections in [sample(), live, Detections::default()] {
-            write_detections(&path, &detections).unwrap();
+            detections.write(&path).unwrap();
             assert_eq!(read(&path).unwrap(), detections);
         }
-        write_detections(&path, &sample()).unwrap();
+        sample().write(&path).unwrap();
         let ticks = Table::read(&path, 7).unwrap().u32("tick").unwrap();
         assert_eq!(ticks, [0, 1, 2, 3, 4, 5, 6]);
     }
@@ -475,6 +448,6 @@ mod tests {
         let mut detections = sample();
         detections.boxes[1].pixel_box.width_px = f64::NAN;
         let path = folder.path().join("abc.parquet");
-        assert!(write_detections(&path, &detections).is_err());
+        assert!(detections.write(&path).is_err());
     }
 }
