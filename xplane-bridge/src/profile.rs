@@ -34,6 +34,10 @@ pub enum Finding<T> {
 }
 
 impl<T> Finding<T> {
+    pub(crate) fn not_measured(reason: impl ToString) -> Self {
+        Self::NotMeasured(reason.to_string())
+    }
+
     /// The result, if any.
     pub fn found(&self) -> Option<&T> {
         match self {

@@ -18,6 +18,7 @@ mod udp;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::conditions::{Clock, Conditions};
@@ -38,6 +39,7 @@ use crate::link::{
 };
 use crate::pixels::{CodedGrabs, Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
+use crate::udp::socket::SimulatorSocket;
 use crate::web_api::WebApi;
 pub use block::{
     BlockOfTicks, BlockRecording, BlockReport, BlockTrial, KnownBlocks, block_bytes,
@@ -49,7 +51,6 @@ pub use connect_options::{
 use link_client::{LinkClient, wrong};
 use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
-use udp::UdpClient;
 pub(crate) use udp::running_since;
 pub use udp::somebody_answers;
 
@@ -121,7 +122,7 @@ impl SimulatorDescription {
 /// 20 to 50 seconds for each test, and two minutes for `dtd`. A box is compiled once, here.
 #[derive(Debug)]
 pub struct Simulator {
-    udp: UdpClient,
+    udp: Arc<SimulatorSocket>,
     link: LinkClient,
     web_api: Option<WebApi>,
     address: SocketAddr,
@@ -174,8 +175,8 @@ impl Simulator {
         options: ConnectOptions,
     ) -> BoxFuture<'static, Result<Self, BridgeError>> {
         Box::pin(async move {
-            let udp = UdpClient::open(address, &options.local_udp).await?;
-            let socket = udp.socket().clone();
+            let udp = SimulatorSocket::open(address, &options.local_udp).await?;
+            let socket = udp.clone();
             let connected = Self::connect_on(udp, timeout, options).await;
             if connected.is_err() {
                 socket.close().await;
@@ -185,7 +186,7 @@ impl Simulator {
     }
 
     fn connect_on(
-        mut udp: UdpClient,
+        udp: Arc<SimulatorSocket>,
         timeout: Duration,
         options: ConnectOptions,
     ) -> BoxFuture<'static, Result<Self, BridgeError>> {
@@ -196,7 +197,7 @@ impl Simulator {
                 local_udp: _,
             } = options;
             let deadline = Instant::now() + timeout;
-            let address = udp.socket().simulator();
+            let address = udp.simulator();
             let waited = timeout.mul_f64(1.0 - LINK_SHARE);
             let names = [
                 datarefs::VERSION,

@@ -232,9 +232,9 @@ impl WebApi {
         Box::pin(async move {
             let entry = self.dataref(name).await?;
             let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
-            let found: Data<Value> = self
-                .send(&format!("reading {name}"), Method::GET, &path, |r| r)
-                .await?;
+            let request = self.request(Method::GET, &path);
+            let found: Data<Value> =
+                send(self.address, &format!("reading {name}"), request).await?;
             Ok(found.data)
         })
     }
@@ -261,10 +261,10 @@ impl WebApi {
         Box::pin(async move {
             let entry = self.look_up("command", "commands", name).await?;
             let path = format!("{}/command/{}/activate", self.newest(), entry.id);
-            self.send_unit(&format!("command {name}"), Method::POST, &path, |request| {
-                request.json(&json!({ "duration": 0.0 }))
-            })
-            .await
+            let request = self.request(Method::POST, &path);
+            let request = request.json(&json!({ "duration": 0.0 }));
+            answer(self.address, &format!("command {name}"), request).await?;
+            Ok(())
         })
     }
 
@@ -274,12 +274,11 @@ impl WebApi {
     /// If the simulator refuses, or is older than 12.4.0.
     pub fn start_flight<'a>(&'a self, flight: &'a Value) -> BoxFuture<'a, Result<(), WebApiError>> {
         Box::pin(async move {
-            self.send_unit("beginning a flight", Method::POST, "v3/flight", |request| {
-                request
-                    .timeout(FLIGHT_TIMEOUT)
-                    .json(&json!({ "data": flight }))
-            })
-            .await
+            let request = self.request(Method::POST, "v3/flight");
+            let request = request.timeout(FLIGHT_TIMEOUT);
+            let request = request.json(&json!({ "data": flight }));
+            answer(self.address, "beginning a flight", request).await?;
+            Ok(())
         })
     }
 
@@ -294,15 +293,10 @@ impl WebApi {
             what,
             name: name.to_owned(),
         };
-        let found = self
-            .send::<Data<Vec<Entry>>>(
-                &format!("looking for {what} {name}"),
-                Method::GET,
-                &format!("{}/{list}", self.newest()),
-                |request| request.query(&[("filter[name]", name)]),
-            )
-            .await;
-        match found {
+        let request = self.request(Method::GET, &format!("{}/{list}", self.newest()));
+        let request = request.query(&[("filter[name]", name)]);
+        let doing = format!("looking for {what} {name}");
+        match send::<Data<Vec<Entry>>>(self.address, &doing, request).await {
             Ok(found) => found
                 .data
                 .into_iter()
@@ -313,37 +307,9 @@ impl WebApi {
         }
     }
 
-    async fn send<T: DeserializeOwned>(
-        &self,
-        doing: &str,
-        method: Method,
-        path: &str,
-        build: impl FnOnce(RequestBuilder) -> RequestBuilder,
-    ) -> Result<T, WebApiError> {
-        send(self.address, doing, self.request(method, path, build)).await
-    }
-
-    /// For calls with an empty answer.
-    async fn send_unit(
-        &self,
-        doing: &str,
-        method: Method,
-        path: &str,
-        build: impl FnOnce(RequestBuilder) -> RequestBuilder,
-    ) -> Result<(), WebApiError> {
-        answer(self.address, doing, self.request(method, path, build))
-            .await
-            .map(drop)
-    }
-
-    fn request(
-        &self,
-        method: Method,
-        path: &str,
-        build: impl FnOnce(RequestBuilder) -> RequestBuilder,
-    ) -> RequestBuilder {
+    fn request(&self, method: Method, path: &str) -> RequestBuilder {
         let url = format!("http://{}/api/{path}", self.address);
-        build(self.http.request(method, url).timeout(ANSWER_TIMEOUT))
+        self.http.request(method, url).timeout(ANSWER_TIMEOUT)
     }
 }
 

@@ -1,10 +1,12 @@
 //! The packets in `golden/`, which Python packed (`golden/make.py`), decode to the same meaning here.
 
+use std::fmt::Debug;
 use std::path::PathBuf;
 
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use xplane_bridge::link::{Answer, Request, read_header};
-use xplane_bridge::packet::{FromSimulator, ToSimulator};
+use xplane_bridge::packet::{FromSimulator, PacketError, ToSimulator};
 
 struct Golden {
     name: String,
@@ -41,36 +43,34 @@ fn golden(direction: &str) -> Vec<Golden> {
     found
 }
 
-#[test]
-fn packets_to_the_simulator_decode_to_their_meaning_and_encode_back() {
+/// Checks that all packets of a direction decode to their meaning, and encode back if they are in the form that we send.
+fn assert_packets<P: DeserializeOwned + PartialEq + Debug>(
+    direction: &str,
+    decode: impl Fn(&[u8]) -> Result<P, PacketError>,
+    encode: impl Fn(&P) -> Result<Vec<u8>, PacketError>,
+) {
     for Golden {
         name,
         bytes,
         meaning,
-    } in golden("to_simulator")
+    } in golden(direction)
     {
-        let wanted: ToSimulator = serde_json::from_value(meaning["packet"].clone()).unwrap();
-        assert_eq!(ToSimulator::decode(&bytes), Ok(wanted.clone()), "{name}");
+        let wanted: P = serde_json::from_value(meaning["packet"].clone()).unwrap();
         if meaning["encodes_back"] == true {
-            assert_eq!(wanted.encode().unwrap(), bytes, "{name}");
+            assert_eq!(encode(&wanted).unwrap(), bytes, "{name}");
         }
+        assert_eq!(decode(&bytes), Ok(wanted), "{name}");
     }
 }
 
 #[test]
-fn packets_from_the_simulator_decode_to_their_meaning_and_encode_back() {
-    for Golden {
-        name,
-        bytes,
-        meaning,
-    } in golden("from_simulator")
-    {
-        let wanted: FromSimulator = serde_json::from_value(meaning["packet"].clone()).unwrap();
-        assert_eq!(FromSimulator::decode(&bytes), Ok(wanted.clone()), "{name}");
-        if meaning["encodes_back"] == true {
-            assert_eq!(wanted.encode().unwrap(), bytes, "{name}");
-        }
-    }
+fn packets_decode_to_their_meaning_and_encode_back() {
+    assert_packets("to_simulator", ToSimulator::decode, ToSimulator::encode);
+    assert_packets(
+        "from_simulator",
+        FromSimulator::decode,
+        FromSimulator::encode,
+    );
 }
 
 #[tokio::test]

@@ -3,7 +3,7 @@
 //! Input: a path such as `sim/time/zulu_time_sec` or `name[3]`, optionally a 32-bit value. Output: a 32-bit value, or why a write
 //! is ignored. X-Plane ignores such writes silently; we log them.
 
-mod known;
+pub(crate) mod known;
 
 pub(crate) use known::FOREIGN_NAMES;
 
@@ -92,7 +92,11 @@ pub(crate) struct Datarefs {
 impl Datarefs {
     /// All datarefs of a simulator generation, with their initial values.
     pub(crate) fn new(generation: Generation) -> Self {
-        let cells = known::datarefs(generation).map(|dataref| {
+        Self::of(known::datarefs(generation))
+    }
+
+    pub(crate) fn of(datarefs: impl IntoIterator<Item = Dataref>) -> Self {
+        let cells = datarefs.into_iter().map(|dataref| {
             let values = vec![dataref.initial; dataref.length.unwrap_or(1)];
             (dataref.name, (dataref, values))
         });
@@ -112,6 +116,12 @@ impl Datarefs {
     pub(crate) fn find(&self, name: &str) -> Option<(&Dataref, &[f64])> {
         let (dataref, values) = self.cells.get(name)?;
         Some((dataref, values))
+    }
+
+    /// A dataref with its values, for the simulator itself, which may change any.
+    pub(crate) fn values_mut(&mut self, name: &str) -> Option<(&Dataref, &mut Vec<f64>)> {
+        let (dataref, values) = self.cells.get_mut(name)?;
+        Some((&*dataref, values))
     }
 
     /// The value as carried by RREF. An unknown path, and an array without index, read as 0, as in X-Plane 12.
@@ -213,6 +223,8 @@ impl Kind {
 
 #[cfg(test)]
 mod tests {
+    use testkit::scenario::calm;
+
     use super::*;
 
     const CLOUDS: &str = "sim/weather/region/cloud_base_msl_m";
@@ -290,12 +302,10 @@ mod tests {
             },
             weather_name: "clear".into(),
             weather: Weather {
-                visibility_m: 30_000.0,
-                clouds: vec![],
-                rain_ratio: 0.0,
                 wind_speed_mps: 3.0,
                 wind_from_true_deg: 30.0,
                 turbulence_ratio: 0.1,
+                ..calm(30_000.0)
             },
         };
         for generation in [Generation::XPlane11, Generation::XPlane12] {

@@ -392,8 +392,9 @@ impl Server {
         let mut world =
             world::World::new(options.generation, options.flight_loaded, options.quirks);
         if matches!(options.link, LinkServer::BuiltIn) {
-            world.publish_capture_port(self.addresses.capture_link.port());
-            let settle_s = WEATHER_SETTLE_S * world.quirks().pace(options.clock_rate);
+            let port = self.addresses.capture_link.port();
+            world.set_own(names::CAPTURE_PORT, f64::from(port));
+            let settle_s = WEATHER_SETTLE_S * world.quirks.pace(options.clock_rate);
             world.set_own(names::WEATHER_SETTLE_S, settle_s);
         }
         let version = world.version();

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use dataset::conditions::{Clock, Weather};
+use dataset::conditions::Clock;
 use dataset::geometry::camera::{Camera, CameraPose};
 use dataset::geometry::distortion::Distortion;
 use dataset::geometry::geodesy::Geodetic;
@@ -14,6 +14,7 @@ use dataset::geometry::pose::{Controls, Pose};
 use mock_xplane::render::Scene;
 use serde_json::{Value, json};
 use testkit::changi_02l;
+use testkit::scenario::calm;
 
 const WIDTH_PX: u32 = 320;
 const HEIGHT_PX: u32 = 192;
@@ -93,14 +94,7 @@ fn moved(pose: Pose, distance_m: f64, step: u32) -> Pose {
 /// Draws all images of the comparison into a folder, with a scenes.json that describes them.
 fn draw_scenes(folder: &Path) {
     // Air without haze: this is about geometry, and a distant winglet in haze does not change a byte.
-    let weather = Weather {
-        visibility_m: 1e6,
-        clouds: vec![],
-        rain_ratio: 0.0,
-        wind_speed_mps: 0.0,
-        wind_from_true_deg: 0.0,
-        turbulence_ratio: 0.0,
-    };
+    let weather = calm(1e6);
     let noon = Clock {
         day_of_year: 172,
         zulu_time_s: 4.0 * 3_600.0,

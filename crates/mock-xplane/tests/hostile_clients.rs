@@ -176,6 +176,7 @@ async fn an_empty_token_opens_nothing() {
     };
     let error = serve(open(), |_| panic!("listens")).await.unwrap_err();
     assert!(matches!(error, MockError::NoToken { .. }), "{error}");
+    assert!(error.to_string().contains("DTD_LINK_TOKEN"), "{error}");
     let error = serve_tape("no.mcap".as_ref(), &open(), |_| panic!("listens")).await;
     assert!(matches!(error, Err(MockError::NoToken { .. })));
 }

@@ -1,17 +1,14 @@
 //! The stand-in and the bridge's client over real sockets: conditions, flights, images in lockstep, and leaving.
 
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
-use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::geometry::runway::Runway;
-use mock_xplane::server::{
-    Engine, Instants, NotFlown, SceneRenderer, SceneSetting, ServerOptions, serve,
-};
+use mock_xplane::server::{Engine, Instants, NotFlown, SceneRenderer, SceneSetting, ServerOptions};
 use mock_xplane::window::{DisplayWindow, WindowError};
 use testkit::changi_02l;
 use testkit_simulator::client::{self, captured, level};
@@ -438,35 +435,6 @@ async fn a_link_with_a_token_admits_who_knows_it_and_refuses_all_others() {
 }
 
 #[tokio::test]
-async fn a_stand_in_without_a_token_does_not_listen_to_other_machines() {
-    let open = ServerOptions {
-        bind: Ipv4Addr::UNSPECIFIED.into(),
-        ..quiet()
-    };
-    let error = serve(open, |_| panic!("listens")).await.unwrap_err();
-    assert!(error.to_string().contains("DTD_LINK_TOKEN"), "{error}");
-}
-
-#[tokio::test]
-async fn a_second_client_waits_for_the_seat_and_is_refused_while_the_first_stays() {
-    let running = start(Arc::new(Scribe::default())).await;
-    let first = connected(&running).await;
-    let error = Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
-        .await
-        .unwrap_err();
-    assert!(
-        error.to_string().contains("another client holds"),
-        "{error}"
-    );
-    let leaving = tokio::spawn(async move {
-        tokio::time::sleep(Duration::from_millis(200)).await;
-        first.release().await.unwrap();
-    });
-    connected(&running).await.release().await.unwrap();
-    leaving.await.unwrap();
-}
-
-#[tokio::test]
 async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
     let running = start(Arc::new(Scribe::default())).await;
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
@@ -518,7 +486,7 @@ async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
 }
 
 #[tokio::test]
-async fn the_built_in_engine_flies_to_the_runway_and_draws_the_aircraft() {
+async fn the_built_in_engine_flies_to_the_runway() {
     let running = Running::start(quiet()).await;
     let mut simulator = connected(&running).await;
     let mut calm = conditions();
@@ -534,52 +502,6 @@ async fn the_built_in_engine_flies_to_the_runway_and_draws_the_aircraft() {
         target.distance_m(last.pose.position().lat_lon()) < 2_500.0,
         "{last:?}"
     );
-
-    simulator.freeze(&runway()).await.unwrap();
-    // The view from 300 m ahead of an approaching aircraft, back to it.
-    let aircraft = Pose {
-        latitude_deg: 1.3,
-        longitude_deg: 103.956,
-        altitude_msl_m: 300.0,
-        heading_true_deg: 23.0,
-        pitch_deg: 2.0,
-        roll_deg: 0.0,
-    };
-    let ahead = aircraft.position().lat_lon().destination(23.0, 300.0);
-    let camera = Pose {
-        latitude_deg: ahead.latitude_deg,
-        longitude_deg: ahead.longitude_deg,
-        heading_true_deg: 203.0,
-        pitch_deg: 0.0,
-        ..aircraft
-    };
-    let away = Pose {
-        altitude_msl_m: 5_000.0,
-        ..aircraft
-    };
-    let mut pictures = Vec::new();
-    for pose in [aircraft, away] {
-        let request = CaptureRequest {
-            pose,
-            camera: CameraPose {
-                pose: camera,
-                hfov_deg: 10.0,
-            },
-            width_px: 192,
-            height_px: 128,
-            ..capture(1, 0)
-        };
-        simulator.send_capture(&request).await.unwrap();
-        pictures.push(simulator.receive_frame().await.unwrap().rgb);
-    }
-    let center = (64 * 192 + 96) * 3;
-    let contrast = |at: usize| pictures[0][at].abs_diff(pictures[1][at]);
-    assert!(
-        contrast(center) > 10,
-        "no aircraft in the middle: {}",
-        contrast(center)
-    );
-    assert_eq!(contrast(0), 0, "the aircraft reaches the corner");
     simulator.release().await.unwrap();
 }
 

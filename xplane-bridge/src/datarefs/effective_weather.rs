@@ -86,16 +86,16 @@ pub(crate) fn effective_weather_of(
 
 #[cfg(test)]
 mod tests {
+    use testkit::scenario::calm;
+
     use super::*;
 
     fn windy() -> Weather {
         Weather {
-            visibility_m: 8_000.0,
-            clouds: Vec::new(),
             rain_ratio: 0.5,
             wind_speed_mps: 7.0,
             wind_from_true_deg: 45.0,
-            turbulence_ratio: 0.0,
+            ..calm(8_000.0)
         }
     }
 

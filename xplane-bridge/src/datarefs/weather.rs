@@ -64,21 +64,16 @@ fn weather_writes_12(weather: &Weather) -> Vec<DatarefWrite> {
         ]);
     }
     for layer in 0..CLOUD_LAYERS {
-        let cloud = weather.clouds.get(layer);
+        let cloud = weather.clouds.get(layer).unwrap_or(&NO_CLOUD);
         writes.extend(cloud_writes(
             cloud,
             [
-                element(CLOUD_TYPE, layer, cloud.map_or(0.0, cloud_type_12)),
-                element(
-                    CLOUD_BASE,
-                    layer,
-                    cloud.map_or(0.0, |cloud| cloud.base_msl_m),
-                ),
-                element(CLOUD_TOP, layer, cloud.map_or(0.0, |cloud| cloud.top_msl_m)),
+                element(CLOUD_TYPE, layer, cloud_type_12(cloud)),
+                element(CLOUD_BASE, layer, cloud.base_msl_m),
+                element(CLOUD_TOP, layer, cloud.top_msl_m),
             ],
         ));
-        let cover_ratio = cloud.map_or(0.0, |cloud| cloud.cover_ratio);
-        writes.push(element(CLOUD_COVER, layer, cover_ratio));
+        writes.push(element(CLOUD_COVER, layer, cloud.cover_ratio));
     }
     // Rain of the scenario falls, but the runway of all scenarios is the same.
     writes.push(write(RUNWAY_FRICTION, DRY));
@@ -117,40 +112,37 @@ fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
         ),
     ]);
     for layer in 0..CLOUD_LAYERS {
-        let cloud = weather.clouds.get(layer);
+        let cloud = weather.clouds.get(layer).unwrap_or(&NO_CLOUD);
         writes.extend(cloud_writes(
             cloud,
             [
-                element(
-                    CLOUD_BASE_11,
-                    layer,
-                    cloud.map_or(0.0, |cloud| cloud.base_msl_m),
-                ),
-                element(
-                    CLOUD_TOP_11,
-                    layer,
-                    cloud.map_or(0.0, |cloud| cloud.top_msl_m),
-                ),
+                element(CLOUD_BASE_11, layer, cloud.base_msl_m),
+                element(CLOUD_TOP_11, layer, cloud.top_msl_m),
             ],
         ));
         // Kind and cover in one number.
-        writes.push(element(
-            CLOUD_TYPE_11,
-            layer,
-            cloud.map_or(0.0, cloud_type_11),
-        ));
+        writes.push(element(CLOUD_TYPE_11, layer, cloud_type_11(cloud)));
     }
     writes
 }
 
+/// Layer without clouds.
+const NO_CLOUD: CloudLayer = CloudLayer {
+    kind: CloudKind::Cirrus,
+    cover_ratio: 0.0,
+    base_msl_m: 0.0,
+    top_msl_m: 0.0,
+};
+
 /// Cloud layer details; an empty layer does not show them.
 fn cloud_writes<const N: usize>(
-    cloud: Option<&CloudLayer>,
+    cloud: &CloudLayer,
     writes: [DatarefWrite; N],
 ) -> [DatarefWrite; N] {
-    match cloud.filter(|cloud| cloud.cover_ratio > 0.0) {
-        Some(_) => writes,
-        None => writes.map(DatarefWrite::unread),
+    if cloud.cover_ratio > 0.0 {
+        writes
+    } else {
+        writes.map(DatarefWrite::unread)
     }
 }
 

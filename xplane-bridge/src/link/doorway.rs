@@ -1,11 +1,13 @@
 //! Accepts TCP clients: a few at a time, and a failing client does not end the server.
 
+use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::task::JoinSet;
 use tokio::time::sleep;
 
 /// Delay after a client could not be accepted: others must first release the scarce resource, descriptors or memory.
@@ -18,12 +20,6 @@ pub struct Doorway {
     room: Arc<Semaphore>,
 }
 
-/// A client's place; it is free again when this is dropped.
-#[derive(Debug)]
-pub struct Room {
-    _permit: Option<OwnedSemaphorePermit>,
-}
-
 impl Doorway {
     /// For at most `most` clients of `what`, which is named in the log.
     pub fn new(what: &'static str, most: usize) -> Self {
@@ -33,14 +29,41 @@ impl Doorway {
         }
     }
 
-    /// The next client. Loses none when it is cancelled.
-    pub async fn next(&self, listener: &TcpListener) -> (TcpStream, SocketAddr, Room) {
+    /// Serves clients until dropped, which ends all of them.
+    pub async fn serve<S>(
+        &self,
+        listener: &TcpListener,
+        mut serve: impl FnMut(TcpStream, SocketAddr) -> S,
+    ) -> Infallible
+    where
+        S: Future<Output = ()> + Send + 'static,
+    {
+        let mut clients = JoinSet::new();
+        loop {
+            tokio::select! {
+                (stream, from, room) = self.next(listener) => {
+                    let served = serve(stream, from);
+                    clients.spawn(async move {
+                        let _room = room;
+                        served.await;
+                    });
+                }
+                Some(_) = clients.join_next() => {}
+            }
+        }
+    }
+
+    /// The next client, with its place, which is free again when it is dropped. Loses none when it is cancelled.
+    pub async fn next(
+        &self,
+        listener: &TcpListener,
+    ) -> (TcpStream, SocketAddr, Option<OwnedSemaphorePermit>) {
         // The semaphore is never closed; without a permit the client would only not be counted.
         let permit = self.room.clone().acquire_owned().await.ok();
         let mut failed_before = false;
         loop {
             match listener.accept().await {
-                Ok((stream, from)) => return (stream, from, Room { _permit: permit }),
+                Ok((stream, from)) => return (stream, from, permit),
                 Err(error) if failed_before => tracing::debug!(%error, "{}", self.what),
                 Err(error) => {
                     failed_before = true;
@@ -49,14 +72,6 @@ impl Doorway {
             }
             sleep(PAUSE).await;
         }
-    }
-
-    /// Room for a client that was accepted elsewhere, if there is any.
-    pub fn room(&self) -> Option<Room> {
-        let permit = self.room.clone().try_acquire_owned().ok()?;
-        Some(Room {
-            _permit: Some(permit),
-        })
     }
 }
 
@@ -78,7 +93,6 @@ mod tests {
         }
         let first = doorway.next(&listener).await;
         let _second = doorway.next(&listener).await;
-        assert!(doorway.room().is_none());
         let next = doorway.next(&listener);
         tokio::pin!(next);
         // Polled once, it finds no space although a client waits.

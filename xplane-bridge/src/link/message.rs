@@ -259,42 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn headers_are_flat_objects_that_name_their_message() {
-        let text = serde_json::to_string(&Request::Release).unwrap();
-        assert_eq!(text, r#"{"message":"release"}"#);
-        let freeze = |imaging| Request::Freeze {
-            runway: Runway {
-                airport: "WSSS".into(),
-                name: "02L".into(),
-                threshold: dataset::geometry::geodesy::Geodetic {
-                    latitude_deg: 1.0,
-                    longitude_deg: 104.0,
-                    altitude_msl_m: 7.0,
-                },
-                course_true_deg: 23.0,
-                glide_path_deg: 3.0,
-                touchdown_past_threshold_m: 300.0,
-                ils_frequency_mhz: None,
-                course_magnetic_deg: None,
-                length_m: None,
-                width_m: None,
-            },
-            settle_frames: 3,
-            imaging,
-            running_at: None,
-            margins_px: None,
-        };
-        let text = serde_json::to_string(&freeze(vec![])).unwrap();
-        assert!(!text.contains("imaging"), "{text}");
-        let bent = Imaging {
-            refraction_coefficient: 0.13,
-            ..Imaging::default()
-        };
-        let text = serde_json::to_string(&freeze(vec![Imaging::default(), bent])).unwrap();
-        assert!(
-            text.ends_with(r#""imaging":[{},{"refraction_coefficient":0.13}]}"#),
-            "{text}"
-        );
+    fn only_a_lasting_refusal_says_that_it_repeats() {
         for (error, expected) in [
             (Answer::refusal("no"), r#"{"message":"error","text":"no"}"#),
             (

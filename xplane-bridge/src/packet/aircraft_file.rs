@@ -45,20 +45,3 @@ impl LoadAircraft {
         Ok(datagram)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_aircraft_takes_165_bytes_and_a_path_of_150_does_not_fit() {
-        let mut load = LoadAircraft {
-            plane: 0,
-            path: "Aircraft/Laminar Research/Boeing 737-800/b738.acf".into(),
-            livery: 0,
-        };
-        assert_eq!(load.encode().unwrap().len(), 165);
-        load.path = "a".repeat(150);
-        assert!(load.encode().is_err());
-    }
-}

@@ -31,24 +31,3 @@ impl Command {
         Ok(datagram)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_command_may_lack_its_nul_or_be_padded_to_505_bytes() {
-        let expected = Command {
-            path: "sim/operation/pause_on".into(),
-        };
-        let mut bytes = b"CMND0sim/operation/pause_on".to_vec();
-        assert_eq!(Command::decode(&bytes).unwrap(), expected);
-        bytes.resize(505, 0);
-        assert_eq!(Command::decode(&bytes).unwrap(), expected);
-    }
-
-    #[test]
-    fn a_command_without_a_name_is_refused() {
-        assert!(Command::decode(b"CMND\0\0\0").is_err());
-    }
-}

@@ -128,25 +128,3 @@ impl Position {
         datagram
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_frequency_is_decimal_characters_with_any_padding() {
-        for bytes in [
-            &b"RPOS\x0030\0"[..],
-            b"RPOS\x0030",
-            b"RPOS\x0030\0\0\0\0\0\0\0\0",
-        ] {
-            assert_eq!(
-                SubscribePosition::decode(bytes).unwrap().frequency_hz,
-                30,
-                "{bytes:?}"
-            );
-        }
-        assert!(SubscribePosition::decode(b"RPOS\0ten\0").is_err());
-        assert!(SubscribePosition::decode(b"RPOS\0").is_err());
-    }
-}

@@ -43,8 +43,7 @@ impl Simulator {
                 // Watched already; any value is allowed until they are set again.
                 Some(settings_watch) => settings_watch.expect([]),
                 None => {
-                    let socket = self.udp.socket();
-                    self.settings_watch = Some(SettingsWatch::begin(socket, &expected));
+                    self.settings_watch = Some(SettingsWatch::begin(&self.udp, &expected));
                 }
             }
             // Weather changes only while time runs; an aircraft that may be in the air is held meanwhile.

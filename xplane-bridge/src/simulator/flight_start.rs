@@ -22,7 +22,7 @@ use crate::datarefs::{
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
 use crate::link::{Answer, Request};
-use crate::packet::{LoadAircraft, Position};
+use crate::packet::{LoadAircraft, Position, ToSimulator};
 use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
 /// Attempts of `PREL` and `ACFN`.
@@ -294,11 +294,11 @@ impl Simulator {
         let deadline = Instant::now() + LOAD_TIMEOUT;
         for _ in 0..ATTEMPTS {
             self.udp
-                .load_aircraft(LoadAircraft {
+                .send(&ToSimulator::LoadAircraft(LoadAircraft {
                     plane: 0,
                     path: file.path.into(),
                     livery: 0,
-                })
+                }))
                 .await?;
             let until = Instant::now() + LOAD_TIMEOUT / ATTEMPTS;
             let mut now_loaded = found.clone();

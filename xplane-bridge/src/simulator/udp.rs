@@ -13,8 +13,7 @@ use tokio::time::{Instant, sleep, timeout_at};
 use crate::datarefs::{RUNNING_TIME_S, VERSION};
 use crate::error::BridgeError;
 use crate::packet::{
-    Command, DatarefValue, LoadAircraft, PlaceAtStart, Position, SubscribeDataref,
-    SubscribePosition, ToSimulator, WriteDataref,
+    Command, DatarefValue, Position, SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
 };
 use crate::udp::socket::{Claim, LocalUdp, SimulatorSocket};
 use crate::udp::subscription::{BATCH, BATCH_PAUSE};
@@ -30,7 +29,7 @@ const WRITES_AT_ONCE: usize = 32;
 
 /// True if a simulator answers at an address within a time. No subscription remains.
 pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &LocalUdp) -> bool {
-    let Ok(mut udp) = UdpClient::open(address, local).await else {
+    let Ok(udp) = SimulatorSocket::open(address, local).await else {
         return false;
     };
     let came = |values: &[Option<f32>]| values[0].is_some();
@@ -47,7 +46,7 @@ pub(crate) async fn running_since(
     within: Duration,
     local: &LocalUdp,
 ) -> Option<Instant> {
-    let mut udp = UdpClient::open(address, local).await.ok()?;
+    let udp = SimulatorSocket::open(address, local).await.ok()?;
     let came = |values: &[Option<f32>]| values[0].is_some();
     let read = udp
         .read_until(&[RUNNING_TIME_S], Instant::now() + within, came)
@@ -58,36 +57,21 @@ pub(crate) async fn running_since(
     now.checked_sub(running)
 }
 
-/// Reading, writing and commanding on the client's socket.
-#[derive(Debug)]
-pub(super) struct UdpClient {
-    socket: Arc<SimulatorSocket>,
-}
-
-impl UdpClient {
-    /// Opens a socket for the simulator.
-    pub(super) async fn open(address: SocketAddr, local: &LocalUdp) -> Result<Self, BridgeError> {
-        Ok(Self {
-            socket: SimulatorSocket::open(address, local).await?,
-        })
-    }
-
-    /// The socket, for other readers.
-    pub(super) fn socket(&self) -> &Arc<SimulatorSocket> {
-        &self.socket
-    }
-
+impl SimulatorSocket {
     /// Reads datarefs until all have arrived and `enough` is satisfied, or `deadline` passes; `None` for those that never arrived.
     ///
     /// # Errors
     /// [`BridgeError::NobodyAnswers`] before the deadline if the simulator has never answered and no program listens there.
     pub(super) async fn read_until(
-        &mut self,
+        self: &Arc<Self>,
         names: &[&str],
         deadline: Instant,
         enough: impl Fn(&[Option<f32>]) -> bool,
     ) -> Result<Vec<Option<f32>>, BridgeError> {
-        let mut reading = Reading::new(&self.socket, names.len());
+        let mut reading = Reading {
+            claim: self.claim(names.len()),
+            values: vec![None; names.len()],
+        };
         let (began, mut refusals) = (Instant::now(), 0);
         while !enough(&reading.values) && Instant::now() < deadline {
             let missing: Vec<usize> = (0..names.len())
@@ -105,11 +89,11 @@ impl UdpClient {
             }
             let until = deadline.min(Instant::now() + REPEAT_AFTER);
             reading.listen(until, &enough).await;
-            if self.socket.is_refused().await {
+            if self.is_refused().await {
                 refusals += 1;
                 if refusals == MAX_REFUSALS {
                     return Err(BridgeError::NobodyAnswers {
-                        address: self.socket.simulator(),
+                        address: self.simulator(),
                         waited: began.elapsed(),
                         refused: true,
                     });
@@ -119,7 +103,8 @@ impl UdpClient {
         for (at, name) in names.iter().enumerate() {
             self.subscribe(0, reading.index(at), name).await?;
         }
-        Ok(reading.into_values())
+        reading.claim.was_ended();
+        Ok(reading.values)
     }
 
     /// Sets datarefs. The values must be read back to confirm.
@@ -146,25 +131,15 @@ impl UdpClient {
         .await
     }
 
-    /// Starts a flight in the air.
-    pub(super) async fn place_at_start(&self, start: PlaceAtStart) -> Result<(), BridgeError> {
-        self.send(&ToSimulator::PlaceAtStart(start)).await
-    }
-
-    /// Loads an aircraft.
-    pub(super) async fn load_aircraft(&self, load: LoadAircraft) -> Result<(), BridgeError> {
-        self.send(&ToSimulator::LoadAircraft(load)).await
-    }
-
     /// Position of the aircraft with full precision: listens until that satisfies `enough` or `deadline` passes, and returns the
     /// last position.
     pub(super) async fn position_until(
-        &mut self,
+        &self,
         deadline: Instant,
         enough: impl Fn(&Position) -> bool,
     ) -> Result<Option<Position>, BridgeError> {
         let mut last = None;
-        let mut positions = self.socket.positions();
+        let mut positions = self.positions();
         while Instant::now() < deadline && !last.as_ref().is_some_and(&enough) {
             self.subscribe_position(FREQUENCY_HZ as u32).await?;
             let until = deadline.min(Instant::now() + REPEAT_AFTER);
@@ -186,11 +161,6 @@ impl UdpClient {
         .await
     }
 
-    /// Listens for a moment for values that still arrive, and ends their subscriptions. None remains.
-    pub(super) async fn close(&mut self) {
-        self.socket.close().await;
-    }
-
     async fn subscribe(
         &self,
         frequency_hz: i32,
@@ -205,35 +175,19 @@ impl UdpClient {
         }))
         .await
     }
-
-    async fn send(&self, packet: &ToSimulator) -> Result<(), BridgeError> {
-        self.socket.send(packet).await
-    }
 }
 
 async fn next(positions: &mut mpsc::Receiver<Position>, until: Instant) -> Option<Position> {
     timeout_at(until, positions.recv()).await.ok().flatten()
 }
 
-/// Subscriptions that live for one value. Those that were not ended in order, since the reading was abandoned, end with this: a client
-/// that fails half-way must not leave the simulator sending forever.
+/// Subscriptions that live for one value.
 struct Reading {
-    socket: Arc<SimulatorSocket>,
     claim: Claim,
     values: Vec<Option<f32>>,
-    is_over: bool,
 }
 
 impl Reading {
-    fn new(socket: &Arc<SimulatorSocket>, count: usize) -> Self {
-        Self {
-            socket: socket.clone(),
-            claim: socket.claim(count),
-            values: vec![None; count],
-            is_over: false,
-        }
-    }
-
     fn index(&self, at: usize) -> i32 {
         self.claim.first() + at as i32
     }
@@ -247,22 +201,6 @@ impl Reading {
             for DatarefValue { index, value } in values {
                 let at = (index - self.claim.first()) as usize;
                 self.values[at] = Some(value);
-            }
-        }
-    }
-
-    /// Values received, after all subscriptions were ended.
-    fn into_values(mut self) -> Vec<Option<f32>> {
-        self.is_over = true;
-        std::mem::take(&mut self.values)
-    }
-}
-
-impl Drop for Reading {
-    fn drop(&mut self) {
-        if !self.is_over {
-            for at in 0..self.values.len() {
-                self.socket.end_now(self.index(at));
             }
         }
     }

@@ -14,6 +14,7 @@ mod readers;
 
 use std::io;
 use std::net::SocketAddr;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -138,8 +139,9 @@ impl SimulatorSocket {
         let (first, values) = self.shared.readers().claim(count);
         Claim {
             socket: self.clone(),
-            first,
+            numbers: first..first + count as i32,
             values,
+            has_ended: false,
         }
     }
 
@@ -157,7 +159,7 @@ impl SimulatorSocket {
     }
 
     /// Ends a subscription now, or not at all: for destructors.
-    pub(crate) fn end_now(&self, index: i32) {
+    fn end_now(&self, index: i32) {
         if let Some(datagram) = end_datagram(index) {
             let Shared {
                 socket, simulator, ..
@@ -205,18 +207,24 @@ impl SimulatorSocket {
     }
 }
 
-/// Numbers that belong to one reader, until this is dropped.
+/// Numbers that belong to one reader, until this is dropped: that ends their subscriptions, since a leaked one would be sent forever.
 #[derive(Debug)]
 pub(crate) struct Claim {
     socket: Arc<SimulatorSocket>,
-    first: i32,
+    numbers: Range<i32>,
     values: mpsc::Receiver<Vec<DatarefValue>>,
+    has_ended: bool,
 }
 
 impl Claim {
     /// The first of the numbers; the others follow.
     pub(crate) fn first(&self) -> i32 {
-        self.first
+        self.numbers.start
+    }
+
+    /// Notes that all subscriptions were ended, so that dropping the claim sends nothing.
+    pub(crate) fn was_ended(mut self) {
+        self.has_ended = true;
     }
 
     /// The next values. Cancel safe.
@@ -231,7 +239,12 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        self.socket.shared.readers().release(self.first);
+        if !self.has_ended {
+            for number in self.numbers.clone() {
+                self.socket.end_now(number);
+            }
+        }
+        self.socket.shared.readers().release(self.numbers.start);
     }
 }
 
@@ -350,7 +363,7 @@ async fn bind_fixed(local: SocketAddr) -> Result<UdpSocket, BridgeError> {
 }
 
 /// The request that ends a subscription by its number alone.
-pub(crate) fn end_of(index: i32) -> SubscribeDataref {
+fn end_of(index: i32) -> SubscribeDataref {
     SubscribeDataref {
         frequency_hz: 0,
         index,

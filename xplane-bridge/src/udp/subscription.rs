@@ -7,7 +7,7 @@
 mod requested;
 
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::watch;
@@ -38,15 +38,9 @@ pub struct Reading {
 /// Datarefs that stay subscribed until this is dropped.
 #[derive(Debug)]
 pub struct Subscription {
-    shared: Arc<Shared>,
+    socket: Arc<SimulatorSocket>,
     readings: watch::Receiver<Vec<Option<Reading>>>,
     task: JoinHandle<()>,
-}
-
-#[derive(Debug)]
-struct Shared {
-    socket: Arc<SimulatorSocket>,
-    requested: Mutex<RequestedDatarefs>,
 }
 
 impl Subscription {
@@ -70,22 +64,14 @@ impl Subscription {
         names: impl IntoIterator<Item = String>,
         frequency_hz: i32,
     ) -> Self {
-        Self::keeping(socket.clone(), names.into_iter().collect(), frequency_hz)
-    }
-
-    /// Not generic: the spawned task is compiled here, not by every caller.
-    fn keeping(socket: Arc<SimulatorSocket>, names: Vec<String>, frequency_hz: i32) -> Self {
+        let names: Vec<String> = names.into_iter().collect();
         let claim = socket.claim(names.len());
         let requested = RequestedDatarefs::new(names, frequency_hz, claim.first());
         let (sender, readings) = watch::channel(requested.readings().to_vec());
-        let shared = Arc::new(Shared {
-            socket,
-            requested: Mutex::new(requested),
-        });
         Self {
-            task: tokio::spawn(keep(shared.clone(), claim, sender)),
-            shared,
+            socket: socket.clone(),
             readings,
+            task: tokio::spawn(keep(socket.clone(), requested, claim, sender)),
         }
     }
 
@@ -111,7 +97,7 @@ impl Subscription {
 
     /// Ends it, and listens for a moment for values that still arrive. Dropping it ends it without listening.
     pub async fn end(self) {
-        let socket = self.shared.socket.clone();
+        let socket = self.socket.clone();
         drop(self);
         socket.close().await;
     }
@@ -119,49 +105,31 @@ impl Subscription {
 
 impl Drop for Subscription {
     fn drop(&mut self) {
+        // The task owns the claim, which ends what was requested.
         self.task.abort();
-        self.shared.say_end();
-    }
-}
-
-impl Shared {
-    fn requested(&self) -> MutexGuard<'_, RequestedDatarefs> {
-        self.requested
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Ends everything that was ever requested. Once is enough: what arrives nevertheless is ended again by the socket.
-    fn say_end(&self) {
-        for index in self.requested().end() {
-            self.socket.end_now(index);
-        }
     }
 }
 
 /// Sends and listens until it is aborted.
 async fn keep(
-    shared: Arc<Shared>,
+    socket: Arc<SimulatorSocket>,
+    mut requested: RequestedDatarefs,
     mut claim: Claim,
     readings: watch::Sender<Vec<Option<Reading>>>,
 ) {
     loop {
-        let (due, wake_at) = {
-            let mut requested = shared.requested();
-            let now = Instant::now();
-            (requested.due(now), requested.wake_at(now))
-        };
-        for request in due {
+        let now = Instant::now();
+        for request in requested.due(now) {
             let request = ToSimulator::SubscribeDataref(request);
-            if let Err(error) = shared.socket.send(&request).await {
+            if let Err(error) = socket.send(&request).await {
                 tracing::debug!(%error, "not subscribed");
             }
         }
+        let wake_at = requested.wake_at(now);
         let Ok(values) = timeout_at(wake_at, claim.values()).await else {
             continue;
         };
         let now = Instant::now();
-        let mut requested = shared.requested();
         for value in values {
             requested.take(value, now);
         }

@@ -5,7 +5,7 @@ use xplane_bridge::datarefs::{self as names, Generation};
 use super::Kind::{self, Byte, Double, Float, Int};
 use super::{Complaint, Dataref};
 
-const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
+pub(crate) const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
     Dataref {
         name,
         kind,
@@ -24,14 +24,14 @@ const fn int(name: &'static str) -> Dataref {
     writable(name, Int, 0.0)
 }
 
-const fn read_only(name: &'static str, kind: Kind, initial: f64) -> Dataref {
+pub(crate) const fn read_only(name: &'static str, kind: Kind, initial: f64) -> Dataref {
     Dataref {
         writable: false,
         ..writable(name, kind, initial)
     }
 }
 
-const fn array(name: &'static str, kind: Kind, length: usize, initial: f64) -> Dataref {
+pub(crate) const fn array(name: &'static str, kind: Kind, length: usize, initial: f64) -> Dataref {
     Dataref {
         length: Some(length),
         ..writable(name, kind, initial)

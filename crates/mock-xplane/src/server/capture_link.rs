@@ -15,7 +15,7 @@ use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, mpsc};
-use tokio::task::{JoinError, JoinHandle, JoinSet, spawn_blocking};
+use tokio::task::{JoinError, JoinHandle, spawn_blocking};
 use tokio::time::timeout;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::doorway::Doorway;
@@ -78,26 +78,20 @@ pub(super) async fn run(
         seat: Seat::default(),
         profile: Mutex::default(),
     });
-    // Like the server's own tasks, the tasks of clients end with it.
-    let mut clients = JoinSet::new();
     let doorway = Doorway::new("the capture link", MAX_CONNECTIONS);
-    loop {
-        tokio::select! {
-            (stream, from, room) = doorway.next(&listener) => {
-                let service = service.clone();
-                clients.spawn(async move {
-                    let _room = room;
-                    match service.serve(stream, from).await {
-                        Ok(()) => tracing::debug!(%from, "capture link closed"),
-                        Err(error) if error.is_hang_up() => {
-                            tracing::info!(%from, "the client hung up");
-                        }
-                        Err(error) => tracing::warn!(%from, %error, "capture link closed"),
-                    }
-                });
-            }
-            Some(_) = clients.join_next() => {}
-        }
+    let serve = |stream, from| {
+        let service = service.clone();
+        async move { log_end(from, service.serve(stream, from).await) }
+    };
+    match doorway.serve(&listener, serve).await {}
+}
+
+/// Logs how a client's connection ended.
+pub(super) fn log_end(from: SocketAddr, ended: Result<(), LinkError>) {
+    match ended {
+        Ok(()) => tracing::debug!(%from, "capture link closed"),
+        Err(error) if error.is_hang_up() => tracing::info!(%from, "the client hung up"),
+        Err(error) => tracing::warn!(%from, %error, "capture link closed"),
     }
 }
 
@@ -176,7 +170,7 @@ impl CaptureService {
             never = read_then_wait => never,
             () = activity.has_to_leave() => Ok(()),
         };
-        if self.world.lock().check_pattern().is_some() {
+        if self.world.lock().check_pattern.is_some() {
             self.check_pattern(None).await;
         }
         self.world.lock().release();
@@ -301,7 +295,7 @@ impl CaptureService {
                 lock(&self.cameras).begin_flight();
                 let mut world = self.world.lock();
                 world.freeze(runway);
-                world.set_imaging(imaging);
+                world.imaging = imaging;
                 ready(Answer::Frozen)
             }
             Request::ProbeTerrain {
@@ -405,10 +399,10 @@ impl CaptureService {
         };
         let (key, frame) = {
             let mut world = self.world.lock();
-            let Some(runway) = world.frozen_runway().cloned() else {
+            let Some(runway) = world.frozen.clone() else {
                 return refusal("a capture needs a frozen simulator: send freeze first".into());
             };
-            if world.check_pattern().is_some() {
+            if world.check_pattern.is_some() {
                 return refusal(
                     "the check pattern covers the window: take it away before capturing".into(),
                 );
@@ -430,7 +424,7 @@ impl CaptureService {
             };
             let frame = Frame {
                 number: world.pose_for_frame(request.pose, request.controls),
-                alert: world.shows_alert(),
+                alert: world.shows_alert,
             };
             (key, frame)
         };

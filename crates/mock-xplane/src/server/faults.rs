@@ -93,31 +93,26 @@ impl FromStr for Faults {
             let bad =
                 |expected| FaultsError(format!("fault {key} is {value:?}; expected {expected}"));
             match key {
-                "loss" => faults.loss = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
-                "dup" => faults.duplication = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
-                "reorder" => {
-                    faults.reordering = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?;
+                "loss" | "dup" | "reorder" => {
+                    let share = match key {
+                        "loss" => &mut faults.loss,
+                        "dup" => &mut faults.duplication,
+                        _ => &mut faults.reordering,
+                    };
+                    *share = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?;
                 }
                 "seed" => faults.seed = value.parse().map_err(|_| bad("a whole number"))?,
                 "freeze" => {
-                    let (begins, lasts) = outage(value).ok_or_else(|| {
-                        bad("AFTER_S[:FOR_S], frames:N[:FOR_S] or captures:N[:FOR_S]")
-                    })?;
-                    faults.outages.push(Outage {
-                        begins,
-                        kind: OutageKind::Freeze,
-                        lasts,
-                    });
+                    let expected = "AFTER_S[:FOR_S], frames:N[:FOR_S] or captures:N[:FOR_S]";
+                    let outage = outage(OutageKind::Freeze, value);
+                    faults.outages.push(outage.ok_or_else(|| bad(expected))?);
                 }
                 "restart" => {
-                    let (begins, lasts) = outage(value).ok_or_else(|| {
-                        bad("AFTER_S[:DOWN_S], frames:N[:DOWN_S] or captures:N[:DOWN_S]")
-                    })?;
-                    faults.outages.push(Outage {
-                        begins,
-                        kind: OutageKind::Restart,
-                        lasts: lasts.or(Some(DEFAULT_DOWN)),
-                    });
+                    let expected = "AFTER_S[:DOWN_S], frames:N[:DOWN_S] or captures:N[:DOWN_S]";
+                    let mut outage =
+                        outage(OutageKind::Restart, value).ok_or_else(|| bad(expected))?;
+                    outage.lasts.get_or_insert(DEFAULT_DOWN);
+                    faults.outages.push(outage);
                 }
                 "late" | "shake" | "stick" | "turn" => {
                     let fault = camera_fault(key, value).map_err(bad)?;
@@ -241,25 +236,30 @@ fn seconds(text: &str) -> Option<Duration> {
 }
 
 /// `AFTER_S`, `frames:N` or `captures:N`, and maybe `:SECONDS` behind it.
-fn outage(text: &str) -> Option<(Moment, Option<Duration>)> {
+fn outage(kind: OutageKind, text: &str) -> Option<Outage> {
     let (first, rest) = text.split_once(':').unwrap_or((text, ""));
-    let (moment, duration) = match first {
+    let (begins, duration) = match first {
         "frames" | "captures" => {
             let (count, duration) = rest.split_once(':').unwrap_or((rest, ""));
             let count = count.parse().ok().filter(|&count: &u64| count > 0)?;
-            let moment = match first {
+            let begins = match first {
                 "frames" => Moment::Frame(count),
                 _ => Moment::Capture(count),
             };
-            (moment, duration)
+            (begins, duration)
         }
         _ => (Moment::After(seconds(first)?), rest),
     };
-    if duration.is_empty() {
-        // A colon must be followed by something.
-        return (!text.ends_with(':')).then_some((moment, None));
-    }
-    Some((moment, Some(seconds(duration)?)))
+    let lasts = match duration {
+        "" if text.ends_with(':') => return None,
+        "" => None,
+        duration => Some(seconds(duration)?),
+    };
+    Some(Outage {
+        begins,
+        kind,
+        lasts,
+    })
 }
 
 #[cfg(test)]

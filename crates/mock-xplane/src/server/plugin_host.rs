@@ -145,7 +145,7 @@ pub(super) async fn run(
     };
     let (is_x_plane_11, quirks) = {
         let world = world.lock();
-        (world.version() < 120_000, world.quirks())
+        (world.version() < 120_000, world.quirks)
     };
     // The plugin waits in real time; here as long as the awaited event takes, which may be no time at all.
     let pace = quirks.pace(host.clock_rate);

@@ -18,7 +18,6 @@ mod positions;
 mod shown_weather;
 mod udp;
 
-use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -46,16 +45,7 @@ pub fn serve_tape<'a>(
     options: &'a ServerOptions,
     ready: impl FnOnce(Addresses) + Send + 'a,
 ) -> BoxFuture<'a, Result<(), MockError>> {
-    boxed(tape, options, Box::new(ready))
-}
-
-/// Compiled here, not by every program that serves a tape.
-fn boxed<'a>(
-    tape: &'a Path,
-    options: &'a ServerOptions,
-    ready: Box<dyn FnOnce(Addresses) + Send + 'a>,
-) -> BoxFuture<'a, Result<(), MockError>> {
-    Box::pin(run(tape, options, ready))
+    Box::pin(run(tape, options, Box::new(ready)))
 }
 
 async fn run(
@@ -117,7 +107,7 @@ struct Player {
 
 /// Progress of the replay.
 struct Playback {
-    histories: Histories<SocketAddr>,
+    histories: Histories,
     shown_weather: ShownWeather,
     positions: Positions,
     conversation: Conversation,

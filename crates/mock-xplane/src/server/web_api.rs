@@ -27,7 +27,6 @@ use serde_json::json;
 #[cfg(target_os = "linux")]
 use socket2::SockRef;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::task::JoinSet;
 use tokio::time::timeout;
 use xplane_bridge::link::doorway::Doorway;
 
@@ -68,29 +67,22 @@ pub(super) async fn run(
         ids,
     });
     let service = TowerToHyperService::new(router(service));
-    // Like the server's own tasks, connections end with it.
-    let mut clients = JoinSet::new();
     let doorway = Doorway::new("the Web API", MAX_CONNECTIONS);
-    loop {
-        tokio::select! {
-            (stream, from, room) = doorway.next(&listener) => {
-                let service = service.clone();
-                end_if_unread(&stream);
-                clients.spawn(async move {
-                    let _room = room;
-                    let served = http1::Builder::new()
-                        .timer(TokioTimer::new())
-                        .header_read_timeout(HEAD_WITHIN)
-                        .serve_connection(TokioIo::new(stream), service)
-                        .await;
-                    if let Err(error) = served {
-                        tracing::debug!(%from, %error, "Web API connection closed");
-                    }
-                });
+    let serve = |stream, from| {
+        let service = service.clone();
+        end_if_unread(&stream);
+        async move {
+            let served = http1::Builder::new()
+                .timer(TokioTimer::new())
+                .header_read_timeout(HEAD_WITHIN)
+                .serve_connection(TokioIo::new(stream), service)
+                .await;
+            if let Err(error) = served {
+                tracing::debug!(%from, %error, "Web API connection closed");
             }
-            Some(_) = clients.join_next() => {}
         }
-    }
+    };
+    match doorway.serve(&listener, serve).await {}
 }
 
 /// Lets the system close a connection whose client does not read. Elsewhere such clients are limited by their number alone.

@@ -45,25 +45,25 @@ const COMMAND_PAUSE_TOGGLE: &str = "sim/operation/pause_toggle";
 pub(super) struct World {
     state: State,
     /// The runway of the scenario while frozen.
-    frozen: Option<Runway>,
+    pub(super) frozen: Option<Runway>,
     /// Lens, air and sensor of each view while frozen; further views are ideal.
-    imaging: Vec<Imaging>,
+    pub(super) imaging: Vec<Imaging>,
     drawn_frames: u64,
     /// Code of the check pattern while it is shown.
-    check_pattern: Option<u32>,
+    pub(super) check_pattern: Option<u32>,
     /// Otherwise the main menu is open.
-    flight_loaded: bool,
-    quirks: Quirks,
+    pub(super) flight_loaded: bool,
+    pub(super) quirks: Quirks,
     /// A plugin's host flies the aircraft and reports its position.
     hosted: bool,
     /// Number of times it was placed by someone other than the host.
-    placements: u64,
+    pub(super) placements: u64,
     /// True if other aircraft fly next to the user's.
-    others_fly: bool,
+    pub(super) others_fly: bool,
     /// Names that clients looked up and that are not of this version.
     foreign_names: BTreeSet<String>,
     /// True if X-Plane's error about a deprecated dataref lies over the scene.
-    shows_alert: bool,
+    pub(super) shows_alert: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -142,16 +142,6 @@ impl World {
         Some(text)
     }
 
-    /// True if X-Plane's error about a deprecated dataref lies over the scene.
-    pub(super) fn shows_alert(&self) -> bool {
-        self.shows_alert
-    }
-
-    /// The quirks of this simulator.
-    pub(super) fn quirks(&self) -> Quirks {
-        self.quirks
-    }
-
     /// Lets a plugin's host control the aircraft; returns its current local coordinates.
     pub(super) fn host(&mut self) -> LocalFrame {
         self.hosted = true;
@@ -178,20 +168,10 @@ impl World {
         self.others_fly = self.quirks.has(Quirk::AiAircraft);
     }
 
-    /// Number of times the aircraft was placed by someone other than the host.
-    pub(super) fn placements(&self) -> u64 {
-        self.placements
-    }
-
     /// Position of the aircraft, and its speed when it starts to fly, metres per second.
     pub(super) fn aircraft(&self) -> (FlightState, f64) {
         let aircraft = &self.state.aircraft;
         (*aircraft.state(), aircraft.speed_to_come_mps())
-    }
-
-    /// True if other aircraft fly next to the user's; `false` removes them.
-    pub(super) fn others_fly(&self) -> bool {
-        self.others_fly
     }
 
     /// Removes all other aircraft, or lets them fly.
@@ -224,13 +204,6 @@ impl World {
         self.state.sky.take_freeze_s()
     }
 
-    /// Announces the capture link to clients.
-    pub(super) fn publish_capture_port(&mut self, port: u16) {
-        self.state
-            .datarefs
-            .set(names::CAPTURE_PORT, f64::from(port));
-    }
-
     /// Sets a dataref that belongs to the simulator or to a plugin.
     pub(super) fn set_own(&mut self, path: &str, value: f64) {
         self.state.datarefs.set(path, value);
@@ -248,10 +221,6 @@ impl World {
 
     pub(super) fn datarefs(&self) -> &Datarefs {
         &self.state.datarefs
-    }
-
-    pub(super) fn flight_loaded(&self) -> bool {
-        self.flight_loaded
     }
 
     /// A dataref as carried by RREF.
@@ -393,11 +362,6 @@ impl World {
         self.imaging.clear();
     }
 
-    /// Sets the lens, air and sensor of the views until the next freeze.
-    pub(super) fn set_imaging(&mut self, imaging: Vec<Imaging>) {
-        self.imaging = imaging;
-    }
-
     pub(super) fn imaging(&self, view: u32) -> Imaging {
         self.imaging.get(view as usize).copied().unwrap_or_default()
     }
@@ -415,11 +379,6 @@ impl World {
         self.drawn_frames
     }
 
-    /// Code of the check pattern, while it is shown.
-    pub(super) fn check_pattern(&self) -> Option<u32> {
-        self.check_pattern
-    }
-
     /// Height of the ground above mean sea level, metres: the runway's elevation everywhere.
     pub(super) fn terrain_msl_m(&self) -> f64 {
         let runway = self.frozen.as_ref();
@@ -429,11 +388,6 @@ impl World {
     /// Height of the ground at a place above its final height, metres; `None` where no scenery is loaded.
     pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
         self.state.scenery.ground_off_m(at)
-    }
-
-    /// The runway while frozen.
-    pub(super) fn frozen_runway(&self) -> Option<&Runway> {
-        self.frozen.as_ref()
     }
 
     pub(super) fn show(&mut self, state: FlightState) {

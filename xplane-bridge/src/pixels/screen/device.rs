@@ -129,38 +129,36 @@ mod tests {
     }
 
     #[test]
-    fn x11_is_asked_for_the_part_of_the_display_without_the_mouse() {
-        let call = Platform::X11.call(":7", Some(PART));
-        assert_eq!(
-            text(&call),
-            "-video_size 1920x1280 -grab_x 10 -grab_y 20 -draw_mouse 0 -framerate 1000 -f x11grab -i :7"
-        );
-        assert_eq!(call.crop, None);
-        let whole = Platform::X11.call(":7", None);
-        assert_eq!(
-            text(&whole),
-            "-draw_mouse 0 -framerate 1000 -f x11grab -i :7"
-        );
-    }
-
-    #[test]
-    fn windows_is_asked_for_a_part_of_the_desktop() {
-        let call = Platform::Gdi.call("", Some(PART));
-        assert_eq!(
-            text(&call),
-            "-video_size 1920x1280 -offset_x 10 -offset_y 20 -draw_mouse 0 -framerate 1000 -f gdigrab -i desktop"
-        );
-        assert_eq!(call.crop, None);
-    }
-
-    #[test]
-    fn macos_gives_the_whole_screen_which_is_cut_afterwards() {
-        let call = Platform::AvFoundation.call("", Some(PART));
-        assert_eq!(
-            text(&call),
-            "-capture_cursor 0 -framerate 60 -pixel_format bgr0 -f avfoundation -i Capture screen 0:none"
-        );
-        assert_eq!(call.crop, Some(PART));
+    fn each_platform_is_asked_for_its_part_of_the_screen_without_the_mouse() {
+        for (platform, part, crop, expected) in [
+            (
+                Platform::X11,
+                Some(PART),
+                None,
+                "-video_size 1920x1280 -grab_x 10 -grab_y 20 -draw_mouse 0 -framerate 1000 -f x11grab -i :7",
+            ),
+            (
+                Platform::X11,
+                None,
+                None,
+                "-draw_mouse 0 -framerate 1000 -f x11grab -i :7",
+            ),
+            (
+                Platform::Gdi,
+                Some(PART),
+                None,
+                "-video_size 1920x1280 -offset_x 10 -offset_y 20 -draw_mouse 0 -framerate 1000 -f gdigrab -i desktop",
+            ),
+            (
+                Platform::AvFoundation,
+                Some(PART),
+                Some(PART),
+                "-capture_cursor 0 -framerate 60 -pixel_format bgr0 -f avfoundation -i Capture screen 0:none",
+            ),
+        ] {
+            let call = platform.call(":7", part);
+            assert_eq!((text(&call).as_str(), call.crop), (expected, crop));
+        }
     }
 
     #[test]

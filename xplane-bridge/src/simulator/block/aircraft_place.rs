@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::pixels::Rectangle;
 
 /// Half size of a box around airliners like the Boeing 737: forward, right and down from the centre of gravity, metres.
-pub(super) const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
+const HALF_SIZE_M: DVec3 = DVec3::new(22.0, 19.0, 8.0);
 /// Margin for a lamp, a blur or a shadow edge around the box, pixels.
 const AROUND_PX: f64 = 3.0;
 /// A displaced aircraft is at least this far from its place, pixels.
@@ -76,9 +76,9 @@ fn moved_by(pose: Pose, ecef_m: DVec3) -> Pose {
 
 /// A rectangle in an image, with fractions of pixels.
 #[derive(Debug, Clone, Copy)]
-struct Extent {
-    low: DVec2,
-    high: DVec2,
+pub(super) struct Extent {
+    pub(super) low: DVec2,
+    pub(super) high: DVec2,
 }
 
 impl Extent {
@@ -89,6 +89,12 @@ impl Extent {
     fn is_inside(self, width_px: u32, height_px: u32) -> bool {
         let size = DVec2::new(f64::from(width_px), f64::from(height_px));
         self.low.cmpge(DVec2::ZERO).all() && self.high.cmple(size - 1.0).all()
+    }
+    /// The part inside an image.
+    pub(super) fn cut_off(self, width_px: u32, height_px: u32) -> Option<Rectangle> {
+        let size = DVec2::new(f64::from(width_px), f64::from(height_px));
+        let (low, high) = (self.low.max(DVec2::ZERO), self.high.min(size - 1.0));
+        low.cmple(high).all().then(|| Self { low, high }.pixels())
     }
 
     fn pixels(self) -> Rectangle {
@@ -103,16 +109,22 @@ impl Extent {
     }
 }
 
+/// Corners of the aircraft's box, ECEF.
+pub(super) fn corners(pose: &Pose) -> impl Iterator<Item = DVec3> {
+    (0..8_u8).map(|corner| {
+        let sign = |bit: u8| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        pose.body_point_to_ecef(HALF_SIZE_M * DVec3::new(sign(0), sign(1), sign(2)))
+    })
+}
+
 /// The aircraft in the image; `None` if a part is behind the camera.
 fn place_of(camera: &Camera, pose: &Pose) -> Option<Extent> {
     let mut extent = Extent {
         low: DVec2::INFINITY,
         high: DVec2::NEG_INFINITY,
     };
-    for corner in 0..8_u8 {
-        let sign = |bit: u8| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-        let corner_m = HALF_SIZE_M * DVec3::new(sign(0), sign(1), sign(2));
-        let at = camera.project(pose.body_point_to_ecef(corner_m))?;
+    for corner in corners(pose) {
+        let at = camera.project(corner)?;
         extent.low = extent.low.min(at);
         extent.high = extent.high.max(at);
     }
@@ -128,10 +140,7 @@ pub(super) fn aircraft_place(
     pose: &Pose,
 ) -> Option<Rectangle> {
     let camera = Camera::from_pose(placed, width_px, height_px);
-    let Extent { low, high } = place_of(&camera, pose)?;
-    let size = DVec2::new(f64::from(width_px), f64::from(height_px));
-    let (low, high) = (low.max(DVec2::ZERO), high.min(size - 1.0));
-    low.cmple(high).all().then(|| Extent { low, high }.pixels())
+    place_of(&camera, pose)?.cut_off(width_px, height_px)
 }
 
 #[cfg(test)]

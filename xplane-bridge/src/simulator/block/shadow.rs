@@ -8,7 +8,7 @@ use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::Pose;
 use glam::{DVec2, DVec3};
 
-use super::aircraft_place::HALF_SIZE_M;
+use super::aircraft_place::{Extent, corners};
 use crate::pixels::Rectangle;
 
 /// A lower sun casts shadows that are too long and too weak to matter.
@@ -57,10 +57,7 @@ pub(super) fn shadow_place(
     }
     let sun_ecef = position.ecef_from_ned() * sun_ned;
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    for corner in 0..8_u8 {
-        let sign = |bit: u8| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-        let corner_m = HALF_SIZE_M * DVec3::new(sign(0), sign(1), sign(2));
-        let corner = pose.body_point_to_ecef(corner_m);
+    for corner in corners(pose) {
         let up_m = Geodetic::from_ecef(corner).altitude_msl_m - ground_msl_m;
         for share in [1.0 - UNSURE, 1.0 + UNSURE] {
             let way_m = up_m.max(0.0) / -sun_ned.z * share;
@@ -68,14 +65,8 @@ pub(super) fn shadow_place(
             (low, high) = (low.min(at), high.max(at));
         }
     }
-    let size = DVec2::new(f64::from(width_px), f64::from(height_px));
-    let (low, high) = (low.floor().max(DVec2::ZERO), high.ceil().min(size - 1.0));
-    low.cmple(high).all().then(|| Rectangle {
-        x_px: low.x as u32,
-        y_px: low.y as u32,
-        width_px: (high.x - low.x) as u32 + 1,
-        height_px: (high.y - low.y) as u32 + 1,
-    })
+    let (low, high) = (low.floor(), high.ceil());
+    Extent { low, high }.cut_off(width_px, height_px)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use futures_util::future::BoxFuture;
 use super::super::Simulator;
 use super::BlockOfTicks;
 use super::aircraft_place::aircraft_place;
+use super::probe::changed_pixels;
 use crate::error::BridgeError;
 use crate::link::{CaptureRequest, Deliver};
 use crate::pixels::{PixelError, Rectangle};
@@ -194,7 +195,7 @@ fn compare(
     width_px: u32,
     place: Option<Rectangle>,
 ) -> Option<(usize, usize)> {
-    let whole = |a: &[u8], b: &[u8]| different_pixels(a, b);
+    let whole = |a: &[u8], b: &[u8]| changed_pixels(a, b, DIFFERENT_LEVELS);
     let in_place = |a: &[u8], b: &[u8]| {
         place.map_or(0, |place| {
             (place.y_px..place.bottom_px())
@@ -202,7 +203,11 @@ fn compare(
                     let pixel = |x: u32| (y * width_px + x) as usize * 3;
                     let row = pixel(place.x_px)..pixel(place.right_px());
                     let (a, b) = (a.get(row.clone()), b.get(row));
-                    different_pixels(a.unwrap_or_default(), b.unwrap_or_default())
+                    changed_pixels(
+                        a.unwrap_or_default(),
+                        b.unwrap_or_default(),
+                        DIFFERENT_LEVELS,
+                    )
                 })
                 .sum()
         })
@@ -215,16 +220,6 @@ fn compare(
         *pixels as f64 > NOISE_FACTOR * *noise as f64 + MORE_PIXELS as f64
     };
     counts.into_iter().find(is_too_much)
-}
-
-fn different_pixels(a: &[u8], b: &[u8]) -> usize {
-    let pairs = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0);
-    pairs
-        .filter(|(a, b)| {
-            let mut colours = a.iter().zip(*b);
-            colours.any(|(a, b)| a.abs_diff(*b) > DIFFERENT_LEVELS)
-        })
-        .count()
 }
 
 #[cfg(test)]

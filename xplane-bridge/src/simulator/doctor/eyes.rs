@@ -166,7 +166,7 @@ impl<'a> Eyes<'a> {
 }
 
 /// The sources of images, if any. The screen only once its window was found there.
-fn deliver(simulator: &Simulator) -> Option<Deliver> {
+pub(super) fn deliver(simulator: &Simulator) -> Option<Deliver> {
     match (simulator.pixels(), simulator.description().pixels.first()) {
         (PixelKind::Screen, _) => Some(Deliver::Drawn),
         (PixelKind::Screenshot, _) => Some(Deliver::Screenshot),

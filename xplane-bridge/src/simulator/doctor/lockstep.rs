@@ -10,12 +10,12 @@ use dataset::geometry::refraction::EARTH_RADIUS_M;
 use dataset::geometry::runway::Runway;
 
 use super::Check;
-use super::eyes::SAME;
+use super::eyes::{SAME, deliver};
 use super::talk::PlaceOnGround;
 use super::window::picture_size;
 use crate::Simulator;
 use crate::error::BridgeError;
-use crate::link::{CaptureRequest, CapturedFrame, Deliver, PictureSize, PixelKind};
+use crate::link::{CaptureRequest, CapturedFrame, Deliver, PictureSize};
 use crate::profile::Profile;
 
 /// Maximum difference between a probe and the datarefs: they have 32 bits, and wheels are not the centre of gravity.
@@ -112,12 +112,7 @@ async fn pictures(
     running_at: Option<Clock>,
 ) -> Result<Vec<(CaptureRequest, CapturedFrame)>, BridgeError> {
     // If they come off a screen that cannot be seen from here, everything but their content can be examined.
-    let deliver = match (simulator.pixels(), simulator.description().pixels.first()) {
-        (PixelKind::Screen, _) | (_, Some(PixelKind::Screen | PixelKind::Screenshot) | None) => {
-            Deliver::Drawn
-        }
-        (_, Some(PixelKind::Link | PixelKind::Gl)) => Deliver::Picture,
-    };
+    let deliver = deliver(simulator).unwrap_or(Deliver::Drawn);
     let size = picture_size(simulator.description()).unwrap_or(ANY_SIZE);
     simulator
         .freeze_raw(&runway(place), simulator.frames_to_settle(), running_at)

@@ -31,9 +31,8 @@ impl PictureFindings {
         }
         let still_pictures_move = finding(eyes.noise(Shot::BEHIND).await);
         let noise = still_pictures_move.found().copied().unwrap_or(0.0);
-        let pause_shows_poses = shows_poses(eyes, noise)
-            .await
-            .unwrap_or_else(|error| Finding::NotMeasured(error.to_string()));
+        let pause_shows_poses = shows_poses(eyes, noise).await;
+        let pause_shows_poses = pause_shows_poses.unwrap_or_else(Finding::not_measured);
         let paused = Self {
             still_pictures_move: map(still_pictures_move, |noise| noise > 0.0),
             callbacks: callbacks(eyes).await,
@@ -57,10 +56,9 @@ impl PictureFindings {
                 Some(why) => Finding::NotMeasured(why.into()),
                 None => until_still(eyes).await,
             },
-            frames_until_settled: match until_settled(eyes, noise, is_paused).await {
-                Ok(finding) => finding,
-                Err(error) => Finding::NotMeasured(error.to_string()),
-            },
+            frames_until_settled: until_settled(eyes, noise, is_paused)
+                .await
+                .unwrap_or_else(Finding::not_measured),
             ..paused
         }
     }
@@ -203,10 +201,7 @@ async fn callbacks(eyes: &mut Eyes<'_>) -> Finding<CallbackOrders> {
 }
 
 pub(super) fn finding<T>(measured: Result<T, BridgeError>) -> Finding<T> {
-    match measured {
-        Ok(value) => Finding::Found(value),
-        Err(error) => Finding::NotMeasured(error.to_string()),
-    }
+    measured.map_or_else(Finding::not_measured, Finding::Found)
 }
 
 fn map<T, U>(finding: Finding<T>, with: impl FnOnce(T) -> U) -> Finding<U> {

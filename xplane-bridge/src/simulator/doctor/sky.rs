@@ -43,6 +43,16 @@ const POLL: Duration = Duration::from_millis(500);
 /// The visibilities to try: the one that is farther from the current one.
 const VISIBILITIES_M: [f64; 2] = [4_000.0, 30_000.0];
 
+/// A clear sky without wind.
+const CALM: Weather = Weather {
+    visibility_m: VISIBILITIES_M[1],
+    clouds: Vec::new(),
+    rain_ratio: 0.0,
+    wind_speed_mps: 0.0,
+    wind_from_true_deg: 0.0,
+    turbulence_ratio: 0.0,
+};
+
 pub(super) struct SkyFindings {
     pub(super) wind_unit: Finding<WindUnit>,
     pub(super) visibility_needs_regeneration: Finding<bool>,
@@ -69,22 +79,14 @@ impl SkyFindings {
     }
 
     async fn measure_any(eyes: &mut Eyes<'_>) -> Self {
-        let visibility = match visibility(eyes).await {
-            Ok(finding) => finding,
-            Err(error) => Finding::NotMeasured(error.to_string()),
-        };
+        let visibility = visibility(eyes).await;
+        let visibility = visibility.unwrap_or_else(Finding::not_measured);
         let regenerate = visibility.found() == Some(&true);
-        let (clouds_take_s, clouds) = match clouds(eyes, regenerate).await {
-            Ok(findings) => findings,
-            Err(error) => (
-                Finding::NotMeasured(error.to_string()),
-                Finding::NotMeasured(error.to_string()),
-            ),
-        };
-        let wind_unit = match wind(eyes.simulator, regenerate).await {
-            Ok(finding) => finding,
-            Err(error) => Finding::NotMeasured(error.to_string()),
-        };
+        let clouds = clouds(eyes, regenerate).await;
+        let (clouds_take_s, clouds) = clouds
+            .unwrap_or_else(|error| (Finding::not_measured(&error), Finding::not_measured(error)));
+        let wind_unit = wind(eyes.simulator, regenerate).await;
+        let wind_unit = wind_unit.unwrap_or_else(Finding::not_measured);
         Self {
             visibility_needs_regeneration: visibility,
             clouds_need_regeneration: clouds,
@@ -141,15 +143,7 @@ impl SkyFindings {
 impl Simulator {
     /// The current values of everything that a scenario would write.
     async fn weather_now(&mut self) -> Result<Vec<DatarefWrite>, BridgeError> {
-        let any = Weather {
-            visibility_m: 10_000.0,
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
-            wind_speed_mps: 0.0,
-            wind_from_true_deg: 0.0,
-            turbulence_ratio: 0.0,
-        };
-        let names = weather_writes(&any, self.generation)?;
+        let names = weather_writes(&CALM, self.generation)?;
         let found = self.read(&names).await?;
         let known = names.into_iter().zip(found);
         Ok(known
@@ -332,12 +326,8 @@ fn layers(covered: bool, generation: Generation) -> Result<Vec<DatarefWrite>, Br
         top_msl_m: 2_500.0,
     };
     let weather = Weather {
-        visibility_m: VISIBILITIES_M[1],
         clouds: if covered { vec![layer] } else { Vec::new() },
-        rain_ratio: 0.0,
-        wind_speed_mps: 0.0,
-        wind_from_true_deg: 0.0,
-        turbulence_ratio: 0.0,
+        ..CALM
     };
     let all = weather_writes(&weather, generation)?.into_iter();
     Ok(all
@@ -383,12 +373,9 @@ async fn wind(
     let mut shown = Vec::new();
     for written in WINDS {
         let any = Weather {
-            visibility_m: VISIBILITIES_M[1],
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
             wind_speed_mps: written,
             wind_from_true_deg: 90.0,
-            turbulence_ratio: 0.0,
+            ..CALM
         };
         let winds = weather_writes(&any, simulator.generation)?
             .into_iter()

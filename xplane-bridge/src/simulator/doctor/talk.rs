@@ -4,6 +4,7 @@ pub(crate) mod announcement;
 pub(crate) mod web;
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::conditions::Clock;
@@ -15,7 +16,7 @@ use crate::datarefs::{
     NAV1_COURSE_MAGNETIC, PAUSED, VERSION, Version, ZULU_TIME_S,
 };
 use crate::error::BridgeError;
-use crate::simulator::udp::UdpClient;
+use crate::udp::socket::SimulatorSocket;
 
 /// Latitude of the aircraft, degrees.
 pub(super) const LATITUDE: &str = "sim/flightmodel/position/latitude";
@@ -47,7 +48,7 @@ pub(super) enum Silence {
 
 /// A conversation over UDP.
 pub(super) struct Talk {
-    udp: UdpClient,
+    udp: Arc<SimulatorSocket>,
     wait: Duration,
 }
 
@@ -57,12 +58,12 @@ impl Talk {
         options: &DoctorOptions,
     ) -> Result<Self, BridgeError> {
         Ok(Self {
-            udp: UdpClient::open(address, &options.local_udp).await?,
+            udp: SimulatorSocket::open(address, &options.local_udp).await?,
             wait: options.wait,
         })
     }
 
-    pub(super) async fn end(mut self) {
+    pub(super) async fn end(self) {
         self.udp.close().await;
     }
 

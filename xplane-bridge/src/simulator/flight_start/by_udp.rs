@@ -8,7 +8,7 @@ use super::{ATTEMPTS, READY_TIMEOUT, START_TIMEOUT, lat_lon};
 use crate::datarefs::SCENERY_LOADING;
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
-use crate::packet::{PlaceAtStart, Position};
+use crate::packet::{PlaceAtStart, Position, ToSimulator};
 use crate::simulator::Simulator;
 
 /// Kind of `PREL` that starts at latitude, longitude and elevation.
@@ -29,7 +29,9 @@ impl Simulator {
         let (mut found, mut attempts) = (None, 0);
         while attempts < ATTEMPTS {
             attempts += 1;
-            self.udp.place_at_start(at_position(start)).await?;
+            self.udp
+                .send(&ToSimulator::PlaceAtStart(at_position(start)))
+                .await?;
             let deadline = Instant::now() + PLACE_TIMEOUT;
             found = self.udp.position_until(deadline, is_there).await?;
             if !found.as_ref().is_some_and(is_there) && !self.description.replayed {

@@ -102,7 +102,7 @@ async fn a_value_that_no_reader_wants_ends_its_subscription() {
     let index = claim.first();
     socket.send(&subscription(index)).await.unwrap();
     let (_, client) = simulator.request().await;
-    drop(claim);
+    claim.was_ended();
     simulator.answer(client, index, 7.0).await;
     let (end, _) = simulator.request().await;
     assert!(end.is_end() && end.index == index, "{end:?}");

@@ -19,7 +19,6 @@ pub(super) struct RequestedDatarefs {
     /// The number of the first; the others follow.
     first_index: i32,
     batch_from: Option<Instant>,
-    ended: bool,
 }
 
 impl RequestedDatarefs {
@@ -31,7 +30,6 @@ impl RequestedDatarefs {
             frequency_hz,
             first_index,
             batch_from: None,
-            ended: false,
         }
     }
 
@@ -41,7 +39,7 @@ impl RequestedDatarefs {
 
     /// Requests due now: never more than X-Plane accepts in a frame.
     pub(super) fn due(&mut self, now: Instant) -> Vec<SubscribeDataref> {
-        if self.ended || self.batch_from.is_some_and(|from| now < from) {
+        if self.batch_from.is_some_and(|from| now < from) {
             return Vec::new();
         }
         let due: Vec<usize> = (0..self.names.len())
@@ -72,34 +70,13 @@ impl RequestedDatarefs {
         soonest.max(self.batch_from.unwrap_or(now)).max(now)
     }
 
-    /// Receives a value; returns true if it is wanted.
-    pub(super) fn take(&mut self, value: DatarefValue, now: Instant) -> bool {
-        let at = value
-            .index
-            .checked_sub(self.first_index)
-            .and_then(|at| usize::try_from(at).ok());
-        let Some(reading) = at
-            .filter(|_| !self.ended)
-            .and_then(|at| self.readings.get_mut(at))
-        else {
-            return false;
-        };
-        *reading = Some(Reading {
+    /// Receives a value of one of its numbers.
+    pub(super) fn take(&mut self, value: DatarefValue, now: Instant) {
+        let at = (value.index - self.first_index) as usize;
+        self.readings[at] = Some(Reading {
             value: value.value,
             at: now,
         });
-        true
-    }
-
-    /// Cancels everything: returns the numbers to end, empty if that was done already.
-    pub(super) fn end(&mut self) -> Vec<i32> {
-        if std::mem::replace(&mut self.ended, true) {
-            return Vec::new();
-        }
-        (0..self.names.len())
-            .filter(|&at| self.asked_at[at].is_some())
-            .map(|at| self.first_index + at as i32)
-            .collect()
     }
 
     /// Time of the next request for a dataref: after its value stopped, but not too soon after the last request; `None` for at once.
@@ -120,7 +97,7 @@ mod tests {
                 index: request.index,
                 value: 1.0,
             };
-            assert!(requested.take(value, now));
+            requested.take(value, now);
         }
     }
 
@@ -157,44 +134,5 @@ mod tests {
         let again = requested.due(begin + REPEAT_AFTER);
         assert_eq!(again.len(), 1);
         assert_eq!(again[0], due[2]);
-    }
-
-    #[test]
-    fn a_simulator_that_falls_silent_is_asked_anew_until_it_answers() {
-        let mut requested = roll_of(2);
-        let begin = Instant::now();
-        let due = requested.due(begin);
-        answer(&mut requested, &due, begin);
-        assert_eq!(requested.wake_at(begin), begin + SILENCE);
-        assert!(
-            requested
-                .due(begin + SILENCE - Duration::from_millis(1))
-                .is_empty()
-        );
-        let mut now = begin + SILENCE;
-        for _ in 0..5 {
-            assert_eq!(requested.due(now), due);
-            now = requested.wake_at(now);
-        }
-        answer(&mut requested, &due, now);
-        assert!(requested.due(now + REPEAT_AFTER).is_empty());
-    }
-
-    #[test]
-    fn values_that_nobody_asked_for_or_no_longer_wants_are_refused() {
-        let mut requested = roll_of(1);
-        let now = Instant::now();
-        let value = |index| DatarefValue { index, value: 1.0 };
-        assert!(
-            !requested.take(value(0), now)
-                && !requested.take(value(2), now)
-                && !requested.take(value(i32::MIN), now)
-        );
-        requested.due(now);
-        assert!(requested.take(value(1), now));
-        assert_eq!(requested.end(), [1]);
-        assert!(requested.end().is_empty(), "said twice");
-        assert!(!requested.take(value(1), now));
-        assert!(requested.due(now + SILENCE * 2).is_empty());
     }
 }

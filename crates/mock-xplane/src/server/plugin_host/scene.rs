@@ -3,7 +3,6 @@
 //! Position, attitude and camera are stored here as in X-Plane: metres and angles about the axes of the local origin. Everything
 //! else (time, weather, pause, radios) belongs to the world, which the client sets over UDP.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use dataset::geometry::camera::CameraPose;
@@ -28,7 +27,7 @@ use super::own::{
 use super::shot::{Exposure, Painter, Shot, Windows};
 use super::window_covers::WindowCovers;
 use super::{FramesDrawn, PluginOptions};
-use crate::datarefs::Kind;
+use crate::datarefs::{Dataref, Datarefs, Kind};
 use crate::quirks::{Quirk, Quirks};
 use crate::render::overlay::Canvas;
 use crate::server::Shared;
@@ -73,7 +72,7 @@ pub(super) struct PluginScene {
     engine: Arc<dyn Engine>,
     scenes: Arc<Scenes>,
     frame: LocalFrame,
-    own: HashMap<&'static str, (Kind, bool, Vec<f64>)>,
+    own: Datarefs,
     /// Values that the fake reads together.
     wanted: Vec<(String, usize)>,
     frames: u64,
@@ -101,9 +100,6 @@ pub(super) struct PluginScene {
 
 impl PluginScene {
     pub(super) fn new(world: Shared, engine: Arc<dyn Engine>, options: &PluginOptions) -> Self {
-        let own = OWN.map(|(name, kind, length, writable, first)| {
-            (name, (kind, writable, vec![first; length.unwrap_or(1)]))
-        });
         let (frame, parked, placements, quirks) = {
             let mut world = world.lock();
             let (width, height) = options.window_px;
@@ -111,14 +107,14 @@ impl PluginScene {
             world.set_own(&format!("{VIEW}window_height"), f64::from(height));
             world.set_own(FRAME_PERIOD, options.frame_period_s);
             let (parked, _) = world.aircraft();
-            (world.host(), parked, world.placements(), world.quirks())
+            (world.host(), parked, world.placements, world.quirks)
         };
         let mut scene = Self {
             world,
             engine,
             scenes: Arc::default(),
             frame,
-            own: own.into(),
+            own: Datarefs::of(OWN),
             wanted: Vec::new(),
             frames: 0,
             frames_drawn: options.frames_drawn.clone(),
@@ -191,7 +187,7 @@ impl PluginScene {
                 self.world.lock().let_others_fly(number(0)? != 0.0);
                 Value::Null
             }
-            "others_fly" => json!(self.world.lock().others_fly()),
+            "others_fly" => json!(self.world.lock().others_fly),
             "place_user" => {
                 let position = place(vector()?);
                 self.begin_flight(position, number(3)?, number(4)?);
@@ -310,7 +306,7 @@ impl PluginScene {
         let world = self.world.lock();
         Windows {
             pop_up: world.shows_pop_up(),
-            alert: world.shows_alert(),
+            alert: world.shows_alert,
             shown: self.window_covers.shown(),
         }
     }
@@ -345,7 +341,7 @@ impl PluginScene {
             },
             painter: Painter {
                 scale: world.aircraft_scale(),
-                others: world.others_fly(),
+                others: world.others_fly,
                 panel: shot.panel,
                 gain: if self.quirks.has(Quirk::SlowExposure) {
                     self.exposure.gain()
@@ -416,7 +412,7 @@ impl PluginScene {
             let world = self.world.lock();
             let flight_time_s = world.datarefs().get(FLIGHT_TIME_S);
             (
-                world.placements(),
+                world.placements,
                 world.aircraft(),
                 world.frame(),
                 flight_time_s,
@@ -453,7 +449,7 @@ impl PluginScene {
     }
 
     fn start_engines(&mut self) {
-        if let Some((_, _, engines)) = self.own.get_mut(ENGINES_RUNNING) {
+        if let Some((_, engines)) = self.own.values_mut(ENGINES_RUNNING) {
             engines[..2].fill(1.0);
         }
     }
@@ -476,7 +472,7 @@ impl PluginScene {
             on_ground: self.own(ON_GROUND)[0] != 0.0,
         };
         let mut world = self.world.lock();
-        if world.placements() != self.placements {
+        if world.placements != self.placements {
             // It has just been placed: that counts, from the next frame on.
             return;
         }
@@ -613,8 +609,8 @@ impl PluginScene {
     }
 
     fn put(&mut self, name: &str, value: f64) {
-        if let Some((kind, _, values)) = self.own.get_mut(name) {
-            values.fill(kind.rounded(value));
+        if let Some((dataref, values)) = self.own.values_mut(name) {
+            values.fill(dataref.kind.rounded(value));
         }
     }
 
@@ -668,31 +664,29 @@ impl PluginScene {
 
     /// A dataref's type, and X-Plane's complaint when it is looked up, if there is one.
     fn kind(&self, name: &str) -> Value {
-        let described = |kind: Kind, length, writable, complaint: Option<String>| {
-            let kind = match kind {
+        let described = |dataref: &Dataref, complaint: Option<String>| {
+            let kind = match dataref.kind {
                 Kind::Int => "int",
                 Kind::Float => "float",
                 Kind::Double => "double",
                 Kind::Byte => "byte",
             };
-            json!([kind, length, writable, complaint])
+            json!([kind, dataref.length, dataref.writable, complaint])
         };
-        if let Some((_, kind, length, writable, _)) = OWN.iter().find(|own| own.0 == name) {
-            return described(*kind, *length, *writable, None);
+        if let Some((dataref, _)) = self.own.find(name) {
+            return described(dataref, None);
         }
         let mut world = self.world.lock();
         let complaint = world.looked_up(name);
         match world.datarefs().find(name) {
-            Some((dataref, _)) => {
-                described(dataref.kind, dataref.length, dataref.writable, complaint)
-            }
+            Some((dataref, _)) => described(dataref, complaint),
             None => Value::Null,
         }
     }
 
     fn get(&self, name: &str, index: usize) -> Option<f64> {
-        match self.own.get(name) {
-            Some((_, _, values)) => values.get(index).copied(),
+        match self.own.find(name) {
+            Some((_, values)) => values.get(index).copied(),
             None => {
                 let world = self.world.lock();
                 let (_, values) = world.datarefs().find(name)?;
@@ -706,9 +700,9 @@ impl PluginScene {
             // Placed somewhere else: the previous flight is over.
             self.flight = None;
         }
-        if let Some((kind, writable, values)) = self.own.get_mut(name) {
-            if let Some(cell) = values.get_mut(index).filter(|_| *writable) {
-                *cell = kind.rounded(value);
+        if let Some((dataref, values)) = self.own.values_mut(name) {
+            if let Some(cell) = values.get_mut(index).filter(|_| dataref.writable) {
+                *cell = dataref.kind.rounded(value);
             }
             return;
         }
@@ -728,7 +722,7 @@ impl PluginScene {
     }
 
     fn own(&self, name: &str) -> &[f64] {
-        self.own.get(name).map_or(&[], |(_, _, values)| values)
+        self.own.find(name).map_or(&[], |(_, values)| values)
     }
 
     /// The drawn pose: oriented by `q`, which X-Plane draws from.

@@ -15,44 +15,25 @@
 //! for longer than it did then. Only a new reader gets past the cut.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 
-/// All datarefs on a tape. `C` distinguishes the replay's clients.
-#[derive(Debug)]
-pub(super) struct Histories<C> {
-    by_path: BTreeMap<String, History<C>>,
+/// All datarefs on a tape.
+#[derive(Debug, Default)]
+pub(super) struct Histories {
+    by_path: BTreeMap<String, History>,
 }
 
-impl<C> Default for Histories<C> {
-    fn default() -> Self {
-        Self {
-            by_path: BTreeMap::new(),
-        }
-    }
-}
-
-#[derive(Debug)]
-struct History<C> {
+#[derive(Debug, Default)]
+struct History {
     steps: Vec<Step>,
     /// The client of the recording whose value was added last.
     recorded_reader: Option<u32>,
     /// The last reader in the replay.
-    reader: Option<C>,
+    reader: Option<SocketAddr>,
     /// The step that comes next.
     at: usize,
     /// The value that was read last.
     last: Option<f32>,
-}
-
-impl<C> Default for History<C> {
-    fn default() -> Self {
-        Self {
-            steps: Vec::new(),
-            recorded_reader: None,
-            reader: None,
-            at: 0,
-            last: None,
-        }
-    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -64,7 +45,7 @@ enum Step {
     OtherReader,
 }
 
-impl<C: PartialEq + Clone> Histories<C> {
+impl Histories {
     /// A client read a value on the tape. A repetition of the previous value is the same reading.
     pub(super) fn add_value(&mut self, client: u32, path: &str, value: f32) {
         let history = self.history(path);
@@ -90,7 +71,7 @@ impl<C: PartialEq + Clone> Histories<C> {
         }
     }
 
-    fn history(&mut self, path: &str) -> &mut History<C> {
+    fn history(&mut self, path: &str) -> &mut History {
         self.by_path.entry(path.to_owned()).or_default()
     }
 
@@ -108,7 +89,7 @@ impl<C: PartialEq + Clone> Histories<C> {
     }
 
     /// A client reads.
-    pub(super) fn read(&mut self, reader: &C, path: &str) -> Option<f32> {
+    pub(super) fn read(&mut self, reader: SocketAddr, path: &str) -> Option<f32> {
         self.by_path.get_mut(path)?.read(reader)
     }
 
@@ -134,7 +115,7 @@ impl<C: PartialEq + Clone> Histories<C> {
     }
 }
 
-impl<C: PartialEq + Clone> History<C> {
+impl History {
     fn add(&mut self, step: Step) {
         if self.steps.last() != Some(&step) {
             self.steps.push(step);
@@ -153,11 +134,11 @@ impl<C: PartialEq + Clone> History<C> {
     }
 
     /// Advances past the values left for the previous reader, if a different one reads now and no write came in between.
-    fn turn_to(&mut self, reader: &C) {
-        if self.reader.as_ref() == Some(reader) {
+    fn turn_to(&mut self, reader: SocketAddr) {
+        if self.reader == Some(reader) {
             return;
         }
-        let is_first = self.reader.replace(reader.clone()).is_none();
+        let is_first = self.reader.replace(reader).is_none();
         let left = self.steps[self.at..]
             .iter()
             .take_while(|step| matches!(step, Step::Value(_)))
@@ -167,7 +148,7 @@ impl<C: PartialEq + Clone> History<C> {
         }
     }
 
-    fn read(&mut self, reader: &C) -> Option<f32> {
+    fn read(&mut self, reader: SocketAddr) -> Option<f32> {
         self.turn_to(reader);
         if let Some(Step::Value(value)) = self.steps.get(self.at) {
             self.at += 1;
@@ -276,9 +257,14 @@ impl<C: PartialEq + Clone> History<C> {
 
 #[cfg(test)]
 mod tests {
+    use std::net::{IpAddr, Ipv4Addr};
+
     use super::*;
 
-    fn recorded() -> Histories<&'static str> {
+    const US: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 1);
+    const LATER: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 2);
+
+    fn recorded() -> Histories {
         let mut tape = Histories::default();
         tape.add_value(1, "a", 0.3);
         tape.add_value(1, "a", 0.3);
@@ -300,29 +286,29 @@ mod tests {
             let mut tape = recorded();
             let mut read = || {
                 let mut last = None;
-                (0..times).for_each(|_| last = tape.read(&"us", "a"));
+                (0..times).for_each(|_| last = tape.read(US, "a"));
                 last
             };
             assert_eq!(read(), Some(0.3));
             assert!(tape.write("a", 0.5));
-            assert_eq!(tape.read(&"us", "a"), Some(0.49));
+            assert_eq!(tape.read(US, "a"), Some(0.49));
             assert_eq!(
-                tape.read(&"us", "a"),
+                tape.read(US, "a"),
                 Some(0.49),
                 "without the command nothing changes"
             );
             assert!(tape.command("go"));
-            assert_eq!(tape.read(&"us", "a"), Some(0.7));
-            assert_eq!(tape.read(&"us", "a"), Some(0.8));
-            assert_eq!(tape.read(&"us", "a"), Some(0.8));
+            assert_eq!(tape.read(US, "a"), Some(0.7));
+            assert_eq!(tape.read(US, "a"), Some(0.8));
+            assert_eq!(tape.read(US, "a"), Some(0.8));
             assert!(tape.write("a", 0.5));
-            assert_eq!(tape.read(&"us", "a"), Some(0.51));
+            assert_eq!(tape.read(US, "a"), Some(0.51));
         }
     }
 
     #[test]
     fn a_write_repeated_before_it_is_read_does_not_run_ahead() {
-        let mut tape = Histories::<&str>::default();
+        let mut tape = Histories::default();
         for later in [10.1, 10.2] {
             tape.add_write("clock", 10.0);
             tape.add_command("regenerate");
@@ -335,11 +321,11 @@ mod tests {
         // The repetition may count as the second write or the first: either way the command does not change any value that is read.
         tape.command("regenerate");
         assert!(tape.write("clock", 10.0));
-        assert_eq!(tape.read(&"us", "clock"), Some(10.1));
+        assert_eq!(tape.read(US, "clock"), Some(10.1));
         assert!(tape.write("clock", 10.0));
         assert!(tape.command("regenerate"));
         assert!(tape.write("clock", 10.0));
-        assert_eq!(tape.read(&"us", "clock"), Some(10.2));
+        assert_eq!(tape.read(US, "clock"), Some(10.2));
     }
 
     #[test]
@@ -351,11 +337,11 @@ mod tests {
         tape.add_command("regenerate");
         tape.add_value(1, "mode", 5.0);
         tape.command("regenerate");
-        assert_eq!(tape.read(&"us", "mode"), Some(0.0));
+        assert_eq!(tape.read(US, "mode"), Some(0.0));
         assert!(tape.command("servos"));
-        assert_eq!(tape.read(&"us", "mode"), Some(2.0));
+        assert_eq!(tape.read(US, "mode"), Some(2.0));
         assert!(tape.command("regenerate"));
-        assert_eq!(tape.read(&"us", "mode"), Some(5.0));
+        assert_eq!(tape.read(US, "mode"), Some(5.0));
     }
 
     #[test]
@@ -371,11 +357,11 @@ mod tests {
         for pass in ["first", "second"] {
             assert!(tape.write("clock", 10.0));
             for _ in 0..20 {
-                assert_eq!(tape.read(&"generate", "clock"), Some(10.0), "{pass}");
+                assert_eq!(tape.read(US, "clock"), Some(10.0), "{pass}");
             }
         }
-        assert_eq!(tape.read(&"doctor", "clock"), Some(12.8));
-        assert_eq!(tape.read(&"doctor", "clock"), Some(12.9));
+        assert_eq!(tape.read(LATER, "clock"), Some(12.8));
+        assert_eq!(tape.read(LATER, "clock"), Some(12.9));
         assert_eq!(tape.first_value("clock"), Some(10.0));
     }
 
@@ -389,30 +375,30 @@ mod tests {
         for _ in 0..3 {
             assert!(tape.write("clock", 10.0));
             for _ in 0..3 {
-                assert_eq!(tape.read(&"us", "clock"), Some(10.0));
+                assert_eq!(tape.read(US, "clock"), Some(10.0));
             }
             assert!(tape.command("go on"));
-            assert_eq!(tape.read(&"us", "clock"), Some(10.05));
+            assert_eq!(tape.read(US, "clock"), Some(10.05));
         }
     }
 
     #[test]
     fn what_is_not_on_the_tape_is_not_acknowledged() {
         let mut tape = recorded();
-        assert_eq!(tape.read(&"us", "a"), Some(0.3));
+        assert_eq!(tape.read(US, "a"), Some(0.3));
         for _ in 0..3 {
             assert!(!tape.write("a", 0.6));
             assert_eq!(
-                tape.read(&"us", "a"),
+                tape.read(US, "a"),
                 Some(0.49),
                 "as after the write in its place"
             );
         }
         assert!(tape.write("a", 0.5), "which stays due");
-        assert_eq!(tape.read(&"us", "a"), Some(0.49));
+        assert_eq!(tape.read(US, "a"), Some(0.49));
         assert!(!tape.command("stop"));
         assert!(!tape.has("b"), "written, but never read");
-        assert!(!tape.has("c") && tape.read(&"us", "c").is_none() && !tape.write("c", 1.0));
+        assert!(!tape.has("c") && tape.read(US, "c").is_none() && !tape.write("c", 1.0));
         assert_eq!(tape.count(), 1);
     }
 
@@ -422,10 +408,10 @@ mod tests {
         tape.add_write("a", 0.9);
         tape.add_value(1, "a", 0.9);
         assert!(tape.write("a", 0.9));
-        assert_eq!(tape.read(&"us", "a"), Some(0.9));
+        assert_eq!(tape.read(US, "a"), Some(0.9));
         assert!(tape.write("a", 0.9), "again, as after a loss");
-        assert_eq!(tape.read(&"us", "a"), Some(0.9));
+        assert_eq!(tape.read(US, "a"), Some(0.9));
         assert!(tape.write("a", 0.5));
-        assert_eq!(tape.read(&"us", "a"), Some(0.49));
+        assert_eq!(tape.read(US, "a"), Some(0.49));
     }
 }

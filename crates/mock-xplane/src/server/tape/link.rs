@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::task::{JoinSet, spawn_blocking};
+use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{Answer, LinkError};
@@ -15,7 +15,7 @@ use xplane_tape::{LinkMessage, MAGIC, MessagePosition};
 use super::loading::is_hello;
 use super::{Playback, Player};
 use crate::server::MockError;
-use crate::server::capture_link::WANTS_TOKEN;
+use crate::server::capture_link::{WANTS_TOKEN, log_end};
 
 /// Connections at a time.
 const MAX_CONNECTIONS: usize = 32;
@@ -24,26 +24,12 @@ const MAX_SILENCE: Duration = Duration::from_secs(600);
 
 /// Accepts clients forever.
 pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Result<(), MockError> {
-    let mut clients = JoinSet::new();
     let doorway = Doorway::new("the capture link", MAX_CONNECTIONS);
-    loop {
-        tokio::select! {
-            (stream, from, room) = doorway.next(&listener) => {
-                let player = player.clone();
-                clients.spawn(async move {
-                    let _room = room;
-                    match serve(stream, player).await {
-                        Ok(()) => tracing::debug!(%from, "capture link closed"),
-                        Err(error) if error.is_hang_up() => {
-                            tracing::info!(%from, "the client hung up");
-                        }
-                        Err(error) => tracing::warn!(%from, %error, "capture link closed"),
-                    }
-                });
-            }
-            Some(_) = clients.join_next() => {}
-        }
-    }
+    let serve = |stream, from| {
+        let player = player.clone();
+        async move { log_end(from, serve(stream, player).await) }
+    };
+    match doorway.serve(&listener, serve).await {}
 }
 
 async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkError> {

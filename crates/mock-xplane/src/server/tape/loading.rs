@@ -1,7 +1,6 @@
 //! Reads a tape for replay. Messages of the link stay in the file; only their locations are kept.
 
 use std::collections::{HashMap, VecDeque};
-use std::net::SocketAddr;
 use std::path::Path;
 
 use serde_json::Value;
@@ -21,7 +20,7 @@ const USUAL_VERSION: i32 = 124_009;
 /// A tape prepared for replay.
 pub(super) struct Loaded {
     pub(super) reader: TapeReader,
-    pub(super) histories: Histories<SocketAddr>,
+    pub(super) histories: Histories,
     pub(super) shown_weather: ShownWeather,
     pub(super) positions: Positions,
     pub(super) conversation: Conversation,
@@ -73,7 +72,7 @@ pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
 
 #[derive(Default)]
 struct Loading {
-    histories: Histories<SocketAddr>,
+    histories: Histories,
     shown_weather: ShownWeather,
     positions: Positions,
     conversation: Conversation,

@@ -121,7 +121,7 @@ impl Server {
         } = &mut *playback;
         let histories = RefCell::new(histories);
         let values = self.subscriptions.due_values(now_s, |reader, path| {
-            let recorded = histories.borrow_mut().read(&reader, path);
+            let recorded = histories.borrow_mut().read(reader, path);
             let value = shown_weather
                 .value(context, path)
                 .or(recorded)

@@ -23,19 +23,6 @@ impl WebApiService {
             )
         })
     }
-
-    /// Runs a command once, however long it is held down.
-    pub(super) fn activate(&self, id: u64, duration_s: f64) -> Result<(), Refusal> {
-        let path = self.command(id)?;
-        if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
-            return Err(Refusal::bad_request(
-                "invalid_duration",
-                format!("duration is {duration_s}, expected 0 to {MAX_DURATION_S} seconds"),
-            ));
-        }
-        self.world.lock().command(path);
-        Ok(())
-    }
 }
 
 pub(super) async fn list(
@@ -59,7 +46,14 @@ pub(super) async fn activate(
     Path(id): Path<u64>,
     Json(Activation { duration }): Json<Activation>,
 ) -> Result<Json<Value>, Refusal> {
-    service.activate(id, duration)?;
+    let path = service.command(id)?;
+    if !(0.0..=MAX_DURATION_S).contains(&duration) {
+        return Err(Refusal::bad_request(
+            "invalid_duration",
+            format!("duration is {duration}, expected 0 to {MAX_DURATION_S} seconds"),
+        ));
+    }
+    service.world.lock().command(path);
     Ok(Json(Value::Null))
 }
 

@@ -33,7 +33,7 @@ impl WebApiService {
     /// The list of datarefs: empty until a flight is loaded.
     fn dataref_records(&self) -> Vec<Value> {
         let world = self.world.lock();
-        if !world.flight_loaded() {
+        if !world.flight_loaded {
             return Vec::new();
         }
         let records = self.ids.datarefs().filter_map(|(id, name)| {
@@ -50,7 +50,7 @@ impl WebApiService {
 
     pub(super) fn dataref(&self, id: u64) -> Result<&'static str, Refusal> {
         let mut world = self.world.lock();
-        let known = self.ids.dataref(id).filter(|_| world.flight_loaded());
+        let known = self.ids.dataref(id).filter(|_| world.flight_loaded);
         if let Some(name) = known {
             world.looked_up(name);
         }

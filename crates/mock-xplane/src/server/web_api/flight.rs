@@ -36,7 +36,7 @@ pub(super) async fn start(
     Json(body): Json<Value>,
 ) -> Result<Response, Refusal> {
     let answer = service.fly(&body)?;
-    if service.world.lock().quirks().has(Quirk::DroppedStart) {
+    if service.world.lock().quirks.has(Quirk::DroppedStart) {
         return Ok(Response::new(Body::new(BrokenOff)));
     }
     Ok(answer.into_response())

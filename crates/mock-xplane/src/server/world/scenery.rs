@@ -106,17 +106,6 @@ mod tests {
     }
 
     #[test]
-    fn slow_scenery_loads_for_20_s_without_ground_below() {
-        let mut scenery = travelled(&[Quirk::SlowScenery]);
-        assert!(!scenery.advance(19.8, HERE));
-        assert!(scenery.is_loading() && scenery.ground_off_m(HERE).is_none());
-        scenery.advance(0.3, HERE);
-        assert!(!scenery.is_loading());
-        assert_eq!(scenery.ground_off_m(HERE), Some(0.0));
-        assert_eq!(scenery.ground_off_m(ELSEWHERE), None);
-    }
-
-    #[test]
     fn terrain_settles_for_3_s_after_the_flag_has_fallen() {
         let mut scenery = travelled(&[Quirk::SlowScenery, Quirk::SettlingTerrain]);
         scenery.advance(20.1, HERE);
