@@ -376,7 +376,8 @@ mod tests {
         };
         let no_seal =
             |folder: &ScenarioFolder| fs::write(folder.root().join("DONE.json"), "").unwrap();
-        let cases: [(&dyn Fn(&ScenarioFolder), &str); 3] = [
+        type Change<'a> = &'a dyn Fn(&ScenarioFolder);
+        let cases: [(Change<'_>, &str); 3] = [
             (&other_view, "no camera tower; it has left, right"),
             (&other_table, "frames.parquet: does not match its seal"),
             (&no_seal, "0001-a/DONE.json: is empty, expected a seal"),

@@ -240,7 +240,8 @@ fn detections_that_do_not_belong_to_the_scenario_are_refused_and_made_again() {
     let elsewhere = |folder: &ScenarioFolder| {
         write_changed(folder, |found| found.view = "lift".into());
     };
-    let cases: [(&dyn Fn(&ScenarioFolder), &[&str]); 4] = [
+    type Change<'a> = &'a dyn Fn(&ScenarioFolder);
+    let cases: [(Change<'_>, &[&str]); 4] = [
         (&late, &["row 5: tick is 3, expected below 3"]),
         (&elsewhere, &["row 0: view lift is not a view"]),
         (&lose_a_box, &["its hash differs"]),

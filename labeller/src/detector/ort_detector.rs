@@ -3,17 +3,17 @@
 mod ort_output;
 mod sessions;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use ort::session::{Session, SessionOutputs};
 use ort::value::TensorRef;
 
 use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
-use super::layout::meaning::{Meaning, ProbedModel};
+use super::layout::meaning::{KnownModel, Meaning};
 use super::layout::{Decoding, Layout};
 use super::model_file::ModelFile;
-use super::outputs::{BoxOutputs, KnownModel};
+use super::outputs::BoxOutputs;
 use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
 use super::profile::aircraft_class::Classes;
@@ -62,11 +62,6 @@ struct Output {
 }
 
 impl OrtDetector {
-    /// Reads and loads a model.
-    pub fn load(path: &Path, options: &OrtOptions) -> Result<Self> {
-        Self::of(&ModelFile::read(path)?, options)
-    }
-
     /// Loads a model, runs it once on an empty window and finds out how it answers.
     pub fn of(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
         let path = model.path.as_path();
@@ -118,28 +113,21 @@ impl OrtDetector {
         };
         self.planes.resize(windows * numbers_in(size_px), 0.0);
         let inputs = inputs_in_words(self.sessions.any());
-        let expected = KnownModel {
-            said: self.profile.layout,
-            output: self.profile.output.clone(),
-            named: self.metadata.named_classes(),
-            window_px: size_px,
-            has_objectness: !self.metadata.is_by_ultralytics(),
-            settings: ModelFile::profile_path(&self.path).display().to_string(),
-        };
+        let settings = ModelFile::profile_path(&self.path).display().to_string();
         let (profile, metadata) = (self.profile.clone(), self.metadata.clone());
         self.output = self.run(windows, size_px, |outputs| {
             let forms = forms_of(outputs);
             let with_shapes = |fault: ModelFault| {
                 ModelFault::new(format!("{fault}; {inputs}; {}", outputs_in_words(outputs)))
             };
-            let (boxes, layout) = BoxOutputs::of(&forms, &expected).map_err(with_shapes)?;
+            let known = KnownModel {
+                window_px: size_px,
+                profile: &profile,
+                metadata: &metadata,
+            };
+            let found = BoxOutputs::of(&forms, &known, &settings);
+            let (boxes, layout) = found.map_err(with_shapes)?;
             let (meaning, count) = read_answer(outputs, boxes, |answer| {
-                let known = ProbedModel {
-                    window_px: size_px,
-                    profile: &profile,
-                    head: metadata.head.as_deref(),
-                    named: metadata.named_classes(),
-                };
                 let meaning = Meaning::of_probe(layout, answer, &known);
                 Ok((meaning, meaning.layout.classes(answer.shape())))
             })?;

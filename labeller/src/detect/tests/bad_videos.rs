@@ -37,7 +37,8 @@ fn a_video_that_is_not_what_tables_and_seal_say_is_refused_with_view_and_tick() 
         frames.rows[2].views[1].pts += 1;
         frames.write(&folder.frames_path()).unwrap();
     };
-    let cases: [(&dyn Fn(&ScenarioFolder), &[&str]); 4] = [
+    type Change<'a> = &'a dyn Fn(&ScenarioFolder);
+    let cases: [(Change<'_>, &[&str]); 4] = [
         (
             &|folder| write_video(folder, 2),
             &[

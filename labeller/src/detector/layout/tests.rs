@@ -159,7 +159,6 @@ fn an_empty_answer_is_no_detection_in_any_layout() {
         let said = Said {
             layout: Some(layout),
             class: Some(0),
-            ..Said::default()
         };
         assert_eq!(decode(shape, &[], 2, said), [vec![], vec![]], "{shape:?}");
     }

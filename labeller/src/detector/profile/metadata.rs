@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::str::Chars;
 
-use crate::detector::profile::METADATA_KEY;
-
+/// Name of the metadata property of a model that contains its settings.
+pub(super) const METADATA_KEY: &str = "dtd_profile";
 /// Task of detection models.
 const DETECTION: &str = "detect";
 /// Far above the strides of any detector, pixels.

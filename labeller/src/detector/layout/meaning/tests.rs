@@ -1,5 +1,4 @@
 use super::*;
-use crate::detector::profile::metadata::ModelMetadata;
 
 const WINDOW_PX: [u32; 2] = [640; 2];
 
@@ -44,11 +43,10 @@ fn meaning(
     let of_shape = Layout::of_shape(shape, WINDOW_PX, has_objectness, named);
     let layout = profile.layout.or(of_shape).unwrap();
     let answer = Answer::new(shape, numbers).unwrap();
-    let known = ProbedModel {
+    let known = KnownModel {
         window_px: WINDOW_PX,
         profile,
-        head: metadata.head.as_deref(),
-        named,
+        metadata,
     };
     Meaning::of_probe(layout, answer, &known)
 }
