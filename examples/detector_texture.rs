@@ -19,7 +19,7 @@ use detector_training::grid::ScoredBox;
 use detector_training::network::convolution::standard_normal;
 use detector_training::samples::corpus_samples::{JudgedFrame, read_frames, videos};
 use detector_training::samples::training_picture::{contrast, matched_filter_ratio};
-use labeller::detector::{Device, OrtDetector, OrtOptions, PictureView};
+use labeller::detector::{Device, ModelFile, OrtDetector, OrtOptions, PictureView};
 use labeller::tiling::{TilingSettings, find_aircraft};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -104,7 +104,7 @@ fn search_all(
         threads: std::thread::available_parallelism().map_or(1, usize::from),
         batch: 1,
     };
-    let mut detector = OrtDetector::load(model, &options)?;
+    let mut detector = OrtDetector::of(&ModelFile::read(model)?, &options)?;
     let mut rng = ChaCha8Rng::seed_from_u64(4);
     let size = frames.first().map_or([0; 2], |frame| {
         [frame.picture.width_px, frame.picture.height_px]

@@ -63,7 +63,7 @@ pub fn evaluate_detector(
         .iter()
         .map(|&mode| {
             let mut detect = options.detect.clone();
-            detect.modes.mode = mode.detect_mode();
+            detect.mode = mode.detect_mode();
             Ok((mode, Searcher::load(&options.model, &detect)?))
         })
         .collect::<Result<Vec<_>>>()?;

@@ -18,6 +18,7 @@ use generator::sweep::Sweep;
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use mock_xplane::render::Scene;
+use testkit::processor_time;
 
 /// Size of the crop, pixels, and how much it is enlarged.
 const CROP: (u32, u32, u32) = (80, 48, 10);
@@ -142,7 +143,7 @@ fn enlarged(picture: &RgbImage, x: f64, y: f64) -> RgbImage {
     imageops::resize(&crop, width * zoom, height * zoom, FilterType::Nearest)
 }
 
-/// Mean CPU time of all threads over a section of an approach at 30 frames a second, if the system reports it.
+/// Mean CPU time of all threads over a section of an approach at 30 frames a second.
 fn cpu_ms_per_frame(scene: &Scene, runway: &Runway, (width, height): (u32, u32)) -> f64 {
     const FRAMES: u32 = 90;
     let landing = Controls {
@@ -150,28 +151,14 @@ fn cpu_ms_per_frame(scene: &Scene, runway: &Runway, (width, height): (u32, u32))
         gear_ratio: 1.0,
     };
     let mut rgb = vec![0; (width * height * 3) as usize];
-    let before = process_cpu_ms();
+    let before = processor_time::own_and_children()[0];
     for frame in 0..FRAMES {
         let time_s = 1.0 + f64::from(frame) / 30.0;
         let pose = on_glide_path(runway, 6.0 * METERS_PER_NAUTICAL_MILE - 72.0 * time_s);
         scene.render(&pose, &landing, time_s, &mut rgb);
     }
-    (process_cpu_ms() - before) / f64::from(FRAMES)
-}
-
-/// CPU time of this process so far; wall-clock time where there is no /proc.
-fn process_cpu_ms() -> f64 {
-    const TICKS_PER_S: f64 = 100.0;
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    let wall_ms = START.get_or_init(Instant::now).elapsed().as_secs_f64() * 1e3;
-    let Ok(stat) = std::fs::read_to_string("/proc/self/stat") else {
-        return wall_ms;
-    };
-    // Fields 14 and 15 (utime, stime); the name in parentheses may contain spaces.
-    let after_name = stat.rsplit(") ").next().unwrap_or_default();
-    let fields = after_name.split(' ').skip(11).take(2);
-    let ticks: f64 = fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum();
-    ticks / TICKS_PER_S * 1e3
+    let took = processor_time::own_and_children()[0] - before;
+    took.as_secs_f64() * 1e3 / f64::from(FRAMES)
 }
 
 fn on_glide_path(runway: &Runway, distance_m: f64) -> Pose {

@@ -226,7 +226,7 @@ fn wanted<'a>(
     {
         let scenarios = &plan.scenarios;
         let example = scenarios.first().map_or("", |scenario| &scenario.id);
-        return Err(GenerateError::BadOption(format!(
+        return Err(GenerateError::BadInput(format!(
             "there is no scenario {id} among the {} of the plan; identifiers look like {example}, `dtd plan` lists them",
             scenarios.len()
         )));

@@ -7,6 +7,8 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
 use serde::{Deserialize, Deserializer};
 
+use crate::seed;
+
 /// Variation between scenarios.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spread {
@@ -54,6 +56,11 @@ const NARROWEST_TRUNCATION_SD: f64 = 0.1;
 impl Spread {
     /// Key of the standard deviation: the only number exempt from the value's limits.
     pub(crate) const DEVIATION: &str = "sd";
+
+    /// Draws a scenario's value by name from a generator of its own, so that no value depends on which others are drawn.
+    pub(crate) fn value(&self, scenario_seed: u64, name: &str) -> f64 {
+        self.draw(&mut seed::of_value(scenario_seed, name))
+    }
 
     /// Draws a value. Uses only additions and multiplications: functions of the system's mathematics library differ in their last
     /// digit between machines, and the same seed must give the same plan everywhere.

@@ -25,6 +25,8 @@ use dataset::geometry::runway::Runway;
 use dataset::plan::{Picture, PlannedCamera};
 use dataset::video::VideoSettings;
 
+use crate::recording::Recording;
+
 pub use document::Corpus;
 pub use grid::Combination;
 pub use grid::split::SplitFractions;
@@ -143,6 +145,14 @@ impl Sweep {
                 Some((rule, order[turn]))
             })
             .collect()
+    }
+
+    /// The recording with this hash.
+    pub(crate) fn recording(&self, blake3: &str) -> Option<&Recording> {
+        let recordings = self.recorded.iter().flat_map(|flights| &flights.recordings);
+        recordings
+            .into_iter()
+            .find(|recording| recording.blake3 == blake3)
     }
 
     /// A combination's profile: its own, or one drawn from `[start]`. A profile that is added to `[start]` is drawn by some scenarios and

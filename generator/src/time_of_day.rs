@@ -88,29 +88,14 @@ mod tests {
 
     #[test]
     fn six_in_the_morning_at_changi_is_22_utc_of_the_day_before() {
-        let clock = TimeOfDay { hour: 6, minute: 0 }.clock(172, 8.0);
-        assert_eq!(
-            clock,
-            Clock {
-                day_of_year: 171,
-                zulu_time_s: 22.0 * 3_600.0
-            }
-        );
-        let noon = TimeOfDay {
-            hour: 12,
-            minute: 0,
+        for (time, day_of_year, zulu) in [
+            ("06:00", 172, (171, 22.0)),
+            ("12:00", 172, (172, 4.0)),
+            ("06:00", 1, (365, 22.0)),
+        ] {
+            let clock = TimeOfDay::parse(time).unwrap().clock(day_of_year, 8.0);
+            let found = (clock.day_of_year, clock.zulu_time_s / 3_600.0);
+            assert_eq!(found, zulu, "{time} on day {day_of_year}");
         }
-        .clock(172, 8.0);
-        assert_eq!(
-            noon,
-            Clock {
-                day_of_year: 172,
-                zulu_time_s: 4.0 * 3_600.0
-            }
-        );
-        assert_eq!(
-            TimeOfDay { hour: 6, minute: 0 }.clock(1, 8.0).day_of_year,
-            365
-        );
     }
 }

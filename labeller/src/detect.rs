@@ -46,7 +46,7 @@ use crate::matching::statistics::{DetectionCounts, TruthInSight};
 use crate::tiling::TilingSettings;
 use job::{End, ScenarioJob, ViewJob};
 pub use live_view::{ImageFindings, SeenBox, ViewSearch};
-pub use mode::{Mode, ModeSettings};
+pub use mode::Mode;
 pub use pairs::fitted_cameras::FittedCameras;
 pub use pairs::register_views;
 pub use pictures::image::Image;
@@ -66,7 +66,7 @@ pub struct DetectOptions {
     /// Thresholds and windows of the search. Detections made with other settings are repeated.
     pub settings: TilingSettings,
     /// Parts of the images that are searched; detections made with other settings are also repeated.
-    pub modes: ModeSettings,
+    pub mode: Mode,
     /// Number of views processed in parallel.
     pub workers: usize,
     /// Threads that a worker's model uses.
@@ -89,7 +89,7 @@ impl Default for DetectOptions {
             onnx_runtime: None,
             device: Device::CPU,
             settings: TilingSettings::default(),
-            modes: ModeSettings::default(),
+            mode: Mode::default(),
             workers: cores,
             threads_per_worker: 1,
             batch: 1,

@@ -110,8 +110,8 @@ pub(crate) fn judge(
 ) -> Vec<(HealthState, Option<CameraTurn>)> {
     let frozen = frozen::frozen(looks, confirmed);
     let usual = usual(looks);
-    let off: Vec<Option<Off>> = (looks.iter())
-        .map(|look| Some(Off::of(look.turn?, usual?.turn)))
+    let off: Vec<Option<Measured>> = (looks.iter())
+        .map(|look| Some(look.turn?.off_from(usual?.turn)))
         .collect();
     let states: Vec<Option<HealthState>> = (0..looks.len())
         .map(|tick| direction_at(tick, looks, &off))
@@ -131,7 +131,7 @@ pub(crate) fn judge(
     (0..looks.len())
         .map(|tick| {
             let turn = off[tick].zip(usual);
-            let turn = turn.map(|(off, usual)| off.turn(usual.sd_px));
+            let turn = turn.map(|(off, usual)| off.as_camera_turn(usual.sd_px));
             let state = if frozen[tick] {
                 HealthState::Frozen
             } else {
@@ -142,26 +142,20 @@ pub(crate) fn judge(
         .collect()
 }
 
-/// A direction relative to the usual one.
-#[derive(Debug, Clone, Copy)]
-struct Off {
-    turn: Turn,
-    sd_px: f64,
-}
-
-impl Off {
-    fn of(measured: Measured, usual: Turn) -> Self {
+impl Measured {
+    /// The direction relative to the usual one.
+    fn off_from(self, usual: Turn) -> Self {
         Self {
             turn: Turn {
-                shift_px: measured.turn.shift_px - usual.shift_px,
-                roll_rad: measured.turn.roll_rad - usual.roll_rad,
+                shift_px: self.turn.shift_px - usual.shift_px,
+                roll_rad: self.turn.roll_rad - usual.roll_rad,
             },
-            sd_px: measured.sd_px,
+            ..self
         }
     }
 
     /// The turn from a usual direction with this standard deviation, whose error is the same at each tick.
-    fn turn(&self, usual_sd_px: f64) -> CameraTurn {
+    fn as_camera_turn(&self, usual_sd_px: f64) -> CameraTurn {
         CameraTurn {
             shift_x_px: self.turn.shift_px.x,
             shift_y_px: self.turn.shift_px.y,
@@ -245,7 +239,7 @@ fn usual(looks: &[Look]) -> Option<Measured> {
 }
 
 /// State from the directions of a tick and its neighbours; `None` if its own was not measured.
-fn direction_at(tick: usize, looks: &[Look], off: &[Option<Off>]) -> Option<HealthState> {
+fn direction_at(tick: usize, looks: &[Look], off: &[Option<Measured>]) -> Option<HealthState> {
     let own = off[tick]?;
     let around = around(tick, looks);
     let measured = |range: std::ops::Range<usize>| off[range].iter().flatten();

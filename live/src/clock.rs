@@ -241,16 +241,21 @@ mod tests {
         assert!((sender_s - clock.now_s()).abs() < 1.0);
     }
 
+    /// The stamp of an image without the sender's clock.
+    fn placed(stamper: &mut Stamper, arrival_s: f64, timestamp_s: f64) -> Stamp {
+        stamper.stamp(Clues {
+            arrival_s,
+            timestamp_s: Some(timestamp_s),
+            sender_s: None,
+        })
+    }
+
     #[test]
     fn timestamps_are_placed_by_the_fastest_arrival() {
         let mut stamper = Stamper::default();
         for image in 0..200 {
             let taken_s = f64::from(image) * PERIOD_S;
-            let stamp = stamper.stamp(Clues {
-                arrival_s: taken_s + delay_s(image),
-                timestamp_s: Some(taken_s + 86_400.0),
-                sender_s: None,
-            });
+            let stamp = placed(&mut stamper, taken_s + delay_s(image), taken_s + 86_400.0);
             assert_eq!(stamp.clock, ClockSource::Timestamps);
             assert!((stamp.time_s - taken_s - 0.02).abs() < 1e-4, "{image}");
         }
@@ -283,11 +288,7 @@ mod tests {
         let mut stamper = Stamper::default();
         let mut stamp = |image: u32, jump_s: f64, stall_s: f64| {
             let taken_s = f64::from(image) * PERIOD_S;
-            let stamp = stamper.stamp(Clues {
-                arrival_s: taken_s + 0.02 + stall_s,
-                timestamp_s: Some(taken_s + jump_s),
-                sender_s: None,
-            });
+            let stamp = placed(&mut stamper, taken_s + 0.02 + stall_s, taken_s + jump_s);
             stamp.time_s - taken_s
         };
         for image in 0..60 {
@@ -314,11 +315,11 @@ mod tests {
             for image in 0..200 {
                 let taken_s = f64::from(image) * period_s;
                 let set_s = if image < 100 { 0.0 } else { back_s };
-                let stamp = stamper.stamp(Clues {
-                    arrival_s: taken_s + 0.02 + 0.1 * (delay_s(image) - 0.02),
-                    timestamp_s: Some(taken_s - set_s),
-                    sender_s: None,
-                });
+                let stamp = placed(
+                    &mut stamper,
+                    taken_s + 0.02 + 0.1 * (delay_s(image) - 0.02),
+                    taken_s - set_s,
+                );
                 let error_s = stamp.time_s - taken_s - 0.02;
                 assert!(
                     (-1e-9..0.004).contains(&error_s),
@@ -375,11 +376,7 @@ mod tests {
         for image in 0..86_400 * 5 {
             let taken_s = f64::from(image) / 5.0;
             let counted_s = (taken_s * (1.0 + 50e-6) + 7_000.0).rem_euclid(wrap_s);
-            let stamp = stamper.stamp(Clues {
-                arrival_s: taken_s + delay_s(image),
-                timestamp_s: Some(counted_s),
-                sender_s: None,
-            });
+            let stamp = placed(&mut stamper, taken_s + delay_s(image), counted_s);
             let error_s = stamp.time_s - taken_s;
             // After the wrap the first arrival places them, and it may have been a slow one.
             assert!(
@@ -394,11 +391,7 @@ mod tests {
         let mut stamper = Stamper::default();
         for image in 0..30 * 600 {
             let taken_s = f64::from(image) * PERIOD_S;
-            let stamp = stamper.stamp(Clues {
-                arrival_s: taken_s,
-                timestamp_s: Some(taken_s * (1.0 - 100e-6)),
-                sender_s: None,
-            });
+            let stamp = placed(&mut stamper, taken_s, taken_s * (1.0 - 100e-6));
             assert!((stamp.time_s - taken_s).abs() < 0.004, "{image}");
         }
     }

@@ -16,7 +16,7 @@ pub(crate) const MAX_FRESH_S: f64 = 0.3;
 pub(crate) const MAX_COASTING_S: f64 = 5.0;
 
 /// Answer freshness.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AnswerState {
     /// Measured in this tick's images.
@@ -24,11 +24,12 @@ pub enum AnswerState {
     /// Predicted from earlier images.
     Coasting,
     /// The aircraft is no longer known.
+    #[default]
     Lost,
 }
 
 /// An answer about an aircraft at a time.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Answer {
     /// Time of the images, seconds: since the first one, for recordings their own.
     pub time_s: f64,
@@ -70,22 +71,10 @@ impl Answer {
     pub(crate) fn lost(track: u32, time_s: f64, age_s: f64) -> Self {
         Self {
             time_s,
-            time_utc: None,
             track,
             phase: Phase::Other.word(),
-            dtd_m: None,
-            dtd_sd_m: None,
-            dtd_from_m: None,
-            dtd_to_m: None,
-            ground_speed_mps: None,
-            time_to_touchdown_s: None,
-            latitude_deg: None,
-            longitude_deg: None,
-            height_m: None,
-            position_sd_m: None,
-            views: Vec::new(),
             age_s,
-            state: AnswerState::Lost,
+            ..Self::default()
         }
     }
 }

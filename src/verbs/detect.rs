@@ -13,8 +13,8 @@ use dataset::plan::Plan;
 use dataset::work::watch::Watch;
 use generator::plan::shard::Shard;
 use labeller::{
-    DetectOptions, DetectOutcome, FalseBoxes, FittedCameras, ModeSettings, RegistrationCounts,
-    TruthCounts, Unhealthy, detect_corpus,
+    DetectOptions, DetectOutcome, FalseBoxes, FittedCameras, RegistrationCounts, TruthCounts,
+    Unhealthy, detect_corpus,
 };
 use trainer::RunFolder;
 
@@ -46,10 +46,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             onnx_runtime: args.runtime.library.clone(),
             device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
-            modes: ModeSettings {
-                mode: args.mode.into(),
-                ..ModeSettings::default()
-            },
+            mode: args.mode.into(),
             only,
             force: args.force,
             registration_of: args

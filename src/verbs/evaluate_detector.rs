@@ -7,7 +7,7 @@ use dataset::work::watch::Watch;
 use detector_evaluation::{
     Ended, Error, EvaluatedMode, Evaluation, EvaluationOptions, ModeFigures, evaluate_detector,
 };
-use labeller::{DetectOptions, Mode, ModeSettings};
+use labeller::{DetectOptions, Mode};
 
 use super::Outcome;
 use super::detect::refuse_other_models;
@@ -30,10 +30,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
             onnx_runtime: args.runtime.library.clone(),
             device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
-            modes: ModeSettings {
-                mode: Mode::Full,
-                ..ModeSettings::default()
-            },
+            mode: Mode::Full,
             only: args.search.scenarios(&corpus)?,
             ..DetectOptions::default()
         },

@@ -20,7 +20,7 @@ use generator::plan::expand;
 use generator::sweep::Sweep;
 use labeller::detector::ModelFile;
 use labeller::tiling::TilingSettings;
-use labeller::{DetectOptions, Mode, ModeSettings, SearchBands};
+use labeller::{DetectOptions, Mode, SearchBands};
 use paper_experiment::{SINGLE_VIEW_SHARE, SeenTicks, SingleViews, WeakerDetector};
 use trainer::config::ScenarioSplitConfig;
 use trainer::{EvaluationConfig, RunFolder, TrainConfig};
@@ -311,10 +311,7 @@ impl Experiment<'_> {
                     half_scale_rows: bands.and_then(|bands| bands.large),
                     ..TilingSettings::default()
                 },
-                modes: ModeSettings {
-                    mode: Mode::Full,
-                    ..ModeSettings::default()
-                },
+                mode: Mode::Full,
                 ..self.runtime()
             },
         )?;

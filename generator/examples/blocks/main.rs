@@ -19,14 +19,13 @@ mod covers;
 use std::env;
 use std::error::Error;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use alone::Stage;
 use dataset::corpus::Corpus;
-use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
-use generator::plan::shard::Shard;
+use generator::generate::{Cancel, Event, GenerateOptions, SimulatorTarget, generate};
 use generator::sweep::Sweep;
 use mock_xplane::server::{
     FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions, WindowCovers,
@@ -36,9 +35,8 @@ use serde_json::json;
 use testkit::sweep::{SmallSweep, starting_from};
 use testkit::{processor_time, repository};
 use testkit_simulator::{Running, Xvfb, quiet};
-use xplane_bridge::LocalUdp;
 use xplane_bridge::datarefs::Generation;
-use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
+use xplane_bridge::pixels::{FfmpegScreen, Screen};
 
 /// Refresh rate of the screen.
 const FRAMES_PER_S: f64 = 60.0;
@@ -221,18 +219,10 @@ impl Recording {
             &repository().join("tests/data"),
             toml,
         )?;
+        let simulator = SimulatorTarget::Address(self.simulator.addresses.udp);
         let options = GenerateOptions {
-            simulators: SimulatorTarget::Address(self.simulator.addresses.udp).into(),
-            local_udp: LocalUdp::default(),
-            stand_in_program: PathBuf::from("unused"),
-            pixels: PixelChoice::Auto,
-            encoder: None,
             screen: self.screen.clone(),
-            only: Vec::new(),
-            shard: Shard::WHOLE,
-            patience: Patience::default(),
-            restart: None,
-            remote: None,
+            ..GenerateOptions::new(simulator)
         };
         let folder = self.folder.path().join(name);
         let outcome = generate(&sweep, &folder, &options, &Cancel::new(), listen).await?;

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use dataset::corpus::effective_weather::WeatherDifference;
-use dataset::video::{TRIAL_PICTURES, TrialFault};
 use flight_model::NotLanded;
 use store::StoreError;
 use tokio::task::JoinError;
@@ -33,34 +32,15 @@ pub enum GenerateError {
         /// Difference between the two plans.
         difference: String,
     },
-    /// The store's plan is damaged, and the sweep lacks some of its scenarios.
-    #[error(
-        "{}: is damaged, and the sweep of this run lacks scenario {id}, which is there; use the sweep that the corpus was made from, or \
-         `dtd push` an intact copy of the corpus", plan.display()
-    )]
-    LostPlan {
-        /// The plan.
-        plan: PathBuf,
-        /// The scenario.
-        id: String,
-    },
-    /// An option that must be changed first.
+    /// An option, a folder or a store that must be changed first.
     #[error("{0}")]
-    BadOption(String),
+    BadInput(String),
     /// A foreign folder has a scenario's name.
     #[error("{}: a folder with this name is there, but {message}; move it away first, then the scenario will be recorded again", folder.display())]
     ForeignFolder {
         /// The folder.
         folder: PathBuf,
         /// Fault of the folder.
-        message: String,
-    },
-    /// The staging path cannot be used as a stage.
-    #[error("{}: {message}, or name another folder with --staging", folder.display())]
-    NotAStage {
-        /// The folder.
-        folder: PathBuf,
-        /// Fault and remedy.
         message: String,
     },
     /// The run was cancelled before anything was written.
@@ -72,20 +52,7 @@ pub enum GenerateError {
     /// A trial scenario cannot be recorded.
     #[error("the trial that measures this simulator failed: {0}")]
     Trial(Box<ScenarioError>),
-    /// The encoder that the user chose failed its trial.
-    #[error(
-        "encoder {encoder} was tried with {TRIAL_PICTURES} images and is not used: {fault}. It needs {needs}. Nothing was recorded; record \
-         without --encoder, which encodes on the processor, or choose another"
-    )]
-    Encoder {
-        /// FFmpeg's encoder name.
-        encoder: &'static str,
-        /// Requirements of the encoder.
-        needs: &'static str,
-        /// Fault of the trial.
-        fault: Box<TrialFault>,
-    },
-    /// The thread of that trial panicked.
+    /// The thread that tries the user's encoder panicked.
     #[error("the trial of the encoder failed: {0}")]
     EncoderTrial(JoinError),
     /// The object store of the corpus cannot be used.
@@ -119,12 +86,7 @@ impl GenerateError {
     /// True if the caller must change the input first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::OtherPlan { .. }
-            | Self::LostPlan { .. }
-            | Self::BadOption(_)
-            | Self::ForeignFolder { .. }
-            | Self::NotAStage { .. }
-            | Self::Encoder { .. } => true,
+            Self::OtherPlan { .. } | Self::BadInput(_) | Self::ForeignFolder { .. } => true,
             // A path where no corpus can be created.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
                 source.kind(),

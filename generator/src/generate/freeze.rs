@@ -23,7 +23,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// The plan that a corpus was started from; rejects one that is not part of `plan`, and a folder with other things in it.
 pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan>, GenerateError> {
     if corpus_root.exists() && !corpus_root.is_dir() {
-        return Err(GenerateError::BadOption(format!(
+        return Err(GenerateError::BadInput(format!(
             "{}: is a file, expected a folder, or a name under which one can be made",
             corpus_root.display()
         )));

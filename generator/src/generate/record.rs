@@ -302,23 +302,12 @@ async fn trajectory(
 ) -> Result<Arc<Trajectory>, ScenarioError> {
     let parameters = &scenario.parameters;
     match (&parameters.flight, &parameters.live) {
-        (Flight::Recorded { file, blake3 }, _) => {
-            let recordings = work
-                .sweep
-                .recorded
-                .iter()
-                .flat_map(|flights| &flights.recordings);
-            let found = recordings
-                .into_iter()
-                .find(|recording| recording.blake3 == *blake3);
-            found
-                .map(|recording| recording.trajectory.clone())
-                .ok_or_else(|| {
-                    ScenarioError::NoFlight(format!(
-                        "{file} with hash {blake3} is not among its recordings"
-                    ))
-                })
-        }
+        (Flight::Recorded { file, blake3 }, _) => match work.sweep.recording(blake3) {
+            Some(recording) => Ok(recording.trajectory.clone()),
+            None => Err(ScenarioError::NoFlight(format!(
+                "{file} with hash {blake3} is not among its recordings"
+            ))),
+        },
         (Flight::Live, Some(live)) => {
             let states = attempt
                 .unless_cancelled(simulator.fly(&fly_request(&work.plan.common, scenario, live)))

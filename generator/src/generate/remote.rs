@@ -74,10 +74,11 @@ impl Remote {
         let committed = self.connection().listing().await?.committed();
         let is_planned = |id: &String| plan.scenarios.iter().any(|scenario| scenario.id == *id);
         if let Some(id) = committed.into_iter().find(|id| !is_planned(id)) {
-            return Err(GenerateError::LostPlan {
-                plan: self.path_of(Corpus::PLAN),
-                id,
-            });
+            return Err(GenerateError::BadInput(format!(
+                "{}: is damaged, and the sweep of this run lacks scenario {id}, which is there; use the sweep that the corpus was made \
+                 from, or `dtd push` an intact copy of the corpus",
+                self.path_of(Corpus::PLAN).display()
+            )));
         }
         tracing::warn!("the store's plan.json is damaged; this sweep's replaces it");
         Ok(())

@@ -10,7 +10,6 @@ use dataset::plan::{Common, ConfigHasher, Jitter, LiveStart, Parameters, Plan, P
 
 use crate::recording::Recording;
 use crate::seed;
-use crate::spread::Spread;
 use crate::sweep::{Combination, JitterTable, Sweep};
 use crate::trajectory::AlongCourse;
 
@@ -92,7 +91,7 @@ fn decide(
 ) -> PlannedScenario {
     let id = combination.id();
     let seed = seed::of_scenario(sweep.corpus.seed, &id);
-    let start_dtd_m = draw(seed, "start.dtd_nm", &sweep.start.dtd_nm) * METERS_PER_NAUTICAL_MILE;
+    let start_dtd_m = sweep.start.dtd_nm.value(seed, "start.dtd_nm") * METERS_PER_NAUTICAL_MILE;
     let rate = sweep.picture.frame_rate;
     let (flight, live, ticks) = match flown {
         None => {
@@ -156,11 +155,6 @@ fn decide(
     }
 }
 
-/// Draws a value. Each has a separate generator, so that no value depends on which others are drawn.
-fn draw(scenario_seed: u64, name: &str, spread: &Spread) -> f64 {
-    spread.draw(&mut seed::of_value(scenario_seed, name))
-}
-
 fn jitter(sweep: &Sweep, seed: u64) -> BTreeMap<String, Jitter> {
     let cameras = sweep.cameras.iter();
     let drawn = |table: &JitterTable| {
@@ -185,10 +179,12 @@ fn live_start(sweep: &Sweep, combination: &Combination, seed: u64) -> LiveStart 
     let start = &sweep.start;
     let profile_name = sweep.profile_of(combination, seed);
     LiveStart {
-        cross_track_m: draw(seed, "start.cross_track_m", &start.cross_track_m),
-        above_profile_m: draw(seed, "start.above_profile_m", &start.above_profile_m),
-        heading_offset_deg: draw(seed, "start.heading_offset_deg", &start.heading_offset_deg),
-        speed_mps: draw(seed, "start.speed_mps", &start.speed_mps),
+        cross_track_m: start.cross_track_m.value(seed, "start.cross_track_m"),
+        above_profile_m: start.above_profile_m.value(seed, "start.above_profile_m"),
+        heading_offset_deg: start
+            .heading_offset_deg
+            .value(seed, "start.heading_offset_deg"),
+        speed_mps: start.speed_mps.value(seed, "start.speed_mps"),
         profile: sweep.profiles[profile_name],
         profile_name: profile_name.to_owned(),
     }

@@ -4,6 +4,7 @@
 mod sight;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use dataset::corpus::scenario::Flight;
 use dataset::geometry::approach_profile::ApproachProfile;
@@ -66,22 +67,19 @@ impl Outlook {
     pub fn new(sweep: &Sweep, plan: &Plan) -> Self {
         let runway = &plan.common.runway;
         let ground_m = runway.threshold.altitude_msl_m;
+        let views = plan.common.cameras.iter().map(|camera| Sight {
+            view: camera.id.clone(),
+            enters_nm: None,
+            leaves_nm: None,
+        });
         let mut outlook = Self {
-            views: Vec::new(),
+            views: views.collect(),
             profiles_above_runway_m: BTreeMap::new(),
             clouds_above_runway_m: BTreeMap::new(),
             low_levels_m: BTreeMap::new(),
             misses_m: BTreeMap::new(),
             in_sight: InSight::default(),
         };
-        let cameras = plan.common.cameras.iter();
-        outlook.views = cameras
-            .map(|camera| Sight {
-                view: camera.id.clone(),
-                enters_nm: None,
-                leaves_nm: None,
-            })
-            .collect();
         // Repeated flights differ by metres, and in their wind.
         let mut windiest: BTreeMap<(&str, &str), &PlannedScenario> = BTreeMap::new();
         for scenario in &plan.scenarios {
@@ -215,29 +213,19 @@ impl Flown {
     /// Flight from the recording, else by the built-in flight model.
     fn of(sweep: &Sweep, plan: &Plan, scenario: &PlannedScenario) -> Self {
         let parameters = &scenario.parameters;
-        let computed;
-        let trajectory: &Trajectory = match &parameters.live {
-            Some(live) => {
+        let trajectory = match (&parameters.flight, &parameters.live) {
+            (_, Some(live)) => {
                 let request = fly_request(&plan.common, scenario, live);
                 let states = flight_model::fly(&request, &parameters.conditions.weather);
-                let Ok(trajectory) = Trajectory::new(states) else {
-                    return Self::default();
-                };
-                computed = trajectory;
-                &computed
+                Trajectory::new(states).ok().map(Arc::new)
             }
-            None => {
-                let recordings = sweep
-                    .recorded
-                    .iter()
-                    .flat_map(|flights| &flights.recordings);
-                let is_flown = |blake3: &str| matches!(&parameters.flight, Flight::Recorded { blake3: flown, .. } if flown == blake3);
-                let mut recordings = recordings.filter(|recording| is_flown(&recording.blake3));
-                let Some(recording) = recordings.next() else {
-                    return Self::default();
-                };
-                &recording.trajectory
-            }
+            (Flight::Recorded { blake3, .. }, None) => sweep
+                .recording(blake3)
+                .map(|recording| recording.trajectory.clone()),
+            (_, None) => None,
+        };
+        let Some(trajectory) = trajectory else {
+            return Self::default();
         };
         let window = trajectory.approach(&plan.common.runway, parameters.start_dtd_m);
         Self {

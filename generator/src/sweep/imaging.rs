@@ -150,8 +150,7 @@ impl ImagingTable {
     pub(crate) fn draw(&self, scenario_seed: u64, camera: &PlannedCamera) -> Imaging {
         let draw = |name: &str, spread: &Option<Spread>| {
             let spread = spread.as_ref()?;
-            let mut random = seed::of_value(scenario_seed, &format!("imaging.{name}"));
-            Some(spread.draw(&mut random))
+            Some(spread.value(scenario_seed, &format!("imaging.{name}")))
         };
         let of_camera =
             |name: &str, spread: &Option<Spread>| draw(&format!("{}.{name}", camera.id), spread);

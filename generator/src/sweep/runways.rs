@@ -105,24 +105,26 @@ impl RunwayTable {
         });
         // The built-in pavement does not belong to a runway that the sweep places itself.
         let pavement = known.filter(|_| self.threshold.is_none());
+        let needed = |own: Option<f64>, of: fn(&Runway) -> f64, missing: &'static str| {
+            own.or(known.map(of)).ok_or(missing)
+        };
         Ok(Runway {
             airport: icao.into(),
             name: name.into(),
             threshold: threshold
                 .or(known.map(|k| k.threshold))
                 .ok_or("threshold")?,
-            course_true_deg: self
-                .course_true_deg
-                .or(known.map(|k| k.course_true_deg))
-                .ok_or("course_true_deg")?,
-            glide_path_deg: self
-                .glide_path_deg
-                .or(known.map(|k| k.glide_path_deg))
-                .ok_or("glide_path_deg")?,
-            touchdown_past_threshold_m: self
-                .touchdown_past_threshold_m
-                .or(known.map(|k| k.touchdown_past_threshold_m))
-                .ok_or("touchdown_past_threshold_m")?,
+            course_true_deg: needed(
+                self.course_true_deg,
+                |k| k.course_true_deg,
+                "course_true_deg",
+            )?,
+            glide_path_deg: needed(self.glide_path_deg, |k| k.glide_path_deg, "glide_path_deg")?,
+            touchdown_past_threshold_m: needed(
+                self.touchdown_past_threshold_m,
+                |k| k.touchdown_past_threshold_m,
+                "touchdown_past_threshold_m",
+            )?,
             ils_frequency_mhz: self
                 .ils_frequency_mhz
                 .or(known.and_then(|k| k.ils_frequency_mhz)),

@@ -7,7 +7,6 @@ use serde::Deserialize;
 
 use super::check::fault::{Checked, Fault, fault, legal_name};
 use super::check::limits::{check_spread, in_schema};
-use crate::seed;
 use crate::spread::Spread;
 
 /// Unsupported quantities, and the reasons.
@@ -95,12 +94,8 @@ pub struct CloudTable {
 impl WeatherTable {
     /// The weather of the scenario with this seed, over a runway at `ground_msl_m`.
     pub(crate) fn draw(&self, scenario_seed: u64, ground_msl_m: f64) -> Weather {
-        let draw = |key: &str, spread: &Spread| {
-            spread.draw(&mut seed::of_value(
-                scenario_seed,
-                &format!("weather.{key}"),
-            ))
-        };
+        let draw =
+            |key: &str, spread: &Spread| spread.value(scenario_seed, &format!("weather.{key}"));
         let layer = |(index, layer): (usize, &CloudTable)| {
             let draw = |key: &str, spread| draw(&format!("clouds.{index}.{key}"), spread);
             // A checked layer has both.

@@ -17,7 +17,7 @@ use dataset::work::watch::Watch;
 
 use super::hidden_shakes::add_hidden_shakes;
 use super::lags::add_lags;
-use super::mode::ModeSettings;
+use super::mode::Mode;
 use super::pairs::fitted_cameras::FittedCameras;
 use super::pairs::{Pairs, lock};
 use super::pictures::ViewTicks;
@@ -36,7 +36,7 @@ pub(super) struct ScenarioJob {
     scenario: OpenScenario,
     model: Model,
     tiling: TilingSettings,
-    modes: ModeSettings,
+    mode: Mode,
     device: Device,
     views: Vec<ViewTicks>,
     /// The record of detections that are there already and only lack their registrations or the cameras' health.
@@ -101,7 +101,7 @@ impl ScenarioJob {
         let standing = if options.force {
             Standing::Missing
         } else {
-            let searching = Searching::with(options.settings, options.modes);
+            let searching = Searching::with(options.settings, options.mode);
             DetectionRecord::standing(&scenario, model, &searching, fitted)?
         };
         let record = scenario.record()?;
@@ -145,7 +145,7 @@ impl ScenarioJob {
             scenario,
             model: model.clone(),
             tiling: options.settings,
-            modes: options.modes,
+            mode: options.mode,
             device: options.device,
             stored,
             loaded: Mutex::new(None),
@@ -162,7 +162,7 @@ impl ScenarioJob {
     }
 
     fn searching(&self) -> Searching {
-        Searching::with(self.tiling, self.modes)
+        Searching::with(self.tiling, self.mode)
     }
 
     pub(super) fn id(&self) -> String {
@@ -387,7 +387,7 @@ impl ViewJob<'_> {
                 Some(detector) => Finder::Model {
                     detector: &mut **detector,
                     tiling: &self.scenario.tiling,
-                    modes: &self.scenario.modes,
+                    mode: self.scenario.mode,
                 },
                 None => Finder::Known(&stored),
             };

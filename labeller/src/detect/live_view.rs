@@ -6,7 +6,7 @@ use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
-use super::mode::ModeSettings;
+use super::mode::Mode;
 use super::pairs::best_box::{best_counted_of, best_of};
 use super::pictures::image::{Image, patch};
 use super::sequence::{Sequence, Tracked, TrackedImage};
@@ -55,12 +55,12 @@ impl ViewSearch {
     pub(super) fn new(
         detector: Box<dyn Detector + Send>,
         tiling: TilingSettings,
-        modes: ModeSettings,
+        mode: Mode,
         camera: &Camera,
     ) -> Self {
         Self {
             detector,
-            sequence: Sequence::new(tiling, modes, None),
+            sequence: Sequence::new(tiling, mode, None),
             camera: CameraWatch::new(camera),
             images: 0,
             last_s: None,
@@ -81,10 +81,7 @@ impl ViewSearch {
         let at = (self.images, time_s);
         self.images = self.images.wrapping_add(1);
         let (_, state) = self.camera.look(at, image.lumas(), best, counted);
-        let patch = match best {
-            Some(best) => patch(image, best)?,
-            None => Err(NoShift::NoBox),
-        };
+        let patch = patch(image, best)?;
         let seen = |found: &Tracked| SeenBox {
             pixel_box: found.pixel_box,
             score: found.score,
@@ -170,7 +167,7 @@ mod tests {
             let clock = CpuClock::start();
             let mut pictures = Pictures::open(&scenario, &view.id, &clock).unwrap();
             let detector = Box::new(BlobFinder::default());
-            let mut live = ViewSearch::new(detector, options.settings, options.modes, camera);
+            let mut live = ViewSearch::new(detector, options.settings, options.mode, camera);
             let mut of_view = Vec::new();
             for tick in &view.ticks {
                 pictures.next(tick).unwrap();

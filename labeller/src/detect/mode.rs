@@ -16,23 +16,3 @@ pub enum Mode {
     #[default]
     Auto,
 }
-
-/// Search settings for a view's images.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ModeSettings {
-    /// Mode of the search.
-    pub mode: Mode,
-    /// Time between searches of whole images, seconds; longer at low image rates while an aircraft is followed.
-    pub full_search_s: f64,
-}
-
-impl Default for ModeSettings {
-    /// An aircraft that enters the image is found a second later, 70 m closer.
-    fn default() -> Self {
-        Self {
-            mode: Mode::default(),
-            full_search_s: 1.0,
-        }
-    }
-}

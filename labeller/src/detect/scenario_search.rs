@@ -68,13 +68,13 @@ impl Searcher {
     pub fn identity(&self) -> String {
         let DetectOptions {
             settings,
-            modes,
+            mode,
             device,
             ..
         } = &self.options;
         let tracking = tracking::METHOD;
         let (version, model) = (env!("CARGO_PKG_VERSION"), self.model.identity.blake3());
-        let all = format!("{version} {METHOD} {tracking} {model} {settings:?} {modes:?} {device}");
+        let all = format!("{version} {METHOD} {tracking} {model} {settings:?} {mode:?} {device}");
         blake3::hash(all.as_bytes()).to_string()
     }
 
@@ -97,11 +97,9 @@ impl Searcher {
 
     /// An endless search with a separate model session. `camera`: the view's.
     pub fn view_search(&self, camera: &Camera) -> Result<ViewSearch> {
-        let DetectOptions {
-            settings, modes, ..
-        } = self.options;
+        let DetectOptions { settings, mode, .. } = self.options;
         let detector = Box::new(self.detector()?);
-        Ok(ViewSearch::new(detector, settings, modes, camera))
+        Ok(ViewSearch::new(detector, settings, mode, camera))
     }
 
     fn detector(&self) -> Result<OrtDetector> {
@@ -136,7 +134,7 @@ pub(super) fn search_scenario(
             let finder = Finder::Model {
                 detector: &mut **detector,
                 tiling: &options.settings,
-                modes: &options.modes,
+                mode: options.mode,
             };
             let findings = search_view(scenario, view, finder, None, &mut |picture| {
                 if let Some(pairs) = &pairs {
@@ -173,7 +171,7 @@ mod tests {
 
     use super::super::{ModelIdentity, detect_with};
     use super::*;
-    use crate::detect::{Mode, ModeSettings};
+    use crate::detect::Mode;
     use crate::error::Error;
     use crate::tiling::tests::blob_finder::{BlobFinder, paint_blob};
 
@@ -205,10 +203,7 @@ mod tests {
         };
         for mode in [Mode::Full, Mode::Tracked] {
             let options = DetectOptions {
-                modes: ModeSettings {
-                    mode,
-                    ..ModeSettings::default()
-                },
+                mode,
                 workers: 2,
                 ..DetectOptions::default()
             };

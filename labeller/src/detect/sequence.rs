@@ -7,7 +7,7 @@ use dataset::corpus::detections::{MissReason, SearchMode};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::PicturePart;
 
-use super::mode::{Mode, ModeSettings};
+use super::mode::Mode;
 use super::pictures::image::Image;
 use crate::detector::{Detector, ScoredBox, Window, keep_best};
 use crate::error::Result;
@@ -16,6 +16,9 @@ use crate::tiling::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
 use crate::tracking::{ExpectedBox, FoundBox, SearchedParts, Tracker};
 
+/// Time between searches of whole images, seconds; longer at low image rates while an aircraft is followed. An aircraft that enters the
+/// image is found a second later, 70 m closer.
+pub(super) const FULL_SEARCH_S: f64 = 1.0;
 /// After a loss the whole image is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
 /// in every other image.
 const LOSS_PART: f64 = 0.25;
@@ -29,7 +32,7 @@ const MAX_LENGTHS: f64 = 1.0;
 /// View search. Memory does not grow with the number of images.
 pub(super) struct Sequence {
     tiling: TilingSettings,
-    modes: ModeSettings,
+    mode: Mode,
     tracker: Tracker,
     /// Times of the last image and of the last one that was searched whole.
     last_s: Option<f64>,
@@ -70,14 +73,10 @@ pub(super) struct TrackedImage {
 
 impl Sequence {
     /// `pictures`: their number, if it is known.
-    pub(super) fn new(
-        tiling: TilingSettings,
-        modes: ModeSettings,
-        pictures: Option<usize>,
-    ) -> Self {
+    pub(super) fn new(tiling: TilingSettings, mode: Mode, pictures: Option<usize>) -> Self {
         Self {
             tiling,
-            modes,
+            mode,
             tracker: pictures.map_or_else(Tracker::endless, Tracker::of_pictures),
             last_s: None,
             last_full_s: None,
@@ -97,7 +96,7 @@ impl Sequence {
     ) -> Result<TrackedImage> {
         let since_s = self.last_s.map_or(0.0, |last_s| time_s - last_s);
         self.tracker.advance(since_s);
-        let looked = match self.modes.mode {
+        let looked = match self.mode {
             Mode::Full => self.everywhere(detector, picture)?,
             Mode::Scaled => self.shrunk(detector, picture)?,
             Mode::Tracked | Mode::Auto => {
@@ -121,16 +120,16 @@ impl Sequence {
     ) -> Result<SearchedImage> {
         let expected = self.tracker.expected(since_s);
         let is_fast = |expected: &ExpectedBox| expected.lengths_moved > MAX_LENGTHS;
-        let is_too_fast = self.modes.mode == Mode::Auto && expected.iter().any(is_fast);
+        let is_too_fast = self.mode == Mode::Auto && expected.iter().any(is_fast);
         let has_passed = |period_s: f64| {
             self.last_full_s
                 .is_none_or(|last_s| now_s - last_s >= period_s - DUE_PART * since_s)
         };
-        let may_follow_loss = has_passed(LOSS_PART * self.modes.full_search_s);
+        let may_follow_loss = has_passed(LOSS_PART * FULL_SEARCH_S);
         let period_s = if expected.iter().any(|expected| expected.is_confirmed) {
-            self.modes.full_search_s.max(MIN_PERIOD * since_s)
+            FULL_SEARCH_S.max(MIN_PERIOD * since_s)
         } else {
-            self.modes.full_search_s
+            FULL_SEARCH_S
         };
         if is_too_fast || has_passed(period_s) {
             return self.everywhere(detector, picture);

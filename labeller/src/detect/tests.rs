@@ -2,10 +2,12 @@ use std::fs;
 use std::sync::Mutex;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
+use dataset::corpus::detections::{
+    self, Detection, Detections, Miss, MissReason, NewTables, SearchMode,
+};
 
 use dataset::corpus::seal::seal_folder;
-use dataset::files::json_file::read_json;
+use dataset::files::json_file::{read_json, write_json};
 use dataset::geometry::camera::Camera;
 use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
@@ -198,42 +200,64 @@ fn the_same_model_with_other_settings_has_detections_of_its_own() {
     assert_eq!(record(&hash[..16]).profile, None);
     let mut all = [names[0].clone(), names[1].clone(), hash[..16].to_owned()];
     all.sort();
-    assert_eq!(
-        dataset::corpus::detections::models_of(&folder).unwrap(),
-        all
-    );
+    assert_eq!(detections::models_of(&folder).unwrap(), all);
+}
+
+/// Replaces the detections by a table that a broken program would write: with one box changed.
+fn write_changed(folder: &ScenarioFolder, change: fn(&mut Detection)) {
+    let scenario = folder.open().unwrap();
+    let mut found = scenario.detections(MODEL).unwrap();
+    change(&mut found.boxes[0]);
+    let record = record(folder);
+    let made = |provenance| DetectionRecord {
+        provenance,
+        ..record
+    };
+    let (claim, detector) = (folder.claim().unwrap(), &model().identity);
+    let tables = NewTables::unregistered(&found);
+    detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
+}
+
+/// Exchanges the videos of both views, and seals the scenario with them.
+fn exchange_videos(folder: &ScenarioFolder) {
+    let [left, right] = ["left", "right"].map(|view| folder.video_path(view));
+    fs::rename(&right, &left).unwrap();
+    fs::copy(&left, &right).unwrap();
+    seal_folder(folder.root(), "config").unwrap();
+}
+
+fn lose_a_box(folder: &ScenarioFolder) {
+    let mut found = stored(folder).unwrap();
+    found.pop();
+    let path = folder.detections_path(MODEL);
+    Detections::from(found).write(&path).unwrap();
 }
 
 #[test]
-fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
+fn detections_that_do_not_belong_to_the_scenario_are_refused_and_made_again() {
     let (corpus, _root) = corpus(&["0001-a"]);
     let folder = corpus.scenario("0001-a");
-    type Spoil = fn(&mut Detection);
-    let cases: [(Spoil, &str); 2] = [
-        (|found| found.tick = 3, "row 5: tick is 3, expected below 3"),
+    let late = |folder: &ScenarioFolder| write_changed(folder, |found| found.tick = 3);
+    let elsewhere = |folder: &ScenarioFolder| {
+        write_changed(folder, |found| found.view = "lift".into());
+    };
+    type Change<'a> = &'a dyn Fn(&ScenarioFolder);
+    let cases: [(Change<'_>, &[&str]); 4] = [
+        (&late, &["row 5: tick is 3, expected below 3"]),
+        (&elsewhere, &["row 0: view lift is not a view"]),
+        (&lose_a_box, &["its hash differs"]),
         (
-            |found| found.view = "lift".into(),
-            "row 0: view lift is not a view",
+            &exchange_videos,
+            &["made from other videos", "run `dtd detect`"],
         ),
     ];
     for (spoil, words) in cases {
         detect(&corpus, &two_workers());
-        let scenario = folder.open().unwrap();
-        let mut found = scenario.detections(MODEL).unwrap();
-        spoil(&mut found.boxes[0]);
-        let record = record(&folder);
-        let made = |provenance| DetectionRecord {
-            provenance,
-            ..record
-        };
-        let claim = folder.claim().unwrap();
-        let detector = &model().identity;
-        let tables = NewTables::unregistered(&found);
-        dataset::corpus::detections::replace(&claim, &scenario, detector, MODEL, tables, made)
-            .unwrap();
-        drop(claim);
+        spoil(&folder);
         let message = stored(&folder).unwrap_err();
-        assert!(message.contains(words), "{message}");
+        for word in words {
+            assert!(message.contains(word), "{word} in {message}");
+        }
         assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
         assert_eq!(stored(&folder).unwrap().len(), 6);
     }
@@ -250,10 +274,9 @@ fn a_record_whose_model_is_not_the_one_of_its_name_is_refused() {
         &"0123456789ABCDEF".repeat(4),
     ] {
         detect(&corpus, &two_workers());
-        let path = DetectionRecord::path(&folder, MODEL);
-        let mut record: DetectionRecord = read_json(&path, "record").unwrap();
+        let mut record = record(&folder);
         record.provenance.detector.model_blake3 = hash.into();
-        dataset::files::json_file::write_json(&path, &record).unwrap();
+        write_json(&DetectionRecord::path(&folder, MODEL), &record).unwrap();
         let message = stored(&folder).unwrap_err();
         assert!(message.contains("begin with 0123456789abcdef"), "{message}");
         assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
@@ -299,76 +322,11 @@ fn detections_are_compared_with_labels_where_there_are_any() {
 }
 
 #[test]
-fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick() {
-    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
-    let folder = corpus.scenario("0001-a");
-    let mut frames = folder.open().unwrap().frames().unwrap();
-    frames.rows[2].views[1].pts += 1;
-    frames.write(&folder.frames_path()).unwrap();
-    seal_folder(folder.root(), "config").unwrap();
-    let outcome = detect(&corpus, &two_workers());
-    assert_eq!(outcome.detected, ["0002-b"]);
-    let reason = &outcome.failed[0].reason;
-    assert!(
-        reason.contains("view right: at tick 2 expected an image with timestamp 3, found"),
-        "{reason}"
-    );
-    assert!(!folder.detections_path(MODEL).exists());
-}
-
-#[test]
 fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
     let (corpus, _root) = corpus(&["0001-a"]);
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
     let result = detect_with(&corpus, &model(), &make, &two_workers(), &Silent);
     assert!(result.unwrap_err().to_string().contains("is not there"));
-}
-
-#[test]
-fn detections_of_videos_that_were_replaced_are_refused_until_they_are_made_again() {
-    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
-    detect(&corpus, &two_workers());
-    let folder = corpus.scenario("0001-a");
-    let [left, right] = ["left", "right"].map(|view| folder.video_path(view));
-    fs::rename(&right, &left).unwrap();
-    fs::copy(&left, &right).unwrap();
-    seal_folder(folder.root(), "config").unwrap();
-    let message = stored(&folder).unwrap_err();
-    assert!(
-        message.contains("made from other videos") && message.contains("run `dtd detect`"),
-        "{message}"
-    );
-    assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
-    assert_eq!(stored(&folder).unwrap().len(), 6);
-}
-
-#[test]
-fn a_table_that_is_not_the_one_of_its_record_is_refused_and_made_again() {
-    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
-    detect(&corpus, &two_workers());
-    let [one, other] = ["0001-a", "0002-b"].map(|id| corpus.scenario(id));
-    let path = one.detections_path(MODEL);
-    let mut found = stored(&other).unwrap();
-    found.pop();
-    Detections::from(found).write(&path).unwrap();
-    let message = stored(&one).unwrap_err();
-    assert!(message.contains("its hash differs"), "{message}");
-    assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
-    assert_eq!(stored(&one).unwrap().len(), 6);
-}
-
-#[test]
-fn a_video_that_is_not_what_was_sealed_is_not_searched() {
-    let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
-    let folder = corpus.scenario("0001-a");
-    fs::copy(folder.video_path("left"), folder.video_path("right")).unwrap();
-    let outcome = detect(&corpus, &two_workers());
-    assert_eq!(outcome.detected, ["0002-b"]);
-    let reason = &outcome.failed[0].reason;
-    assert!(
-        reason.contains("right.mp4: does not match its seal"),
-        "{reason}"
-    );
 }
 
 #[test]
@@ -501,7 +459,7 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     let tables = NewTables::unregistered(&found);
     let (claim, scenario) = (folder.claim().unwrap(), folder.open().unwrap());
     let detector = &model().identity;
-    dataset::corpus::detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
+    detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
     drop(claim);
     assert_eq!(folder.open().unwrap().registrations(MODEL).unwrap(), None);
     assert_eq!(health(&folder), None);
@@ -550,10 +508,9 @@ fn views_are_registered_again_with_fitted_cameras_and_nothing_is_searched() {
     assert_eq!(registered(&folder), after);
 
     // Health of an earlier version is measured again, but never with unrequested cameras.
-    let path = DetectionRecord::path(&folder, MODEL);
-    let mut record: DetectionRecord = read_json(&path, "record").unwrap();
+    let mut record = record(&folder);
     record.health = None;
-    dataset::files::json_file::write_json(&path, &record).unwrap();
+    write_json(&DetectionRecord::path(&folder, MODEL), &record).unwrap();
     let reason = detect_without(&corpus).failed[0].reason.clone();
     assert!(reason.contains("--registration-of"), "{reason}");
     assert_eq!(registered(&folder), after);

@@ -13,7 +13,7 @@ use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
-use super::mode::ModeSettings;
+use super::mode::Mode;
 use super::pairs::best_box::{best_counted_of, best_of};
 use super::pictures::image::{Image, patch};
 use super::pictures::{Pictures, ViewTick, ViewTicks};
@@ -33,7 +33,7 @@ pub(crate) enum Finder<'a> {
     Model {
         detector: &'a mut dyn Detector,
         tiling: &'a TilingSettings,
-        modes: &'a ModeSettings,
+        mode: Mode,
     },
     /// They are known, and only their surroundings are needed.
     Known(&'a Detections),
@@ -92,7 +92,7 @@ pub(crate) fn search_view(
         Finder::Model {
             detector,
             tiling,
-            modes,
+            mode,
         } => Source::Search(Box::new(Search {
             detector: Timed {
                 detector,
@@ -100,7 +100,7 @@ pub(crate) fn search_view(
                 windows: 0,
             },
             score: tiling.score,
-            sequence: Sequence::new(*tiling, *modes, Some(count)),
+            sequence: Sequence::new(*tiling, mode, Some(count)),
             hindsight: Hindsight::of_pictures(count),
         })),
         Finder::Known(detections) => Source::Known(detections),
@@ -120,13 +120,9 @@ pub(crate) fn search_view(
             let at = (tick.tick, tick.time_s);
             looks.push(camera.look(at, pictures.lumas(), best, counted));
         }
-        let patch = match best {
-            Some(best) => patch(&mut pictures, best)?,
-            None => Err(NoShift::NoBox),
-        };
         picture_done(PictureDone {
             tick: tick.tick,
-            patch,
+            patch: patch(&mut pictures, best)?,
         })?;
         detections.boxes.extend(found.boxes);
         detections.misses.extend(found.misses);

@@ -67,3 +67,19 @@ impl ModelFile {
         beside.into()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_model_is_named() {
+        let message = ModelFile::read(Path::new("gone.onnx"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("gone.onnx") && message.contains("ONNX file"),
+            "{message}"
+        );
+    }
+}

@@ -3,17 +3,17 @@
 mod ort_output;
 mod sessions;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use ort::session::{Session, SessionOutputs};
 use ort::value::TensorRef;
 
 use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
-use super::layout::meaning::{Meaning, ProbedModel};
+use super::layout::meaning::{KnownModel, Meaning};
 use super::layout::{Decoding, Layout};
 use super::model_file::ModelFile;
-use super::outputs::{BoxOutputs, KnownModel};
+use super::outputs::BoxOutputs;
 use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
 use super::profile::aircraft_class::Classes;
@@ -62,11 +62,6 @@ struct Output {
 }
 
 impl OrtDetector {
-    /// Reads and loads a model.
-    pub fn load(path: &Path, options: &OrtOptions) -> Result<Self> {
-        Self::of(&ModelFile::read(path)?, options)
-    }
-
     /// Loads a model, runs it once on an empty window and finds out how it answers.
     pub fn of(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
         let path = model.path.as_path();
@@ -118,28 +113,21 @@ impl OrtDetector {
         };
         self.planes.resize(windows * numbers_in(size_px), 0.0);
         let inputs = inputs_in_words(self.sessions.any());
-        let expected = KnownModel {
-            said: self.profile.layout,
-            output: self.profile.output.clone(),
-            named: self.metadata.named_classes(),
-            window_px: size_px,
-            has_objectness: !self.metadata.is_by_ultralytics(),
-            settings: ModelFile::profile_path(&self.path).display().to_string(),
-        };
+        let settings = ModelFile::profile_path(&self.path).display().to_string();
         let (profile, metadata) = (self.profile.clone(), self.metadata.clone());
         self.output = self.run(windows, size_px, |outputs| {
             let forms = forms_of(outputs);
             let with_shapes = |fault: ModelFault| {
                 ModelFault::new(format!("{fault}; {inputs}; {}", outputs_in_words(outputs)))
             };
-            let (boxes, layout) = BoxOutputs::of(&forms, &expected).map_err(with_shapes)?;
+            let known = KnownModel {
+                window_px: size_px,
+                profile: &profile,
+                metadata: &metadata,
+            };
+            let found = BoxOutputs::of(&forms, &known, &settings);
+            let (boxes, layout) = found.map_err(with_shapes)?;
             let (meaning, count) = read_answer(outputs, boxes, |answer| {
-                let known = ProbedModel {
-                    window_px: size_px,
-                    profile: &profile,
-                    head: metadata.head.as_deref(),
-                    named: metadata.named_classes(),
-                };
                 let meaning = Meaning::of_probe(layout, answer, &known);
                 Ok((meaning, meaning.layout.classes(answer.shape())))
             })?;
@@ -277,68 +265,5 @@ impl Detector for OrtDetector {
     fn description(&self) -> String {
         let Output { meaning, class, .. } = self.output;
         format!("{meaning}, class {class}, {}", self.input.size)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const OPTIONS: OrtOptions = OrtOptions {
-        library: None,
-        device: Device::CPU,
-        threads: 1,
-        batch: 6,
-    };
-
-    #[test]
-    fn a_missing_model_is_named() {
-        let message = OrtDetector::load(Path::new("gone.onnx"), &OPTIONS)
-            .err()
-            .unwrap()
-            .to_string();
-        assert!(
-            message.contains("gone.onnx") && message.contains("ONNX file"),
-            "{message}"
-        );
-    }
-
-    #[test]
-    fn a_real_yolox_model_answers_every_window_whatever_the_batch() {
-        let Some(path) = std::env::var_os("DTD_YOLOX_MODEL").map(PathBuf::from) else {
-            eprintln!(
-                "skipped: DTD_YOLOX_MODEL does not name a YOLOX model (nor ORT_DYLIB_PATH ONNX Runtime)"
-            );
-            return;
-        };
-        let mut detector = OrtDetector::load(&path, &OPTIONS).unwrap();
-        assert_eq!(
-            (detector.output.meaning.layout, detector.window_size()),
-            (Layout::Yolox, WindowSize::square(416))
-        );
-        let rgb = vec![120; 900 * 500 * 3];
-        let picture = PictureView {
-            rgb: &rgb,
-            width_px: 900,
-            height_px: 500,
-        };
-        let windows = [0, 416, 832].map(|left_px| Window {
-            left_px,
-            top_px: 0,
-            width_px: 416,
-            height_px: 416,
-            shrink: 1,
-        });
-        let found = detector.detect(&picture, &windows, 0.0).unwrap();
-        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [3_549; 3]);
-        let best = found
-            .iter()
-            .flatten()
-            .map(|candidate| candidate.score)
-            .fold(0.0, f64::max);
-        assert!(
-            best < 0.3,
-            "an even grey image has no aircraft, but one of score {best} was found"
-        );
     }
 }

@@ -5,6 +5,7 @@
 use super::layout::Layout;
 use super::layout::boxes_and_scores::PairOutputs;
 use super::layout::efficient_nms::{NmsOutputs, OutputForm};
+use super::layout::meaning::KnownModel;
 use crate::error::ModelFault;
 
 /// Dimensions of the raw heads that some exporters of YOLOv5 and v7 leave as further outputs.
@@ -23,32 +24,16 @@ pub(super) enum BoxOutputs {
     BoxesAndScores(PairOutputs),
 }
 
-/// Model properties besides the outputs.
-pub(super) struct KnownModel {
-    pub(super) said: Option<Layout>,
-    /// The settings' name of the output with the boxes.
-    pub(super) output: Option<String>,
-    /// Number of classes that the metadata names.
-    pub(super) named: Option<usize>,
-    pub(super) window_px: [u32; 2],
-    /// False if the candidates are known to have none.
-    pub(super) has_objectness: bool,
-    pub(super) settings: String,
-}
-
 impl BoxOutputs {
     pub(super) fn of(
         outputs: &[OutputForm],
-        expected: &KnownModel,
+        model: &KnownModel<'_>,
+        settings: &str,
     ) -> Result<(Self, Layout), ModelFault> {
-        let &KnownModel {
-            said,
-            window_px,
-            has_objectness,
-            named,
-            ..
-        } = expected;
-        let named_output = expected.output.as_deref();
+        let (said, window_px) = (model.profile.layout, model.window_px);
+        let has_objectness = !model.metadata.is_by_ultralytics();
+        let named = model.metadata.named_classes();
+        let named_output = model.profile.output.as_deref();
         if let Some(name) = named_output
             && outputs.iter().all(|output| output.name != name)
         {
@@ -124,7 +109,7 @@ impl BoxOutputs {
                     "its outputs have none of the known layouts{}; name a layout in {}, or export the model with decoded boxes \
                      (docs/detectors.md)",
                     hint_of(outputs),
-                    expected.settings
+                    settings
                 ),
             })),
         }
@@ -163,6 +148,8 @@ fn is_of_mmdeploy(outputs: &[OutputForm]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::detector::profile::ModelProfile;
+    use crate::detector::profile::metadata::ModelMetadata;
 
     fn form(name: &str, shape: &[usize]) -> OutputForm {
         OutputForm {
@@ -173,15 +160,16 @@ mod tests {
     }
 
     fn found(said: Option<Layout>, outputs: &[OutputForm]) -> Result<(BoxOutputs, Layout), String> {
-        let expected = KnownModel {
-            said,
-            output: None,
-            named: None,
-            window_px: [640, 640],
-            has_objectness: true,
-            settings: "net.onnx.toml".into(),
+        let profile = ModelProfile {
+            layout: said,
+            ..ModelProfile::default()
         };
-        BoxOutputs::of(outputs, &expected).map_err(|fault| fault.to_string())
+        let model = KnownModel {
+            window_px: [640, 640],
+            profile: &profile,
+            metadata: &ModelMetadata::default(),
+        };
+        BoxOutputs::of(outputs, &model, "net.onnx.toml").map_err(|fault| fault.to_string())
     }
 
     #[test]

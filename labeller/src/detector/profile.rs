@@ -18,6 +18,7 @@
 pub(crate) mod aircraft_class;
 pub(crate) mod metadata;
 
+use std::fmt;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -25,11 +26,9 @@ use dataset::files::toml_file::TomlFile;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use self::metadata::METADATA_KEY;
 use super::layout::Layout;
 use crate::error::{Error, Result};
-
-/// Name of the metadata property of a model that contains its settings.
-pub(super) const METADATA_KEY: &str = "dtd_profile";
 
 /// Factors by which an image may be shrunk.
 const SHRINKS: RangeInclusive<u32> = 1..=8;
@@ -197,32 +196,23 @@ impl ModelProfile {
     }
 
     fn check(&self) -> std::result::Result<(), BadSetting> {
+        let refused = |key, found: &dyn fmt::Display, expected: &str| {
+            let message = format!("{key} = {found}, expected {expected}");
+            Err(BadSetting { key, message })
+        };
         let positive = |key, number: f32| {
             if number.is_finite() && number > 0.0 {
                 return Ok(());
             }
-            Err(BadSetting {
-                key,
-                message: format!("{key} = {number}, expected a finite number above zero"),
-            })
+            refused(key, &number, "a finite number above zero")
         };
-        if let Some(shrink) = self
-            .first_pass_shrink
-            .filter(|shrink| !SHRINKS.contains(shrink))
-        {
-            return Err(BadSetting {
-                key: "first_pass_shrink",
-                message: format!("first_pass_shrink = {shrink}, expected 1 to 8"),
-            });
+        let is_bad_shrink = |shrink: &u32| !SHRINKS.contains(shrink);
+        if let Some(shrink) = self.first_pass_shrink.filter(is_bad_shrink) {
+            return refused("first_pass_shrink", &shrink, "1 to 8");
         }
-        if let Some(score) = self
-            .least_score
-            .filter(|score| !(0.0..=1.0).contains(score))
-        {
-            return Err(BadSetting {
-                key: "least_score",
-                message: format!("least_score = {score}, expected 0 to 1"),
-            });
+        let is_bad_score = |score: &f64| !(0.0..=1.0).contains(score);
+        if let Some(score) = self.least_score.filter(is_bad_score) {
+            return refused("least_score", &score, "0 to 1");
         }
         self.input
             .scale
@@ -230,13 +220,10 @@ impl ModelProfile {
         for std in self.input.std.into_iter().flatten() {
             positive("input.std", std)?;
         }
-        let means = self.input.mean.into_iter().flatten();
-        match means.into_iter().find(|mean| !mean.is_finite()) {
+        let mut means = self.input.mean.into_iter().flatten();
+        match means.find(|mean| !mean.is_finite()) {
             None => Ok(()),
-            Some(mean) => Err(BadSetting {
-                key: "input.mean",
-                message: format!("input.mean = {mean}, expected finite numbers"),
-            }),
+            Some(mean) => refused("input.mean", &mean, "finite numbers"),
         }
     }
 

@@ -50,6 +50,7 @@ fn passing_time_s(ticks: &[TickRow], coordinates: &[RunwayCoordinates]) -> Optio
 
 #[cfg(test)]
 mod tests {
+    use dataset::geometry::geodesy::LatLon;
     use testkit::approach::on_glide_path;
     use testkit::{changi_02l, short_corpus};
 
@@ -82,17 +83,9 @@ mod tests {
     }
 
     #[test]
-    fn a_record_that_ends_before_the_target_has_no_time_to_touchdown() {
+    fn there_is_a_time_to_touchdown_if_ticks_are_on_both_sides_of_the_target() {
         assert_eq!(times(&[200.0, 100.0, 1.0]), [None, None, None]);
-    }
-
-    #[test]
-    fn a_record_whose_last_tick_is_past_the_target_has_one() {
         assert!((times(&[60.0, -20.0])[0].unwrap() - 0.75).abs() < 1e-6);
-    }
-
-    #[test]
-    fn a_record_that_starts_past_the_target_has_none() {
         assert_eq!(times(&[-10.0, -80.0]), [None, None]);
     }
 
@@ -108,34 +101,21 @@ mod tests {
 
     #[test]
     fn distances_agree_with_published_geodesics() {
+        let at = |latitude_deg: f64, longitude_deg: f64| LatLon {
+            latitude_deg,
+            longitude_deg,
+        };
+        let angle =
+            |degrees: f64, minutes: f64, seconds: f64| degrees + minutes / 60.0 + seconds / 3_600.0;
         // Karney (2013), "Algorithms for geodesics", table 2 (direct problem): from 40 N along 30 degrees, 10 000 km.
-        let start = dataset::geometry::geodesy::LatLon {
-            latitude_deg: 40.0,
-            longitude_deg: 0.0,
-        };
-        let end = dataset::geometry::geodesy::LatLon {
-            latitude_deg: 41.793_310_205_06,
-            longitude_deg: 137.844_900_043_77,
-        };
-        assert!(
-            (start.distance_m(end) - 10_000_000.0).abs() < 1e-3,
-            "{}",
-            start.distance_m(end)
-        );
+        let (start, end) = (at(40.0, 0.0), at(41.793_310_205_06, 137.844_900_043_77));
+        assert!((start.distance_m(end) - 10_000_000.0).abs() < 1e-3);
         assert!((start.azimuth_to_deg(end) - 30.0).abs() < 1e-9);
         // Vincenty (1975), line (a), on WGS-84 by GeographicLib: Flinders Peak to Buninyong, 54 972.271 m on GRS80.
-        let flinders = dataset::geometry::geodesy::LatLon {
-            latitude_deg: -(37.0 + 57.0 / 60.0 + 3.720_30 / 3_600.0),
-            longitude_deg: 144.0 + 25.0 / 60.0 + 29.524_40 / 3_600.0,
-        };
-        let buninyong = dataset::geometry::geodesy::LatLon {
-            latitude_deg: -(37.0 + 39.0 / 60.0 + 10.156_10 / 3_600.0),
-            longitude_deg: 143.0 + 55.0 / 60.0 + 35.383_90 / 3_600.0,
-        };
+        let flinders = at(-angle(37.0, 57.0, 3.720_30), angle(144.0, 25.0, 29.524_40));
+        let buninyong = at(-angle(37.0, 39.0, 10.156_10), angle(143.0, 55.0, 35.383_90));
         assert!((flinders.distance_m(buninyong) - 54_972.271).abs() < 1e-3);
-        assert!(
-            (flinders.azimuth_to_deg(buninyong) - (306.0 + 52.0 / 60.0 + 5.37 / 3_600.0)).abs()
-                < 1e-5
-        );
+        let azimuth_deg = flinders.azimuth_to_deg(buninyong);
+        assert!((azimuth_deg - angle(306.0, 52.0, 5.37)).abs() < 1e-5);
     }
 }

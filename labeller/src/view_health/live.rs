@@ -10,8 +10,8 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 
 use super::frozen::{MIN_RATIO, ROW_STEP, slope};
-use super::{AROUND_S, AROUND_TICKS, Look, Off, direction_at, median, median_or_zero};
-use crate::view_health::camera_motion::Turn;
+use super::{AROUND_S, AROUND_TICKS, Look, direction_at, median, median_or_zero};
+use crate::view_health::camera_motion::{Measured, Turn};
 
 /// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
 const MAX_EQUAL_LEVELS: f64 = 0.3;
@@ -74,8 +74,8 @@ impl LiveHealth {
         let old = old.count();
         self.recent.drain(..old);
         let usual = self.usual.direction;
-        let off: Vec<Option<Off>> = (self.recent.iter())
-            .map(|look| Some(Off::of(look.turn?, usual?)))
+        let off: Vec<Option<Measured>> = (self.recent.iter())
+            .map(|look| Some(look.turn?.off_from(usual?)))
             .collect();
         match direction_at(self.recent.len() - 1, &self.recent, &off) {
             Some(state) => {

@@ -1,15 +1,16 @@
 //! `runways.csv` of OurAirports, in the public domain: a row per runway, with both ends.
 
 use std::io::BufRead;
+use std::ops::RangeInclusive;
 
 use dataset::numbers::units::METERS_PER_FOOT;
 
 use super::{End, Ends, Facts, Lines, Wanted};
 
-const ELEVATION_FT: std::ops::RangeInclusive<f64> = -1_500.0..=16_000.0;
-const LENGTH_FT: std::ops::RangeInclusive<f64> = 100.0..=25_000.0;
-const WIDTH_FT: std::ops::RangeInclusive<f64> = 1.0..=3_000.0;
-const DISPLACED_FT: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;
+const ELEVATION_FT: RangeInclusive<f64> = -1_500.0..=16_000.0;
+const LENGTH_FT: RangeInclusive<f64> = 100.0..=25_000.0;
+const WIDTH_FT: RangeInclusive<f64> = 1.0..=3_000.0;
+const DISPLACED_FT: RangeInclusive<f64> = 0.0..=10_000.0;
 
 pub(super) fn is_one(head: &str) -> bool {
     let header = head.lines().next().unwrap_or_default();
@@ -50,40 +51,27 @@ pub(super) fn read<R: BufRead>(
         let Some(near) = names.iter().position(|name| name == wanted.runway) else {
             continue;
         };
+        let metres = |what: &str, text: Option<&str>, range| -> dataset::Result<Option<f64>> {
+            let feet = text.map(|text| lines.number(what, Some(text), range));
+            Ok(feet.transpose()?.map(|feet| feet * METERS_PER_FOOT))
+        };
         let end = |index: usize| -> dataset::Result<End> {
             let of = |what: &str| field(&format!("{}_{what}", sides[index]));
-            let feet = |what: &str, column: &str, range| match of(column) {
-                Some(text) => lines
-                    .number(what, Some(text), range)
-                    .map(|feet| Some(feet * METERS_PER_FOOT)),
-                None => Ok(None),
-            };
+            let displaced = of("displaced_threshold_ft");
             Ok(End {
                 name: names[index].clone(),
                 place: lines.place(of("latitude_deg"), of("longitude_deg"))?,
-                displaced_m: feet(
-                    "the displaced threshold",
-                    "displaced_threshold_ft",
-                    DISPLACED_FT,
-                )?
-                .unwrap_or(0.0),
-                elevation_m: feet("the elevation", "elevation_ft", ELEVATION_FT)?,
+                displaced_m: metres("the displaced threshold", displaced, DISPLACED_FT)?
+                    .unwrap_or(0.0),
+                elevation_m: metres("the elevation", of("elevation_ft"), ELEVATION_FT)?,
             })
-        };
-        let width_ft = match field("width_ft") {
-            Some(text) => Some(lines.number("the width", Some(text), WIDTH_FT)?),
-            None => None,
-        };
-        let length_ft = match field("length_ft") {
-            Some(text) => Some(lines.number("the length", Some(text), LENGTH_FT)?),
-            None => None,
         };
         facts.ends.push(Ends {
             source: "OurAirports",
             near: end(near)?,
             far: end(1 - near)?,
-            stated_length_m: length_ft.map(|feet| feet * METERS_PER_FOOT),
-            width_m: width_ft.map(|feet| feet * METERS_PER_FOOT),
+            stated_length_m: metres("the length", field("length_ft"), LENGTH_FT)?,
+            width_m: metres("the width", field("width_ft"), WIDTH_FT)?,
         });
     }
     Ok(())

@@ -22,10 +22,10 @@ struct Mark {
 /// Rejects a folder that is a different corpus's stage, or contains scenarios and is not a stage. Does not write.
 pub(crate) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
     let refused = |message: String| {
-        Err(GenerateError::NotAStage {
-            folder: root.to_owned(),
-            message,
-        })
+        Err(GenerateError::BadInput(format!(
+            "{}: {message}, or name another folder with --staging",
+            root.display()
+        )))
     };
     match read_json::<Mark>(&own_path(root, MARK)?, "mark of a stage") {
         Ok(Mark { corpus }) if corpus == url => Ok(()),

@@ -2,6 +2,9 @@
 
 use std::time::Duration;
 
+/// Factor of each delay after the first.
+const PAUSE_FACTOR: u32 = 5;
+
 /// Timeouts and retries.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Patience {
@@ -9,8 +12,6 @@ pub struct Patience {
     pub attempts: u32,
     /// Between the first attempt and the second.
     pub first_pause: Duration,
-    /// Factor of each further delay.
-    pub pause_factor: u32,
     /// Simulator's answer timeout while images are taken: longer means frozen.
     pub answer: Duration,
     /// Timeout for a simulator that does not answer: it may be restarting.
@@ -23,7 +24,6 @@ impl Default for Patience {
         Self {
             attempts: 3,
             first_pause: Duration::from_secs(2),
-            pause_factor: 5,
             answer: Duration::from_secs(60),
             simulator: Duration::from_secs(300),
         }
@@ -34,7 +34,7 @@ impl Patience {
     /// The delay after this many failed attempts.
     pub(crate) fn pause_after(&self, failed: u32) -> Duration {
         self.first_pause
-            .saturating_mul(self.pause_factor.saturating_pow(failed.saturating_sub(1)))
+            .saturating_mul(PAUSE_FACTOR.saturating_pow(failed.saturating_sub(1)))
     }
 }
 

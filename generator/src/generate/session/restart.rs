@@ -55,7 +55,7 @@ impl RestartError {
 pub(crate) fn check(simulators: &Simulators) -> Result<(), GenerateError> {
     let targets = simulators.targets();
     let not_restartable = |target: &SimulatorTarget, why: &str| {
-        GenerateError::BadOption(format!(
+        GenerateError::BadInput(format!(
             "--restart-simulator: {target} {why}; the command is for an X-Plane that is named by HOST:PORT or `auto`"
         ))
     };

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use dataset::plan::Common;
-use dataset::video::{VideoEncoder, try_encoder};
+use dataset::video::{TRIAL_PICTURES, VideoEncoder, try_encoder};
 use tokio::task::spawn_blocking;
 
 use crate::generate::error::GenerateError;
@@ -12,7 +12,7 @@ use crate::generate::event::{Event, Reporter};
 /// Tries an encoder with the sweep's images, in a temporary folder.
 ///
 /// # Errors
-/// [`GenerateError::Encoder`] with the fault and what to do.
+/// [`GenerateError::BadInput`] with the fault and what to do.
 pub(crate) async fn pass(
     common: &Common,
     encoder: VideoEncoder,
@@ -38,11 +38,11 @@ pub(crate) async fn pass(
             });
             Ok(())
         }
-        Ok(Err(fault)) => Err(GenerateError::Encoder {
-            encoder: name,
-            needs: encoder.needs(),
-            fault: Box::new(fault),
-        }),
+        Ok(Err(fault)) => Err(GenerateError::BadInput(format!(
+            "encoder {name} was tried with {TRIAL_PICTURES} images and is not used: {fault}. It needs {}. Nothing was recorded; record \
+             without --encoder, which encodes on the processor, or choose another",
+            encoder.needs()
+        ))),
         Err(panic) => Err(GenerateError::EncoderTrial(panic)),
     }
 }

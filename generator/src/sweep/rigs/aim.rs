@@ -5,7 +5,6 @@ use dataset::plan::Aim;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::seed;
 use crate::spread::Spread;
 use crate::sweep::check::fault::{Checked, fault};
 use crate::sweep::check::limits::in_schema;
@@ -33,9 +32,8 @@ pub struct AimTable {
 impl AimTable {
     /// The aim of the scenario with this seed.
     pub(crate) fn draw(&self, scenario_seed: u64) -> Option<Aim> {
-        let draw = |name: &str, spread: &Spread| {
-            spread.draw(&mut seed::of_value(scenario_seed, &format!("aim.{name}")))
-        };
+        let draw =
+            |name: &str, spread: &Spread| spread.value(scenario_seed, &format!("aim.{name}"));
         match (&self.dtd_nm, &self.heading_true_deg, &self.pitch_deg) {
             (Some(dtd_nm), ..) => Some(Aim::GlidePath {
                 dtd_nm: draw("dtd_nm", dtd_nm),

@@ -5,7 +5,6 @@ use dataset::plan::{Jitter, PlannedCamera};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::seed;
 use crate::spread::Spread;
 use crate::sweep::check::fault::{Checked, fault};
 use crate::sweep::check::limits::in_schema;
@@ -35,10 +34,7 @@ impl JitterTable {
     /// Draws a camera's placement error.
     pub(crate) fn draw(&self, scenario_seed: u64, camera: &str) -> Jitter {
         let draw = |name: &str, spread: &Spread| {
-            spread.draw(&mut seed::of_value(
-                scenario_seed,
-                &format!("jitter.{camera}.{name}"),
-            ))
+            spread.value(scenario_seed, &format!("jitter.{camera}.{name}"))
         };
         Jitter {
             right_m: draw("right_m", &self.right_m),

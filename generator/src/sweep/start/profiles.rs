@@ -86,12 +86,15 @@ impl ProfileTable {
             }
         };
         let needed = |what: &str, altitude_m: Option<f64>| {
-            altitude_m.ok_or_else(|| Fault {
+            let altitude_m = altitude_m.ok_or_else(|| Fault {
                 key: format!("profile.{name}"),
                 message: format!(
                     "missing field `{what}_altitude_msl_m`; expected it or {what}_above_runway_m"
                 ),
-            })
+            })?;
+            let key = format!("profile.{name}.{what}_altitude_msl_m");
+            check_number(key, altitude_m, above_ground(runway))?;
+            Ok(altitude_m)
         };
         Ok(match *self {
             Self::GlidePath {
@@ -144,7 +147,7 @@ pub(crate) fn all(
     for (name, table) in tables {
         legal_name(format!("profile.{name}"), name)?;
         let profile = table.at(name, runway)?;
-        check_one(name, &profile, runway)?;
+        check_steps(name, &profile, runway)?;
         profiles.insert(name.clone(), profile);
     }
     add_built_in(&mut profiles, runway);
@@ -174,54 +177,41 @@ fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>, runway: &Runwa
     }
 }
 
-/// Rejects a profile that cannot be flown to a runway.
-fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
+/// Limits of altitudes above mean sea level over a runway.
+fn above_ground(runway: &Runway) -> Limits {
     let ground_m = runway.threshold.altitude_msl_m;
-    let (least_m, most_m) = (ground_m + OVER_RUNWAY_M.0, ground_m + OVER_RUNWAY_M.1);
-    let above_ground = Limits::new(least_m, most_m, "an altitude in metres, above the runway,");
+    let (least_m, most_m) = OVER_RUNWAY_M;
+    Limits::new(
+        ground_m + least_m,
+        ground_m + most_m,
+        "an altitude in metres, above the runway,",
+    )
+}
+
+/// Rejects a step-down that cannot be flown to a runway; its levels may be the chart's.
+fn check_steps(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
+    let ApproachProfile::StepDown {
+        upper_altitude_msl_m: upper_m,
+        step_from_threshold_m,
+        lower_altitude_msl_m: lower_m,
+    } = *profile
+    else {
+        return Ok(());
+    };
     let key = |field: &str| format!("profile.{name}.{field}");
-    match *profile {
-        ApproachProfile::GlidePath {
-            level_altitude_msl_m,
-        } => check_number(
-            key("level_altitude_msl_m"),
-            level_altitude_msl_m,
-            above_ground,
-        ),
-        ApproachProfile::StepDown {
-            upper_altitude_msl_m,
-            step_from_threshold_m,
-            lower_altitude_msl_m,
-        } => {
-            check_number(
-                key("upper_altitude_msl_m"),
-                upper_altitude_msl_m,
-                above_ground,
-            )?;
-            let below_upper = Limits::new(
-                least_m,
-                upper_altitude_msl_m,
-                "an altitude in metres, not above the upper level,",
-            );
-            check_number(
-                key("lower_altitude_msl_m"),
-                lower_altitude_msl_m,
-                below_upper,
-            )?;
-            check_number(
-                key("step_from_threshold_m"),
-                step_from_threshold_m,
-                limits::STEP_FROM_THRESHOLD_M,
-            )
-        }
-        ApproachProfile::ContinuousDescent {
-            start_altitude_msl_m,
-        } => check_number(
-            key("start_altitude_msl_m"),
-            start_altitude_msl_m,
-            above_ground,
-        ),
-    }
+    let above_ground = above_ground(runway);
+    check_number(key("upper_altitude_msl_m"), upper_m, above_ground)?;
+    let below_upper = Limits::new(
+        above_ground.least,
+        upper_m,
+        "an altitude in metres, not above the upper level,",
+    );
+    check_number(key("lower_altitude_msl_m"), lower_m, below_upper)?;
+    check_number(
+        key("step_from_threshold_m"),
+        step_from_threshold_m,
+        limits::STEP_FROM_THRESHOLD_M,
+    )
 }
 
 /// Rejects a start that needs a dive: `start` is the distance to the target and the height above the profile.

@@ -9,8 +9,9 @@ use dataset::files::json_file::read_json;
 use serde::{Deserialize, Serialize};
 
 use crate::detect::Model;
-use crate::detect::mode::ModeSettings;
+use crate::detect::mode::Mode;
 use crate::detect::pairs::fitted_cameras::FittedCameras;
+use crate::detect::sequence::FULL_SEARCH_S;
 use crate::detect::view_search::cpu_time::CpuTime;
 use crate::detector::ModelProfile;
 use crate::error::Result;
@@ -62,16 +63,27 @@ pub(crate) struct Searching {
     /// Thresholds and windows of the search.
     pub settings: TilingSettings,
     /// Parts of the images that were searched.
-    pub modes: ModeSettings,
+    pub modes: RecordedMode,
     /// Version of the rules of tracks.
     pub tracking: u32,
 }
 
+/// Mode of the search, and the time between searches of whole images.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RecordedMode {
+    mode: Mode,
+    full_search_s: f64,
+}
+
 impl Searching {
-    pub(crate) fn with(settings: TilingSettings, modes: ModeSettings) -> Self {
+    pub(crate) fn with(settings: TilingSettings, mode: Mode) -> Self {
         Self {
             settings,
-            modes,
+            modes: RecordedMode {
+                mode,
+                full_search_s: FULL_SEARCH_S,
+            },
             tracking: tracking::METHOD,
         }
     }

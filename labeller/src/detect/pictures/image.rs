@@ -23,10 +23,14 @@ pub trait Image {
     fn lumas(&self) -> [Option<Luma<'_>>; 2];
 }
 
+/// The surroundings of the best box.
 pub(crate) fn patch(
     image: &mut dyn Image,
-    pixel_box: PixelBox,
+    best: Option<PixelBox>,
 ) -> Result<std::result::Result<Patch, NoShift>> {
+    let Some(pixel_box) = best else {
+        return Ok(Err(NoShift::NoBox));
+    };
     let part = match Patch::part_around(pixel_box, image.size_px()) {
         Ok(part) => part,
         Err(reason) => return Ok(Err(reason)),

@@ -40,23 +40,14 @@ fn flight(root: &std::path::Path, rate: FrameRate, ticks: u32, paths: &[Path]) -
     short_corpus::write_flight(root, "0001-a", [WIDTH, HEIGHT], rate, ticks, &paint)
 }
 
-fn search(
-    corpus: &Corpus,
-    finder: &mut BlobFinder,
-    mode: Mode,
-    full_search_s: f64,
-) -> ViewFindings {
+fn search(corpus: &Corpus, finder: &mut BlobFinder, mode: Mode) -> ViewFindings {
     let scenario = corpus.scenario("0001-a").open().unwrap();
     let view = ViewTicks::of(&scenario.frames().unwrap()).remove(0);
     let tiling = TilingSettings::default();
-    let modes = ModeSettings {
-        mode,
-        full_search_s,
-    };
     let finder = Finder::Model {
         detector: finder,
         tiling: &tiling,
-        modes: &modes,
+        mode,
     };
     search_view(&scenario, &view, finder, None, &mut |_| Ok(())).unwrap()
 }
@@ -86,9 +77,9 @@ fn tracked_finds_the_boxes_of_full_in_a_fraction_of_the_windows() {
     ];
     let corpus = flight(temporary.path(), LIVE, 45, &paths);
     for mut finder in [BlobFinder::default(), BlobFinder::of_any_size()] {
-        let full = search(&corpus, &mut finder, Mode::Full, 1.0);
+        let full = search(&corpus, &mut finder, Mode::Full);
         let first_windows = full.windows - 2 * 45;
-        let tracked = search(&corpus, &mut finder, Mode::Tracked, 1.0);
+        let tracked = search(&corpus, &mut finder, Mode::Tracked);
         assert_eq!(modes_of(&full, 45), "f".repeat(45));
         let once_a_second = format!("f{}f{}", "t".repeat(29), "t".repeat(14));
         assert_eq!(modes_of(&tracked, 45), once_a_second);
@@ -110,7 +101,7 @@ fn an_aircraft_that_is_lost_is_looked_for_everywhere_at_once() {
     let temporary = tempfile::tempdir().unwrap();
     let jumps: Path = |tick| Some(if tick < 20 { [100, 200] } else { [900, 600] });
     let corpus = flight(temporary.path(), LIVE, 28, &[jumps]);
-    let found = search(&corpus, &mut BlobFinder::default(), Mode::Tracked, 1.0);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Tracked);
     let expected = format!("f{}f{}", "t".repeat(19), "t".repeat(7));
     assert_eq!(modes_of(&found, 28), expected);
     let tracks: Vec<_> = found
@@ -127,7 +118,7 @@ fn an_aircraft_that_is_gone_is_lost_and_an_empty_view_is_searched_at_the_period_
     let temporary = tempfile::tempdir().unwrap();
     let goes: Path = |tick| (tick < 5).then_some([100 + tick, 200]);
     let corpus = flight(temporary.path(), LIVE, 100, &[goes]);
-    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto);
     // The last whole-image search was less than a quarter of a second earlier.
     let expected: String = (0..100)
         .map(|tick| match (tick % 30, tick < 5) {
@@ -154,8 +145,8 @@ fn auto_searches_the_whole_picture_while_an_aircraft_moves_by_more_than_its_leng
         let fast = tick.min(8);
         Some([100 + 60 * fast + 4 * (tick - fast), 300])
     };
-    let corpus = flight(temporary.path(), EACH_SECOND, 20, &[brakes]);
-    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 100.0);
+    let corpus = flight(temporary.path(), LIVE, 20, &[brakes]);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto);
     let modes = modes_of(&found, 20);
     assert!(modes.ends_with("ttttt"), "{modes}");
     assert!(modes[..8].chars().all(|mode| mode == 'f'), "{modes}");
@@ -167,7 +158,7 @@ fn at_one_picture_a_second_every_fifth_is_searched_whole_while_a_slow_aircraft_i
     let temporary = tempfile::tempdir().unwrap();
     let slow: Path = |tick| Some([100 + 4 * tick, 300]);
     let corpus = flight(temporary.path(), EACH_SECOND, 16, &[slow]);
-    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto);
     // After a single sighting the motion is unknown, and the aircraft is confirmed in the third image.
     assert_eq!(modes_of(&found, 16), "fffttttfttttfttt");
     assert!(found.detections.boxes.iter().all(|found| found.confirmed));
@@ -178,7 +169,7 @@ fn scaled_searches_every_picture_once_in_one_window() {
     let temporary = tempfile::tempdir().unwrap();
     let still: Path = |_| Some([100, 200]);
     let corpus = flight(temporary.path(), LIVE, 5, &[still]);
-    let found = search(&corpus, &mut BlobFinder::of_any_size(), Mode::Scaled, 1.0);
+    let found = search(&corpus, &mut BlobFinder::of_any_size(), Mode::Scaled);
     assert_eq!((modes_of(&found, 5), found.windows), ("sssss".into(), 5));
 }
 
@@ -187,7 +178,7 @@ fn the_time_of_a_search_is_told_apart_by_stage() {
     let temporary = tempfile::tempdir().unwrap();
     let still: Path = |_| Some([100, 200]);
     let corpus = flight(temporary.path(), LIVE, 5, &[still]);
-    let cpu_s = search(&corpus, &mut BlobFinder::default(), Mode::Full, 1.0).cpu_s;
+    let cpu_s = search(&corpus, &mut BlobFinder::default(), Mode::Full).cpu_s;
     for part_s in [cpu_s.decode, cpu_s.convert, cpu_s.infer, cpu_s.rest] {
         assert!(part_s > 0.0, "{cpu_s:?}");
     }
@@ -212,7 +203,7 @@ fn faint_boxes_count_where_clear_ones_confirm_their_track_and_are_dropped_elsewh
     let corpus =
         short_corpus::write_flight(temporary.path(), "0001-a", size, EACH_SECOND, ticks, &paint);
     for mode in [Mode::Full, Mode::Tracked] {
-        let found = search(&corpus, &mut BlobFinder::of_any_size(), mode, 1.0).detections;
+        let found = search(&corpus, &mut BlobFinder::of_any_size(), mode).detections;
         assert_eq!(found.misses, [], "{mode:?}");
         let seen: Vec<_> = found.boxes.iter().map(|seen| seen.tick).collect();
         assert_eq!(seen, (0..ticks).collect::<Vec<_>>(), "one box an image");
@@ -236,7 +227,7 @@ fn faint_boxes_count_where_clear_ones_confirm_their_track_and_are_dropped_elsewh
         ticks,
         &paint,
     );
-    let found = search(&corpus, &mut BlobFinder::of_any_size(), Mode::Full, 1.0).detections;
+    let found = search(&corpus, &mut BlobFinder::of_any_size(), Mode::Full).detections;
     assert_eq!(found.boxes, []);
     let missed: Vec<_> = found.misses.iter().map(|miss| miss.tick).collect();
     assert_eq!(missed, (0..ticks).collect::<Vec<_>>());

@@ -10,7 +10,6 @@ fn reason_after(spoil: impl FnOnce(&ScenarioFolder)) -> String {
     let (corpus, _root) = corpus(&["0001-a", "0002-b"]);
     let folder = corpus.scenario("0001-a");
     spoil(&folder);
-    seal_folder(folder.root(), "config").unwrap();
     let outcome = detect(&corpus, &two_workers());
     assert_eq!(outcome.detected, ["0002-b"]);
     let written = fs::read_dir(folder.root().join("detections"));
@@ -32,28 +31,48 @@ fn write_video(folder: &ScenarioFolder, ticks: u32) {
 }
 
 #[test]
-fn a_video_that_ends_early_is_refused_with_the_tick_where_it_ends() {
-    let reason = reason_after(|folder| write_video(folder, 2));
+fn a_video_that_is_not_what_tables_and_seal_say_is_refused_with_view_and_tick() {
+    let other_timestamps = |folder: &ScenarioFolder| {
+        let mut frames = folder.open().unwrap().frames().unwrap();
+        frames.rows[2].views[1].pts += 1;
+        frames.write(&folder.frames_path()).unwrap();
+    };
+    type Change<'a> = &'a dyn Fn(&ScenarioFolder);
+    let cases: [(Change<'_>, &[&str]); 4] = [
+        (
+            &|folder| write_video(folder, 2),
+            &[
+                "view right: at tick 2 expected an image with timestamp 2, found the end of the video",
+                "generate the scenario again",
+            ],
+        ),
+        (
+            &|folder| write_video(folder, 4),
+            &["view right: after the last tick there is an image with timestamp 3"],
+        ),
+        (
+            &other_timestamps,
+            &["view right: at tick 2 expected an image with timestamp 3, found"],
+        ),
+        (
+            &|folder| fs::remove_file(folder.video_path("right")).unwrap(),
+            &["has no sealed video of view right"],
+        ),
+    ];
+    for (spoil, words) in cases {
+        let reason = reason_after(|folder| {
+            spoil(folder);
+            seal_folder(folder.root(), "config").unwrap();
+        });
+        for word in words {
+            assert!(reason.contains(word), "{word} in {reason}");
+        }
+    }
+    let unsealed = reason_after(|folder| {
+        fs::copy(folder.video_path("left"), folder.video_path("right")).unwrap();
+    });
     assert!(
-        reason.contains(
-            "view right: at tick 2 expected an image with timestamp 2, found the end of the video"
-        ) && reason.contains("generate the scenario again"),
-        "{reason}"
-    );
-}
-
-#[test]
-fn a_video_that_goes_on_after_the_last_tick_is_refused() {
-    let reason = reason_after(|folder| write_video(folder, 4));
-    let words = "view right: after the last tick there is an image with timestamp 3";
-    assert!(reason.contains(words), "{reason}");
-}
-
-#[test]
-fn a_view_without_a_video_is_refused_by_name() {
-    let reason = reason_after(|folder| fs::remove_file(folder.video_path("right")).unwrap());
-    assert!(
-        reason.contains("has no sealed video of view right"),
-        "{reason}"
+        unsealed.contains("right.mp4: does not match its seal"),
+        "{unsealed}"
     );
 }

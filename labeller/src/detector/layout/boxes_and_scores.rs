@@ -44,34 +44,25 @@ impl PairOutputs {
     }
 }
 
-pub(crate) struct PairAnswer<'a> {
-    pub(crate) boxes: Answer<'a>,
-    pub(crate) scores: Answer<'a>,
-}
-
-impl PairAnswer<'_> {
-    /// Joins both outputs to rows of box and class scores; returns shape and numbers.
-    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), ModelFault> {
-        let (&[batch, candidates, BOX], &[windows, others, classes]) =
-            (self.boxes.shape(), self.scores.shape())
-        else {
-            return Err(self.misfit());
-        };
-        if (batch, candidates) != (windows, others) || classes == 0 {
-            return Err(self.misfit());
-        }
-        let mut joined = Vec::with_capacity(batch * candidates * (BOX + classes));
-        let boxes = self.boxes.numbers().chunks_exact(BOX);
-        for (numbers, scores) in boxes.zip(self.scores.numbers().chunks_exact(classes)) {
-            joined.extend_from_slice(numbers);
-            joined.extend_from_slice(scores);
-        }
-        Ok(([batch, candidates, BOX + classes], joined))
+/// Joins both outputs to rows of box and class scores; returns shape and numbers.
+pub(crate) fn joined(
+    boxes: Answer<'_>,
+    scores: Answer<'_>,
+) -> Result<([usize; 3], Vec<f32>), ModelFault> {
+    let layout = Layout::BoxesAndScores;
+    let windows = scores.shape().first().copied().unwrap_or(0);
+    let fault = || misfit(boxes.shape(), layout.shape(), windows, layout);
+    let (&[batch, candidates, BOX], &[_, _, classes]) = (boxes.shape(), scores.shape()) else {
+        return Err(fault());
+    };
+    if scores.shape()[..2] != [batch, candidates] || classes == 0 {
+        return Err(fault());
     }
-
-    fn misfit(&self) -> ModelFault {
-        let layout = Layout::BoxesAndScores;
-        let windows = self.scores.shape().first().copied().unwrap_or(0);
-        misfit(self.boxes.shape(), layout.shape(), windows, layout)
+    let mut joined = Vec::with_capacity(batch * candidates * (BOX + classes));
+    let rows = boxes.numbers().chunks_exact(BOX);
+    for (numbers, scores) in rows.zip(scores.numbers().chunks_exact(classes)) {
+        joined.extend_from_slice(numbers);
+        joined.extend_from_slice(scores);
     }
+    Ok(([batch, candidates, BOX + classes], joined))
 }

@@ -78,48 +78,38 @@ impl NmsOutputs {
     }
 }
 
-pub(crate) struct NmsAnswer<'a> {
-    pub(crate) counts: Answer<'a>,
-    pub(crate) corners: Answer<'a>,
-    pub(crate) scores: Answer<'a>,
-    pub(crate) classes: Answer<'a>,
-}
-
-impl NmsAnswer<'_> {
-    /// Joins the outputs to one of [`Layout::Corners`]; returns shape and numbers. Places past the number of boxes get no class.
-    pub(crate) fn joined(&self) -> Result<([usize; 3], Vec<f32>), ModelFault> {
-        let shape = self.corners.shape();
-        let layout = Layout::EfficientNms;
-        let windows = self.counts.numbers().len();
-        let misfit = || layout::misfit(shape, layout.shape(), windows, layout);
-        let &[batch, boxes, 4] = shape else {
-            return Err(misfit());
-        };
-        let lengths = [&self.scores, &self.classes].map(|answer| answer.numbers().len());
-        if lengths != [batch * boxes; 2] || self.counts.numbers().len() != batch {
-            return Err(misfit());
-        }
-        let mut joined = Vec::with_capacity(batch * boxes * NUMBERS);
-        for (window, &count) in self.counts.numbers().iter().enumerate() {
-            if count < 0.0 || count.fract() != 0.0 || count > boxes as f32 {
-                return Err(ModelFault::new(format!(
-                    "counts {count} boxes in a window, expected 0 to {boxes}"
-                )));
-            }
-            for place in 0..boxes {
-                let index = window * boxes + place;
-                let is_counted = (place as f32) < count;
-                let class = if is_counted {
-                    self.classes.numbers()[index]
-                } else {
-                    NO_CLASS
-                };
-                joined.extend(&self.corners.numbers()[4 * index..4 * index + 4]);
-                joined.extend([self.scores.numbers()[index], class]);
-            }
-        }
-        Ok(([batch, boxes, NUMBERS], joined))
+/// Joins counts, corners, scores and classes to an output of [`Layout::Corners`]; returns shape and numbers. Places past the number of
+/// boxes get no class.
+pub(crate) fn joined(
+    [counts, corners, scores, classes]: [Answer<'_>; 4],
+) -> Result<([usize; 3], Vec<f32>), ModelFault> {
+    let shape = corners.shape();
+    let layout = Layout::EfficientNms;
+    let [counts, corners, scores, classes] =
+        [counts, corners, scores, classes].map(|answer| answer.numbers());
+    let misfit = || layout::misfit(shape, layout.shape(), counts.len(), layout);
+    let &[batch, boxes, 4] = shape else {
+        return Err(misfit());
+    };
+    if [scores.len(), classes.len()] != [batch * boxes; 2] || counts.len() != batch {
+        return Err(misfit());
     }
+    let mut joined = Vec::with_capacity(batch * boxes * NUMBERS);
+    for (window, &count) in counts.iter().enumerate() {
+        if count < 0.0 || count.fract() != 0.0 || count > boxes as f32 {
+            return Err(ModelFault::new(format!(
+                "counts {count} boxes in a window, expected 0 to {boxes}"
+            )));
+        }
+        for place in 0..boxes {
+            let index = window * boxes + place;
+            let is_counted = (place as f32) < count;
+            let class = if is_counted { classes[index] } else { NO_CLASS };
+            joined.extend(&corners[4 * index..4 * index + 4]);
+            joined.extend([scores[index], class]);
+        }
+    }
+    Ok(([batch, boxes, NUMBERS], joined))
 }
 
 #[cfg(test)]
@@ -194,28 +184,26 @@ mod tests {
         assert_eq!(NmsOutputs::of(&usual(&[1, 100, 4])[..3]), None);
     }
 
-    fn joined(counts: &[f32]) -> Result<Vec<f32>, ModelFault> {
+    fn joined_with(counts: &[f32]) -> Result<Vec<f32>, ModelFault> {
         let answer = |shape, numbers| Answer::new(shape, numbers).unwrap();
-        let nms = NmsAnswer {
-            counts: answer(&[2, 1], counts),
-            corners: answer(&[2, 1, 4], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]),
-            scores: answer(&[2, 1], &[0.5, 0.25]),
-            classes: answer(&[2, 1], &[4.0, 4.0]),
-        };
-        nms.joined().map(|(shape, numbers)| {
-            assert_eq!(shape, [2, 1, NUMBERS]);
-            numbers
-        })
+        let (shape, numbers) = joined([
+            answer(&[2, 1], counts),
+            answer(&[2, 1, 4], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]),
+            answer(&[2, 1], &[0.5, 0.25]),
+            answer(&[2, 1], &[4.0, 4.0]),
+        ])?;
+        assert_eq!(shape, [2, 1, NUMBERS]);
+        Ok(numbers)
     }
 
     #[test]
     fn boxes_past_their_number_have_no_class() {
         assert_eq!(
-            joined(&[1.0, 0.0]).unwrap(),
+            joined_with(&[1.0, 0.0]).unwrap(),
             [1.0, 2.0, 3.0, 4.0, 0.5, 4.0, 5.0, 6.0, 7.0, 8.0, 0.25, -1.0]
         );
         for count in [-1.0, 2.0, 0.5] {
-            let said = joined(&[1.0, count]).unwrap_err().to_string();
+            let said = joined_with(&[1.0, count]).unwrap_err().to_string();
             assert!(said.contains(&format!("counts {count} boxes")), "{said}");
         }
     }

@@ -14,6 +14,7 @@ use dataset::numbers::spread::median;
 
 use crate::detector::answer::Answer;
 use crate::detector::layout::{Cell, Layout, cells_in_order};
+use crate::detector::profile::metadata::ModelMetadata;
 use crate::detector::profile::{BoxForm, BoxUnit, ModelProfile, ScoreForm};
 
 /// Last module of RT-DETR as Ultralytics exports it: rows of centre and size in parts of the window, score, class.
@@ -29,14 +30,11 @@ const PROBABILITY_TOLERANCE: f32 = 1e-3;
 /// Part of the scores of logits that are no probabilities. The answer to a blank window has low ones.
 const MIN_LOGITS: f64 = 0.25;
 
-/// Model properties besides the answer.
-pub(crate) struct ProbedModel<'a> {
+/// Model properties besides its outputs.
+pub(crate) struct KnownModel<'a> {
     pub(crate) window_px: [u32; 2],
     pub(crate) profile: &'a ModelProfile,
-    /// Class of the last module, written by Ultralytics.
-    pub(crate) head: Option<&'a str>,
-    /// Number of classes that the metadata names.
-    pub(crate) named: Option<usize>,
+    pub(crate) metadata: &'a ModelMetadata,
 }
 
 /// Interpretation of the numbers.
@@ -60,7 +58,7 @@ impl Meaning {
     }
 
     /// Interpretation of the answer to a blank window, whose shape has this layout.
-    pub(crate) fn of_probe(layout: Layout, answer: Answer<'_>, known: &ProbedModel<'_>) -> Self {
+    pub(crate) fn of_probe(layout: Layout, answer: Answer<'_>, known: &KnownModel<'_>) -> Self {
         let profile = known.profile;
         let judged = match profile.layout {
             Some(said) => Self::usual(said),
@@ -116,7 +114,7 @@ impl fmt::Display for Meaning {
     }
 }
 
-impl ProbedModel<'_> {
+impl KnownModel<'_> {
     /// True if an output of this layout is RT-DETR's, by its head. A row of six may also be of two class scores.
     fn is_rt_detr(&self, layout: Layout, answer: Answer<'_>) -> bool {
         let is_row_of_six = matches!(answer.shape(), [_, _, 6])
@@ -125,12 +123,13 @@ impl ProbedModel<'_> {
                 .numbers()
                 .chunks_exact(6)
                 .all(|row| row[5].fract() == 0.0);
-        self.head == Some(RT_DETR) && (is_row_of_six || layout == Layout::ClassRows)
+        self.metadata.head.as_deref() == Some(RT_DETR)
+            && (is_row_of_six || layout == Layout::ClassRows)
     }
 }
 
 /// The layout of this shape that the numbers have.
-fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &ProbedModel<'_>) -> Layout {
+fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &KnownModel<'_>) -> Layout {
     let &[_, _, columns] = answer.shape() else {
         return layout;
     };
@@ -149,7 +148,7 @@ fn layout_by_numbers(layout: Layout, answer: Answer<'_>, known: &ProbedModel<'_>
         if has_classes && (boxes.are_ordered() || !is_grid && boxes.are_normalized()) {
             return Layout::Corners;
         }
-        if layout == Layout::Corners && !has_classes && known.named == Some(2) {
+        if layout == Layout::Corners && !has_classes && known.metadata.named_classes() == Some(2) {
             return Layout::ClassRows;
         }
     }

@@ -13,7 +13,6 @@ const SCORE: f32 = 0.75;
 struct Said {
     layout: Option<Layout>,
     class: Option<usize>,
-    origin: Option<BoxOrigin>,
 }
 
 fn decoding(layout: Layout, class: usize) -> Decoding {
@@ -34,10 +33,6 @@ fn decode(shape: &[usize], data: &[f32], windows: usize, said: Said) -> Vec<Vec<
         _ => COCO_AIRPLANE,
     };
     let decoding = decoding(layout, said.class.unwrap_or(class));
-    let decoding = Decoding {
-        origin: said.origin.unwrap_or(decoding.origin),
-        ..decoding
-    };
     let answer = Answer::new(shape, data).unwrap();
     decoding.decode(answer, windows).unwrap()
 }
@@ -123,78 +118,7 @@ fn rows_of_this_projects_detector_count_from_pixel_centres() {
 }
 
 #[test]
-fn anchor_rows_of_coco_models_give_the_airplane_and_lose_half_a_pixel() {
-    let mut data = vec![0.0; 25_200 * 85];
-    for (row, class) in [(9_000, 5 + 4), (9_001, 5 + 7)] {
-        data[row * 85..row * 85 + 4].copy_from_slice(&HIDDEN);
-        data[row * 85 + 4] = 1.0;
-        data[row * 85 + class] = SCORE;
-    }
-    let found = decode(&[1, 25_200, 85], &data, 1, Said::default());
-    assert_hidden_box(&found[0], 100.0, 50.0);
-}
-
-#[test]
-fn yolox_rows_are_decoded_with_their_cells_and_strides() {
-    // Stride 16 starts after the 80 x 80 cells of stride 8; cell (6, 3) in the 40 x 40 grid covers 96 to 112 and 48 to 64.
-    let row = 6_400 + 3 * 40 + 6;
-    let mut data = vec![0.0; 8_400 * 85];
-    let relative = [
-        (100.5 - 96.0) / 16.0,
-        (50.5 - 48.0) / 16.0,
-        (20.0_f32 / 16.0).ln(),
-        (8.0_f32 / 16.0).ln(),
-    ];
-    data[row * 85..row * 85 + 4].copy_from_slice(&relative);
-    data[row * 85 + 4] = 1.0;
-    data[row * 85 + 5 + 4] = SCORE;
-    let found = decode(&[1, 8_400, 85], &data, 1, Said::default());
-    assert_hidden_box(&found[0], 100.0, 50.0);
-}
-
-#[test]
-fn yolox_cells_of_a_wide_window_are_counted_along_its_own_rows() {
-    let window_px = [640, 384];
-    // Stride 32 starts after 80 x 48 and 40 x 24 cells; the last cell (19, 11) in the 20 x 12 grid covers 608 to 640 and 352 to 384.
-    let row = 80 * 48 + 40 * 24 + 11 * 20 + 19;
-    let mut data = vec![0.0; 5_040 * 6];
-    let relative = [0.5, 0.25, (20.0_f32 / 32.0).ln(), (8.0_f32 / 32.0).ln()];
-    data[row * 6..row * 6 + 4].copy_from_slice(&relative);
-    data[row * 6 + 4..row * 6 + 6].copy_from_slice(&[1.0, SCORE]);
-    let wide = Decoding {
-        window_px,
-        ..decoding(Layout::Yolox, 0)
-    };
-    let answer = Answer::new(&[1, 5_040, 6], &data).unwrap();
-    let found = wide.decode(answer, 1).unwrap();
-    assert_hidden_box(&found[0], 624.0 - 0.5, 360.0 - 0.5);
-}
-
-#[test]
-fn columns_have_no_objectness() {
-    let mut data = vec![0.0; 84 * 8_400];
-    for (field, value) in HIDDEN.into_iter().enumerate() {
-        data[field * 8_400 + 123] = value;
-    }
-    data[(4 + 4) * 8_400 + 123] = SCORE;
-    let found = decode(&[1, 84, 8_400], &data, 1, Said::default());
-    assert_hidden_box(&found[0], 100.0, 50.0);
-}
-
-#[test]
-fn final_boxes_by_corners_are_filtered_by_class() {
-    let corners = [90.5, 46.5, 110.5, 54.5];
-    let mut data = vec![0.0; 300 * 6];
-    for (row, class) in [(0, 4.0), (1, 0.0)] {
-        data[row * 6..row * 6 + 4].copy_from_slice(&corners);
-        data[row * 6 + 4..row * 6 + 6].copy_from_slice(&[SCORE, class]);
-    }
-    assert_hidden_box(
-        &decode(&[1, 300, 6], &data, 1, Said::default())[0],
-        100.0,
-        50.0,
-    );
-
+fn boxes_of_a_batch_belong_to_the_windows_that_they_name() {
     let rows = [
         [1.0, 90.5, 46.5, 110.5, 54.5, 4.0, SCORE],
         [9.0, 90.5, 46.5, 110.5, 54.5, 4.0, SCORE],
@@ -202,19 +126,6 @@ fn final_boxes_by_corners_are_filtered_by_class() {
     let found = decode(&[2, 7], rows.as_flattened(), 2, Said::default());
     assert_eq!(found[0], []);
     assert_hidden_box(&found[1], 100.0, 50.0);
-}
-
-#[test]
-fn the_layout_class_and_origin_of_the_settings_replace_those_of_the_shape() {
-    let said = Said {
-        layout: Some(Layout::Rows),
-        class: Some(0),
-        origin: Some(BoxOrigin::PixelCorner),
-    };
-    let mut data = vec![0.0; 300 * 6];
-    data[..4].copy_from_slice(&HIDDEN);
-    data[4..6].copy_from_slice(&[SCORE, 1.0]);
-    assert_hidden_box(&decode(&[1, 300, 6], &data, 1, said)[0], 100.0, 50.0);
 }
 
 #[test]
@@ -248,7 +159,6 @@ fn an_empty_answer_is_no_detection_in_any_layout() {
         let said = Said {
             layout: Some(layout),
             class: Some(0),
-            ..Said::default()
         };
         assert_eq!(decode(shape, &[], 2, said), [vec![], vec![]], "{shape:?}");
     }

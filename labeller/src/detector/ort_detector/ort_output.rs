@@ -7,9 +7,8 @@ use ort::value::{TensorElementType, ValueType};
 
 use crate::detector::ScoredBox;
 use crate::detector::answer::Answer;
-use crate::detector::layout::Decoding;
-use crate::detector::layout::boxes_and_scores::PairAnswer;
-use crate::detector::layout::efficient_nms::{NmsAnswer, OutputForm};
+use crate::detector::layout::efficient_nms::OutputForm;
+use crate::detector::layout::{Decoding, boxes_and_scores, efficient_nms};
 use crate::detector::outputs::BoxOutputs;
 use crate::error::ModelFault;
 
@@ -71,11 +70,7 @@ pub(crate) fn read_answer<T>(
         BoxOutputs::BoxesAndScores(at) => {
             let boxes = Output::of(outputs, at.boxes)?;
             let scores = Output::of(outputs, at.scores)?;
-            let answer = PairAnswer {
-                boxes: boxes.answer()?,
-                scores: scores.answer()?,
-            };
-            let joined = answer.joined();
+            let joined = boxes_and_scores::joined(boxes.answer()?, scores.answer()?);
             let (shape, numbers) = joined.map_err(|fault| boxes.fault(fault))?;
             let answer = Answer::new(&shape, &numbers).and_then(read);
             answer.map_err(|fault| boxes.fault(fault))
@@ -85,13 +80,12 @@ pub(crate) fn read_answer<T>(
             let corners = Output::of(outputs, at.corners)?;
             let scores = Output::of(outputs, at.scores)?;
             let classes = Output::of(outputs, at.classes)?;
-            let answer = NmsAnswer {
-                counts: counts.answer()?,
-                corners: corners.answer()?,
-                scores: scores.answer()?,
-                classes: classes.answer()?,
-            };
-            let joined = answer.joined();
+            let joined = efficient_nms::joined([
+                counts.answer()?,
+                corners.answer()?,
+                scores.answer()?,
+                classes.answer()?,
+            ]);
             let (shape, numbers) = joined.map_err(|fault| counts.fault(fault))?;
             let answer = Answer::new(&shape, &numbers).and_then(read);
             answer.map_err(|fault| corners.fault(fault))

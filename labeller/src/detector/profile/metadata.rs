@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::iter::Peekable;
 use std::str::Chars;
 
-use crate::detector::profile::METADATA_KEY;
-
+/// Name of the metadata property of a model that contains its settings.
+pub(super) const METADATA_KEY: &str = "dtd_profile";
 /// Task of detection models.
 const DETECTION: &str = "detect";
 /// Far above the strides of any detector, pixels.
@@ -180,16 +180,5 @@ mod tests {
         ] {
             assert_eq!(names(text), None, "{text}");
         }
-    }
-
-    #[test]
-    fn only_detection_is_a_task_for_boxes() {
-        let of = |task: Option<&str>| {
-            ModelMetadata::of(|key| task.filter(|_| key == "task").map(str::to_owned))
-        };
-        assert_eq!(of(None).other_task(), None);
-        assert_eq!(of(Some("detect")).other_task(), None);
-        assert_eq!(of(Some("segment")).other_task(), Some("segment"));
-        assert!(of(Some("detect")).is_by_ultralytics() && !of(None).is_by_ultralytics());
     }
 }

@@ -138,23 +138,3 @@ fn check_with_sun(utc_offset_h: f64, runway: &Runway) -> Checked<()> {
         ),
     )
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn offset_h(zone: &str, day_of_year: u32) -> f64 {
-        utc_offset_h(zone.parse().unwrap(), day_of_year).unwrap()
-    }
-
-    #[test]
-    fn clocks_follow_daylight_saving_of_their_hemisphere() {
-        // The last Sunday of March 2023 is day 85.
-        assert_eq!(offset_h("Europe/Zurich", 84), 1.0);
-        assert_eq!(offset_h("Europe/Zurich", 85), 2.0);
-        assert_eq!(offset_h("Asia/Singapore", 172), 8.0);
-        assert_eq!(offset_h("Australia/Sydney", 1), 11.0);
-        assert_eq!(offset_h("Australia/Sydney", 172), 10.0);
-        assert_eq!(offset_h("Asia/Kathmandu", 172), 5.75);
-    }
-}

@@ -1,5 +1,4 @@
 use super::*;
-use crate::detector::profile::metadata::ModelMetadata;
 
 const WINDOW_PX: [u32; 2] = [640; 2];
 
@@ -44,11 +43,10 @@ fn meaning(
     let of_shape = Layout::of_shape(shape, WINDOW_PX, has_objectness, named);
     let layout = profile.layout.or(of_shape).unwrap();
     let answer = Answer::new(shape, numbers).unwrap();
-    let known = ProbedModel {
+    let known = KnownModel {
         window_px: WINDOW_PX,
         profile,
-        head: metadata.head.as_deref(),
-        named,
+        metadata,
     };
     Meaning::of_probe(layout, answer, &known)
 }
@@ -145,66 +143,33 @@ fn columns_in_parts_of_the_window_are_told_from_pixels() {
 }
 
 #[test]
-fn metadata_name_the_head_and_the_classes_where_numbers_say_nothing() {
-    let by_ultralytics = |head: Option<&str>, classes: usize| ModelMetadata {
+fn metadata_name_the_head_where_numbers_say_nothing() {
+    let by_ultralytics = |head: &str| ModelMetadata {
         task: Some("detect".into()),
-        head: head.map(str::to_owned),
-        names: Some(
-            (0..classes)
-                .map(|class| (class, class.to_string()))
-                .collect(),
-        ),
+        head: Some(head.into()),
         ..ModelMetadata::default()
     };
-    let of = |answer: &(Vec<usize>, Vec<f32>), metadata| {
-        let found = meaning(answer, &ModelProfile::default(), &metadata);
-        (found.layout, found.form, found.unit)
-    };
     let empty = (vec![1, 300, 6], vec![0.0; 1_800]);
-    let of_rt_detr = (Layout::Corners, BoxForm::CenterSize, BoxUnit::Normalized);
-    assert_eq!(
-        of(&empty, by_ultralytics(Some("RTDETRDecoder"), 80)),
-        of_rt_detr
-    );
-    let of_others = (Layout::Corners, BoxForm::Corners, BoxUnit::Pixels);
-    assert_eq!(of(&empty, by_ultralytics(Some("v10Detect"), 80)), of_others);
-    let earlier = (Layout::ClassRows, BoxForm::CenterSize, BoxUnit::Normalized);
-    for classes in [80, 2] {
-        let answer = rows(300, normalized, &vec![0.1; classes]);
-        assert_eq!(
-            of(&answer, by_ultralytics(None, classes)),
-            earlier,
-            "{classes}"
-        );
+    for (head, form, unit) in [
+        ("RTDETRDecoder", BoxForm::CenterSize, BoxUnit::Normalized),
+        ("v10Detect", BoxForm::Corners, BoxUnit::Pixels),
+    ] {
+        let found = meaning(&empty, &ModelProfile::default(), &by_ultralytics(head));
+        let found = (found.layout, found.form, found.unit);
+        assert_eq!(found, (Layout::Corners, form, unit), "{head}");
     }
 }
 
 #[test]
-fn boxes_and_scores_are_judged_by_their_numbers_and_settings_go_before_them() {
-    let said = |text: &str| -> ModelProfile { toml_profile(text) };
-    let pair = "layout = 'boxes-and-scores'";
-    let probability = rows(300, corners, &[0.2; 80]);
-    let logits = rows(300, normalized, &[-4.0; 91]);
-    let of = |answer, text: &str| meaning(answer, &said(text), &ModelMetadata::default());
-    let found = of(&probability, pair);
-    assert_eq!(
-        (found.form, found.unit),
-        (BoxForm::Corners, BoxUnit::Pixels)
-    );
-    assert_eq!(found.scores, ScoreForm::Probability);
-    let found = of(&logits, pair);
-    assert_eq!(
-        (found.form, found.unit),
-        (BoxForm::CenterSize, BoxUnit::Normalized)
-    );
-    assert_eq!(found.scores, ScoreForm::Logit);
+fn settings_go_before_the_numbers_of_boxes_and_scores() {
     let words = "layout = 'boxes-and-scores'\nbox_form = 'corners'\nbox_unit = 'pixels'\nscore_form = 'probability'";
-    let found = of(&logits, words);
-    assert_eq!(
-        (found.form, found.unit),
-        (BoxForm::Corners, BoxUnit::Pixels)
-    );
-    assert_eq!(found.scores, ScoreForm::Probability);
+    let logits = rows(300, normalized, &[-4.0; 91]);
+    let found = meaning(&logits, &toml_profile(words), &ModelMetadata::default());
+    let expected = Meaning {
+        form: BoxForm::Corners,
+        ..Meaning::usual(Layout::BoxesAndScores)
+    };
+    assert_eq!(found, expected);
 }
 
 fn toml_profile(text: &str) -> ModelProfile {
