@@ -8,7 +8,7 @@ use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::work::watch::Watch;
 use serde::{Serialize, Serializer};
 
-use crate::error::{CorpusFault, Error, Result};
+use crate::error::{Error, Result};
 use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::answers::Answered;
 use crate::evaluation::prediction_table::add_answers;
@@ -19,7 +19,7 @@ use crate::run::place::refuse_in_run;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 use crate::samples::camera_health::Corrections;
-use crate::samples::{Moment, Observation, Samples};
+use crate::samples::{Moment, NO_SCENARIOS, Observation, Samples};
 
 /// Prediction size.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -65,7 +65,7 @@ pub fn predict(
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;
     let trained = trained.for_corpus(run, corpus, &corpus_read, watch)?;
     if flights.is_empty() {
-        return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));
+        return Err(Error::corpus(corpus.root(), NO_SCENARIOS));
     }
     if let Some(backgrounds) = &trained.backgrounds {
         let alignment = backgrounds.align_observations(
