@@ -24,7 +24,7 @@ use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::work::watch::Watch;
 
 use crate::error::{Error, Result};
-use crate::evaluation::answers::{Answered, Answers, JudgedTicks};
+use crate::evaluation::answers::{Answers, JudgedTicks};
 use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
     AgainstOneView, EstimatorMetrics, Metrics, RemovedFigures, SideCount, SingleViewFigures,
@@ -33,7 +33,7 @@ use crate::evaluation::metrics::{
 use crate::evaluation::prediction_table::add_answers;
 use crate::evaluation::rules::EvaluationRules;
 use crate::evaluation::view_removal::{Remaining, ViewRemoval};
-use crate::run::estimator::{Estimator, Task};
+use crate::run::estimator::{Answered, Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
@@ -346,7 +346,8 @@ impl<'a> Evaluation<'a> {
                 },
             };
             let believed = run.believed(&observations, self.samples);
-            let answered = Answered::of_all(&Task::new(run, scenarios, &believed));
+            let task = Task::new(run, scenarios, &believed);
+            let answered = Estimator::ALL.map(|estimator| estimator.answers(&task));
             let is_judged: Vec<bool> = flight.iter().map(|s| self.rules.is_there(s)).collect();
             answers.add(&is_judged, (&believed, &removed), &answered);
             each(&FlightAnswers {

@@ -160,7 +160,7 @@ impl OnlineRun {
             return Answer::with_estimate(judged);
         }
         let task = Task::new(&self.run, &[], from_ref(&judged.observed));
-        let distance_m = self.estimator.predict(&task).pop().flatten();
+        let distance_m = self.estimator.answers(&task).distances_m.pop().flatten();
         Answer::with_distance(judged, distance_m)
     }
 }
