@@ -145,22 +145,3 @@ fn number(field: &str) -> std::result::Result<Option<f64>, String> {
     let number = field.parse().map(Some);
     number.map_err(|_| field.chars().take(40).collect())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_bad_number_is_in_the_same_line_whatever_the_line_ends_are() {
-        for end in ["\n", "\r\n"] {
-            let rows = ["scenario,tick,m_dtd_m", "a,0,5", "a,1,5 m", ""];
-            let csv = rows.join(end);
-            let fault = Cells::of_csv(csv.as_bytes(), String::new(), Path::new("a.csv")).err();
-            let message = fault.unwrap().to_string();
-            assert!(
-                message.contains("line 3: m_dtd_m is \"5 m\""),
-                "{end:?}: {message}"
-            );
-        }
-    }
-}

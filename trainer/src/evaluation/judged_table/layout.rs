@@ -187,39 +187,4 @@ mod tests {
             ]
         );
     }
-
-    #[test]
-    fn a_layout_that_cannot_be_judged_is_refused_with_the_columns_that_are_there() {
-        let refused = |names: &[&str]| Layout::by_names(names).unwrap_err();
-        for (names, expected) in [
-            (
-                &["tick", "mine_dtd_m"][..],
-                "no column scenario; its columns are tick, mine_dtd_m",
-            ),
-            (
-                &["scenario", "tick", "dtd_m"],
-                "no column whose name ends in _dtd_m; its columns are scenario, tick, dtd_m",
-            ),
-            (
-                &["scenario", "tick", "a_dtd_m", "a_dtd_m"],
-                "two columns named a_dtd_m",
-            ),
-            (
-                &["scenario", "tick", "a_dtd_m", "a_dtd_m_to"],
-                "column a_dtd_m_to but no column a_dtd_m_from",
-            ),
-            (
-                &["scenario", "tick", "a_dtd_m", "a_from_m"],
-                "column a_from_m but no column a_to_m",
-            ),
-            (
-                &["scenario", "tick", "_dtd_m"],
-                "expected a name of an estimator",
-            ),
-            (&["scenario", "tick", "a\u{1b}[31m_dtd_m"], "\\u{1b}"),
-        ] {
-            let message = refused(names);
-            assert!(message.contains(expected), "{message}");
-        }
-    }
 }
