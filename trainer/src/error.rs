@@ -1,18 +1,9 @@
 //! Errors of training, evaluation and reports.
 
-mod corpus_fault;
-mod predictions_fault;
-mod run_fault;
-
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use dataset::work::watch::Stopped;
-
-pub use corpus_fault::CorpusFault;
-pub(crate) use corpus_fault::RigKind;
-pub use predictions_fault::PredictionsFault;
-pub use run_fault::RunFault;
 
 /// Error of this crate. Every message states the expected and the actual value and, if the user can act, a remedy.
 #[derive(Debug, thiserror::Error)]
@@ -26,7 +17,7 @@ pub enum Error {
         /// Corpus or scenario folder.
         path: PathBuf,
         /// Fault of the corpus.
-        fault: Box<CorpusFault>,
+        fault: String,
     },
     /// An invalid setting.
     #[error("configuration: {setting} is {found}, expected {expected}")]
@@ -44,7 +35,7 @@ pub enum Error {
         /// Folder or file of the run.
         path: PathBuf,
         /// Fault of the run.
-        fault: Box<RunFault>,
+        fault: String,
     },
     /// A table of predictions that cannot be judged.
     #[error("table {}: {fault}", path.display())]
@@ -52,7 +43,7 @@ pub enum Error {
         /// File of the table.
         path: PathBuf,
         /// Fault of the table.
-        fault: Box<PredictionsFault>,
+        fault: String,
     },
     /// A test trajectory was used for training, so its errors would be meaningless.
     #[error(
@@ -107,24 +98,24 @@ impl Error {
         }
     }
 
-    pub(crate) fn corpus(path: &Path, fault: CorpusFault) -> Self {
+    pub(crate) fn corpus(path: &Path, fault: impl Into<String>) -> Self {
         Self::Corpus {
             path: path.to_owned(),
-            fault: Box::new(fault),
+            fault: fault.into(),
         }
     }
 
-    pub(crate) fn predictions(path: &Path, fault: PredictionsFault) -> Self {
+    pub(crate) fn predictions(path: &Path, fault: impl Into<String>) -> Self {
         Self::Predictions {
             path: path.to_owned(),
-            fault: Box::new(fault),
+            fault: fault.into(),
         }
     }
 
-    pub(crate) fn run(path: &Path, fault: RunFault) -> Self {
+    pub(crate) fn run(path: &Path, fault: impl Into<String>) -> Self {
         Self::Run {
             path: path.to_owned(),
-            fault: Box::new(fault),
+            fault: fault.into(),
         }
     }
 }

@@ -23,8 +23,8 @@ use dataset::files::json_file::write_json_unsynced;
 use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::work::watch::Watch;
 
-use crate::error::{CorpusFault, Error, Result, RunFault};
-use crate::evaluation::answers::{Answered, Answers, JudgedTicks};
+use crate::error::{Error, Result};
+use crate::evaluation::answers::{Answers, JudgedTicks};
 use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
     AgainstOneView, EstimatorMetrics, Metrics, RemovedFigures, SideCount, SingleViewFigures,
@@ -33,7 +33,7 @@ use crate::evaluation::metrics::{
 use crate::evaluation::prediction_table::add_answers;
 use crate::evaluation::rules::EvaluationRules;
 use crate::evaluation::view_removal::{Remaining, ViewRemoval};
-use crate::run::estimator::{Estimator, Task};
+use crate::run::estimator::{Answered, Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
@@ -96,7 +96,9 @@ pub fn evaluate(
         JudgedSide::All => samples.test_all(),
         JudgedSide::Test => match &trained.summary.scenario_split {
             Some(split) if !split.restore(&mut samples) => {
-                return Err(Error::corpus(corpus.root(), CorpusFault::NothingDrawn));
+                let fault = "has none of the scenarios that the run drew for its test; `dtd evaluate --side all` judges all scenarios of \
+                             a corpus that it has not seen";
+                return Err(Error::corpus(corpus.root(), fault));
             }
             Some(_) => {}
             None => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
@@ -119,20 +121,13 @@ pub fn evaluate(
     trained.warn_of_aside(flights, samples, watch)?;
     let is_seen = |sample: &Sample| rules.is_there(sample) && sample.detections() > 0;
     if !recorded().any(is_seen) {
-        let EvaluationRules {
-            min_dtd_nm,
-            max_dtd_nm,
-            ..
-        } = *rules;
-        let fault = CorpusFault::NoTestSamples {
-            min_dtd_nm,
-            max_dtd_nm,
-        };
-        return Err(Error::corpus(corpus.root(), fault));
+        return Err(rules.nothing_to_judge(corpus));
     }
     let judged = Judged::of(corpus, samples, config.side, &sealed, rules);
     if config.out.is_none() && judged.is_other_than_in(&place.run()) {
-        return Err(Error::run(run.root(), RunFault::OtherEvaluation));
+        let fault = "has the results of another evaluation (evaluation.json): of other scenarios, detections or rules; name a folder \
+                     for these with --out DIR";
+        return Err(Error::run(run.root(), fault));
     }
     let ticks = JudgedTicks::of(samples, rules);
     let evaluation = Evaluation {
@@ -224,8 +219,9 @@ pub(crate) fn split_again(
 ) -> Result<()> {
     match leave_out {
         Some(setting) if !LeftOut::parse(setting).is_some_and(|of| of.split(samples)) => {
-            let setting = setting.to_owned();
-            let fault = CorpusFault::NothingLeftOut { setting };
+            let fault = format!(
+                "has no scenario with {setting}, which the training leaves out for the test side; `dtd plan` lists weathers and times"
+            );
             Err(Error::corpus(corpus.root(), fault))
         }
         _ => Ok(()),
@@ -350,7 +346,8 @@ impl<'a> Evaluation<'a> {
                 },
             };
             let believed = run.believed(&observations, self.samples);
-            let answered = Answered::of_all(&Task::new(run, scenarios, &believed));
+            let task = Task::new(run, scenarios, &believed);
+            let answered = Estimator::ALL.map(|estimator| estimator.answers(&task));
             let is_judged: Vec<bool> = flight.iter().map(|s| self.rules.is_there(s)).collect();
             answers.add(&is_judged, (&believed, &removed), &answered);
             each(&FlightAnswers {
@@ -405,10 +402,12 @@ fn check_cameras(
         } else {
             differences(here, there)
         };
-        let fault = CorpusFault::OtherCameras {
-            run: run.root().to_owned(),
-            differences,
-        };
+        let fault = format!(
+            "its cameras are not those that run {} was trained with; here, and there: {}; if one of them was turned, moved or replaced, \
+             `dtd refit` fits its view again",
+            run.root().display(),
+            differences.join("; ")
+        );
         return Err(Error::corpus(corpus.root(), fault));
     }
     Ok(())

@@ -68,7 +68,7 @@ pub fn export(run: &RunFolder) -> Result<ExportedRun> {
                 names.any(|name| name == REGISTRATIONS)
             }),
             onnx: model.bytes(),
-            expected_m: estimator.predict(&task),
+            expected_m: estimator.answers(&task).distances_m,
         })
     };
     let models: Vec<ExportedModel> = Estimator::ALL.into_iter().filter_map(model).collect();

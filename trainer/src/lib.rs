@@ -38,7 +38,7 @@ mod training;
 pub use background::Alignment;
 pub use config::backend::TrainingBackend;
 pub use config::{TrainConfig, schema};
-pub use error::{CorpusFault, Error, PredictionsFault, Result, RunFault};
+pub use error::{Error, Result};
 pub use evaluation::figures;
 pub use evaluation::judged::JudgedSide;
 pub use evaluation::judged_table::{TableEvaluationConfig, TableMetrics, evaluate_table};

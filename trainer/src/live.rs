@@ -22,7 +22,7 @@ use std::slice::from_ref;
 
 use dataset::geometry::camera::Camera;
 
-use crate::error::{Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::run::estimator::{Estimator, Task};
 use crate::run::folder::RunFolder;
@@ -55,14 +55,15 @@ impl OnlineRun {
     pub fn open(folder: &RunFolder, estimator: Option<&str>) -> Result<Self> {
         let sealed = SealedRun::read(folder)?;
         let run = TrainedRun::of(&sealed)?;
-        let refused = |fault| Error::run(folder.root(), fault);
+        let refused = |fault: String| Error::run(folder.root(), fault);
         check_causal(&run, folder)?;
         let estimator = match estimator {
             Some(name) => online(name).ok_or_else(|| {
-                refused(RunFault::NotOnline {
-                    estimator: name.to_owned(),
-                    known: all_online().map(Estimator::name).collect(),
-                })
+                let known: Vec<_> = all_online().map(Estimator::name).collect();
+                refused(format!(
+                    "has no estimator {name:?} that answers image by image without a corpus; those that do are {}",
+                    known.join(", ")
+                ))
             })?,
             None => match online(&run.summary.choice.estimator) {
                 None | Some(Estimator::InverseRange) => Estimator::InverseRangeFiltered,
@@ -74,14 +75,19 @@ impl OnlineRun {
             Estimator::InverseRange | Estimator::InverseRangeFiltered
         );
         if is_of_fits && run.baselines.inverse_range.is_empty() {
-            let estimator = estimator.name();
-            return Err(refused(RunFault::NothingFitted { estimator }));
+            return Err(refused(format!(
+                "has no fit for {}: no view saw enough on the training side, so it would never answer; choose another one, such as \
+                 mono_network_box, with --estimator, or train on more",
+                estimator.name()
+            )));
         }
         let cameras = cameras_of(&run).ok_or_else(|| {
-            refused(RunFault::NoSuchView {
-                view: run.normalisation.views.join(", "),
-                views: run.summary.cameras.keys().cloned().collect(),
-            })
+            let views: Vec<_> = run.summary.cameras.keys().map(String::as_str).collect();
+            refused(format!(
+                "has cameras of the views {}, expected {}; train again",
+                views.join(", "),
+                run.normalisation.views.join(", ")
+            ))
         })?;
         Ok(Self {
             blake3: sealed.blake3(),
@@ -154,7 +160,7 @@ impl OnlineRun {
             return Answer::with_estimate(judged);
         }
         let task = Task::new(&self.run, &[], from_ref(&judged.observed));
-        let distance_m = self.estimator.predict(&task).pop().flatten();
+        let distance_m = self.estimator.answers(&task).distances_m.pop().flatten();
         Answer::with_distance(judged, distance_m)
     }
 }
@@ -162,7 +168,9 @@ impl OnlineRun {
 /// Rejects runs that need whole flights.
 pub(crate) fn check_causal(run: &TrainedRun, folder: &RunFolder) -> Result<()> {
     if run.backgrounds.is_some() {
-        return Err(Error::run(folder.root(), RunFault::AlignedOnline));
+        let fault = "was trained with align_backgrounds, which compares the images of whole flights, so it cannot answer image by \
+                     image; train without it";
+        return Err(Error::run(folder.root(), fault));
     }
     Ok(())
 }

@@ -41,7 +41,7 @@ use dataset::tables::health::{HealthState, ViewHealth, ViewLag, late_views};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Registration;
 
-use crate::error::{CorpusFault, Error, Result};
+use crate::error::{Error, Result};
 use crate::samples::camera_health::late_images::{in_time, lateness};
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
@@ -57,6 +57,7 @@ pub(crate) const FARTHEST_NM: f64 = 10_800.0;
 
 /// Maximum distance from a runway on Earth, metres.
 pub(crate) const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
+pub(crate) const NO_SCENARIOS: &str = "has no complete scenario; record some with `dtd generate`";
 
 /// Range of distances to touchdown whose ticks become samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -187,7 +188,7 @@ impl Samples {
         range: DistanceRange,
     ) -> Result<Self> {
         let [first, others @ ..] = corpora else {
-            return Err(Error::corpus(Path::new("."), CorpusFault::NoScenarios));
+            return Err(Error::corpus(Path::new("."), NO_SCENARIOS));
         };
         let mut all = Self::read(first, asked, range)?;
         let mut sides = all.sides();
@@ -277,11 +278,14 @@ impl Samples {
         for scenario in &self.scenarios {
             let one = *first.entry(&scenario.flight).or_insert(scenario);
             if one.side != scenario.side {
-                let described = |s: &ScenarioSummary| (s.id.clone(), s.trajectory.clone(), s.side);
-                let fault = CorpusFault::FlightOnTwoSides {
-                    one: described(one),
-                    other: described(scenario),
+                let described = |s: &ScenarioSummary| {
+                    format!("scenario {} ({}, {} side)", s.id, s.trajectory, s.side)
                 };
+                let fault = format!(
+                    "{} and {} fly the same flight on different sides of the split; put both on one side in splits.json",
+                    described(one),
+                    described(scenario)
+                );
                 return Err(Error::corpus(corpus.root(), fault));
             }
         }
@@ -295,11 +299,12 @@ impl Samples {
         if let Some((first, expected)) = registered.next()
             && let Some((folder, found)) = registered.find(|(_, found)| *found != expected)
         {
-            let fault = CorpusFault::OtherRegistration {
-                found,
-                first: first.id(),
-                expected,
-            };
+            let fault = format!(
+                "its views were registered with {found}, the views of scenario {} with {expected}, and shifts by different cameras do \
+                 not fit each other; register all again: `dtd detect CORPUS --registration-of RUN`, or `dtd detect CORPUS --force` \
+                 for calibration.json",
+                first.id()
+            );
             return Err(Error::corpus(folder.root(), fault));
         }
         Ok(())
@@ -330,10 +335,12 @@ impl Samples {
         range: DistanceRange,
     ) -> Result<()> {
         let folder = scenario.folder();
-        let refused = |fault| Error::corpus(folder.root(), fault);
         let visibility_m = summary.planned_weather.visibility_m;
         for (row, observed) in frames.rows.into_iter().zip(observations) {
-            let labels = (row.labels).ok_or_else(|| refused(CorpusFault::NoLabels))?;
+            let labels = row.labels.ok_or_else(|| {
+                let fault = "has no labels in frames.parquet; run `dtd label` on the corpus first";
+                Error::corpus(folder.root(), fault)
+            })?;
             for (column, value) in [
                 ("dtd_m", labels.dtd_m),
                 ("along_track_m", labels.along_track_m),
@@ -341,13 +348,12 @@ impl Samples {
             ] {
                 // NaN is never in range.
                 if !(-FARTHEST_M..=FARTHEST_M).contains(&value) {
-                    let tick = row.tick;
-                    return Err(refused(CorpusFault::NotOnEarth {
-                        tick,
-                        column,
-                        value,
-                        most_m: FARTHEST_M,
-                    }));
+                    let fault = format!(
+                        "frames.parquet: tick {}: {column} is {value:?}, expected a distance on Earth, at most {FARTHEST_M} m; label \
+                         the corpus again",
+                        row.tick
+                    );
+                    return Err(Error::corpus(folder.root(), fault));
                 }
             }
             if labels.along_track_m <= 0.0 || !range.contains(labels.dtd_m) {
@@ -387,14 +393,18 @@ impl Samples {
         };
         let detections: Vec<_> = match moment {
             Moment::Hindsight => detections.into_confirmed().collect(),
-            Moment::Live => counting_live(detections, look)
-                .ok_or_else(|| Error::corpus(folder.root(), CorpusFault::NoLiveBoxes))?,
+            Moment::Live => counting_live(detections, look).ok_or_else(|| {
+                let fault = "its detections do not say which boxes counted at each moment, because an earlier version made them; run \
+                             `dtd detect --force` on the corpus with that model";
+                Error::corpus(folder.root(), fault)
+            })?,
         };
         if let Some(Detection { view, .. }) = detections
             .iter()
             .find(|detection| !self.views.contains(&detection.view))
         {
-            let fault = CorpusFault::UnknownView(view.clone());
+            let fault =
+                format!("has detections of view {view}, which calibration.json does not list");
             return Err(Error::corpus(folder.root(), fault));
         }
         let mut detections = whole_boxes(detections, &cameras);
@@ -596,14 +606,17 @@ fn counting_live(
 
 fn side_of(scenario: &OpenScenario, record: &ScenarioRecord, splits: &Splits) -> Result<Side> {
     let folder = scenario.folder();
-    let refused = |fault| Error::corpus(folder.root(), fault);
-    let assignment =
-        (splits.scenarios.get(&folder.id())).ok_or_else(|| refused(CorpusFault::NotInSplit))?;
+    let assignment = splits.scenarios.get(&folder.id()).ok_or_else(|| {
+        let fault =
+            "is not in splits.json, so it is on no side; make the corpus again from one plan";
+        Error::corpus(folder.root(), fault)
+    })?;
     if assignment.trajectory != record.trajectory {
-        return Err(refused(CorpusFault::OtherTrajectory {
-            recorded: record.trajectory.clone(),
-            split: assignment.trajectory.clone(),
-        }));
+        let fault = format!(
+            "flies trajectory {} by its scenario.json but {} by splits.json; the split cannot be trusted",
+            record.trajectory, assignment.trajectory
+        );
+        return Err(Error::corpus(folder.root(), fault));
     }
     Ok(assignment.side)
 }
@@ -724,15 +737,19 @@ fn choose_detections(
     folders: &[ScenarioFolder],
     asked: Option<&str>,
 ) -> Result<NamedDetections> {
-    let fault = match (choose(folders, asked)?, asked.map(str::to_owned)) {
+    let fault = match (choose(folders, asked)?, asked) {
         (Ok(chosen), _) => return Ok(chosen),
-        (Err(NoChoice::None), Some(asked)) => CorpusFault::NoDetectionsOf(asked),
-        (Err(NoChoice::None), None) => CorpusFault::NoDetections,
-        (Err(NoChoice::Others(listed)), asked) => CorpusFault::OtherDetections {
-            asked: asked.unwrap_or_default(),
-            listed,
-        },
-        (Err(NoChoice::Several(listed)), _) => CorpusFault::SeveralModels(listed),
+        (Err(NoChoice::None), Some(asked)) => {
+            format!("has no detections of model {asked}; run `dtd detect` first")
+        }
+        (Err(NoChoice::None), None) => "has no detections; run `dtd detect` first".to_owned(),
+        (Err(NoChoice::Others(listed)), asked) => {
+            let asked = asked.unwrap_or_default();
+            format!("has no detections of model {asked}, only of {listed}")
+        }
+        (Err(NoChoice::Several(listed)), _) => format!(
+            "has detections of several models: {listed}; choose one with --detections, by its file or hash"
+        ),
     };
     Err(Error::corpus(corpus.root(), fault))
 }

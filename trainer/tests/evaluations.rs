@@ -3,14 +3,12 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
-use dataset::work::watch::{Silent, Watch};
-use tempfile::TempDir;
+use dataset::work::watch::Silent;
 use testkit::miscalibrated::Miscalibration;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{
@@ -19,49 +17,25 @@ use trainer::{
 };
 
 mod hardly_trained;
-use hardly_trained::hardly_trained;
-
-/// A run of hardly trained, tiny networks: its formulas are as good as any.
-struct Trained {
-    folder: TempDir,
-    run: RunFolder,
-}
+use hardly_trained::{Said, Trained, hardly_trained, judged, trained as run_of};
 
 fn corpus_in(folder: &Path, corpus: SyntheticCorpus) -> Corpus {
     corpus.write(folder).unwrap()
 }
 
+fn new() -> Trained {
+    Trained::on(&SyntheticCorpus::tiny())
+}
+
+/// Flights that the run never saw, from the same cameras.
+fn other() -> SyntheticCorpus {
+    SyntheticCorpus {
+        seed: 1,
+        ..SyntheticCorpus::tiny()
+    }
+}
+
 impl Trained {
-    fn new() -> Self {
-        Self::on(SyntheticCorpus::tiny())
-    }
-
-    fn on(corpus: SyntheticCorpus) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = corpus_in(&folder.path().join("corpus"), corpus);
-        let out = folder.path().join("run");
-        let run = train(&corpus, &out, &hardly_trained(), &Silent)
-            .unwrap()
-            .run;
-        Self { folder, run }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn corpus(&self) -> Corpus {
-        Corpus::open(&self.path("corpus")).unwrap()
-    }
-
-    /// Flights that the run never saw, from the same cameras.
-    fn other(&self) -> SyntheticCorpus {
-        SyntheticCorpus {
-            seed: 1,
-            ..SyntheticCorpus::tiny()
-        }
-    }
-
     fn evaluate(&self, corpus: &Corpus, config: &EvaluationConfig) -> Result<Metrics, Error> {
         evaluate(&self.run, corpus, config, &Silent)
     }
@@ -76,17 +50,13 @@ fn to(out: PathBuf) -> EvaluationConfig {
 
 #[test]
 fn results_of_another_evaluation_are_never_replaced_and_go_to_a_folder_of_their_own() {
-    let trained = Trained::new();
-    let first = trained
-        .evaluate(&trained.corpus(), &EvaluationConfig::default())
-        .unwrap();
+    let trained = new();
+    let first = trained.judged();
     let bytes = fs::read(trained.run.metrics_path()).unwrap();
-    let again = trained
-        .evaluate(&trained.corpus(), &EvaluationConfig::default())
-        .unwrap();
+    let again = trained.judged();
     assert!(again == first && fs::read(trained.run.metrics_path()).unwrap() == bytes);
 
-    let other = corpus_in(&trained.path("other"), trained.other());
+    let other = corpus_in(&trained.path("other"), other());
     let refused = trained.evaluate(&other, &EvaluationConfig::default());
     let message = refused.unwrap_err().to_string();
     for needed in ["evaluation.json", "--out"] {
@@ -131,12 +101,12 @@ fn results_of_another_evaluation_are_never_replaced_and_go_to_a_folder_of_their_
 
 #[test]
 fn all_sides_of_a_corpus_are_judged_if_the_training_saw_none_of_its_flights() {
-    let trained = Trained::new();
+    let trained = new();
     let config = |name: &str| EvaluationConfig {
         side: JudgedSide::All,
         ..to(trained.path(name))
     };
-    let other = corpus_in(&trained.path("other"), trained.other());
+    let other = corpus_in(&trained.path("other"), other());
     let all = trained.evaluate(&other, &config("all")).unwrap();
     assert_eq!(
         (all.split.test.scenarios, all.split.train.scenarios),
@@ -149,7 +119,17 @@ fn all_sides_of_a_corpus_are_judged_if_the_training_saw_none_of_its_flights() {
     let renamed = trained.path("renamed");
     fs::rename(trained.path("corpus"), &renamed).unwrap();
     let refused = trained.evaluate(&Corpus::open(&renamed).unwrap(), &config("refused"));
-    assert!(matches!(refused, Err(Error::Leak { .. })), "{refused:?}");
+    let refused = refused.unwrap_err();
+    let Error::Leak {
+        trajectory,
+        scenario,
+        ..
+    } = &refused
+    else {
+        panic!("{refused}");
+    };
+    let message = refused.to_string();
+    assert!(message.contains(trajectory) && message.contains(scenario));
     assert!(
         !trained.path("refused").exists(),
         "nothing is left after a refusal"
@@ -159,13 +139,11 @@ fn all_sides_of_a_corpus_are_judged_if_the_training_saw_none_of_its_flights() {
 #[test]
 fn every_estimator_has_its_figures_its_coverage_and_its_figures_without_some_views() {
     // At a tenth of the ticks no view saw the aircraft.
-    let trained = Trained::on(SyntheticCorpus {
+    let trained = Trained::on(&SyntheticCorpus {
         miss_ratio: 0.3,
         ..SyntheticCorpus::tiny()
     });
-    let metrics = trained
-        .evaluate(&trained.corpus(), &EvaluationConfig::default())
-        .unwrap();
+    let metrics = trained.judged();
     let written: serde_json::Value = read_json(&trained.run.metrics_path(), "metrics").unwrap();
     assert_eq!(written["rules"]["version"], metrics.rules.version);
     assert!(metrics.ticks.seen < metrics.ticks.there && metrics.ticks.common > 0);
@@ -212,8 +190,8 @@ fn every_estimator_has_its_figures_its_coverage_and_its_figures_without_some_vie
 
 #[test]
 fn other_cameras_are_refused_with_what_differs() {
-    let trained = Trained::new();
-    let mut turned = trained.other();
+    let trained = new();
+    let mut turned = other();
     turned.imaging.refraction_coefficient = 0.13;
     let other = corpus_in(&trained.path("other"), turned);
     let message = trained
@@ -230,10 +208,8 @@ fn other_cameras_are_refused_with_what_differs() {
 
 #[test]
 fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them() {
-    let trained = Trained::new();
-    trained
-        .evaluate(&trained.corpus(), &EvaluationConfig::default())
-        .unwrap();
+    let trained = new();
+    trained.judged();
     let judged = Table::read(&trained.run.predictions_path(), u64::MAX).unwrap();
     for folder in trained.corpus().scenarios().unwrap() {
         let mut frames = folder.open().unwrap().frames().unwrap();
@@ -306,7 +282,7 @@ fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them(
 
 #[test]
 fn a_left_out_time_is_the_test_side_and_trains_nothing() {
-    let trained = Trained::new();
+    let trained = new();
     let corpus = trained.corpus();
     let moved = ["0000", "0005"];
     for id in moved {
@@ -321,10 +297,8 @@ fn a_left_out_time_is_the_test_side_and_trains_nothing() {
         ..hardly_trained()
     };
     let out = trained.path("without");
-    let run = train(&corpus, &out, &config("time=03:00"), &Silent)
-        .unwrap()
-        .run;
-    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
+    let run = run_of(&corpus, &out, &config("time=03:00"));
+    let metrics = judged(&run, &corpus);
     let split = &metrics.split;
     assert_eq!((split.train.scenarios, split.validation.scenarios), (3, 2));
     let flights = &metrics.estimators["inverse_range"].by_flight;
@@ -344,37 +318,13 @@ fn a_left_out_time_is_the_test_side_and_trains_nothing() {
 }
 
 #[test]
-fn a_training_into_the_folder_of_a_judged_run_leaves_none_of_its_results() {
-    let trained = Trained::new();
-    let corpus = trained.corpus();
-    trained
-        .evaluate(&corpus, &EvaluationConfig::default())
-        .unwrap();
-    let results = [
-        trained.run.metrics_path(),
-        trained.run.predictions_path(),
-        trained.run.report_path(),
-    ];
-    assert!(results.iter().all(|path| path.is_file()));
-    let config = TrainConfig {
-        seed: 1,
-        ..hardly_trained()
-    };
-    train(&corpus, trained.run.root(), &config, &Silent).unwrap();
-    assert!(results.iter().all(|path| !path.exists()));
-    trained
-        .evaluate(&corpus, &EvaluationConfig::default())
-        .unwrap();
-}
-
-#[test]
 fn a_calibration_that_is_wrong_by_half_a_degree_changes_neither_the_boxes_that_count_nor_the_errors()
  {
     let corpus = || SyntheticCorpus {
         shift_noise_px: Some(0.05),
         ..SyntheticCorpus::tiny()
     };
-    let truly = Trained::on(corpus());
+    let truly = Trained::on(&corpus());
     let folder = tempfile::tempdir().unwrap();
     let wrong = corpus_in(&folder.path().join("corpus"), corpus());
     let error = Miscalibration {
@@ -386,18 +336,14 @@ fn a_calibration_that_is_wrong_by_half_a_degree_changes_neither_the_boxes_that_c
     };
     error.apply(&wrong).unwrap();
     let out = folder.path().join("run");
-    let said = Sayings::default();
+    let said = Said::default();
     let run = train(&wrong, &out, &hardly_trained(), &said).unwrap().run;
     let said = said.0.into_inner().unwrap().join("\n");
     assert!(
         said.contains("calibration.json contradicts the boxes: by these, view left"),
         "{said}"
     );
-    let config = EvaluationConfig::default();
-    let [before, after] = [
-        truly.evaluate(&truly.corpus(), &config).unwrap(),
-        evaluate(&run, &wrong, &config, &Silent).unwrap(),
-    ];
+    let [before, after] = [truly.judged(), judged(&run, &wrong)];
     assert_eq!(before.dropped_training_boxes, after.dropped_training_boxes);
     for (view, boxes) in &after.dropped_training_boxes {
         assert!(boxes.share.unwrap() < 0.02, "{view}: {boxes:?}");
@@ -408,14 +354,4 @@ fn a_calibration_that_is_wrong_by_half_a_degree_changes_neither_the_boxes_that_c
     println!("{before_pct} % with the true calibration, {after_pct} % with the wrong one");
     assert!(after_pct < 1.2 * before_pct);
     assert!((before.coverage.unwrap() - after.coverage.unwrap()).abs() < 0.02);
-}
-
-/// Collects the training's messages.
-#[derive(Default)]
-struct Sayings(Mutex<Vec<String>>);
-
-impl Watch for Sayings {
-    fn say(&self, line: &str) {
-        self.0.lock().unwrap().push(line.to_owned());
-    }
 }

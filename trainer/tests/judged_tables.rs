@@ -14,12 +14,12 @@ use dataset::work::watch::Silent;
 use tempfile::TempDir;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{
-    EstimatorMetrics, EvaluationConfig, JudgedSide, Metrics, Moment, RunFolder,
-    TableEvaluationConfig, TableMetrics, evaluate, evaluate_table, predict, train,
+    EstimatorMetrics, JudgedSide, Moment, RunFolder, TableEvaluationConfig, TableMetrics,
+    evaluate_table, predict,
 };
 
 mod hardly_trained;
-use hardly_trained::hardly_trained;
+use hardly_trained::{Trained, tiny};
 
 fn judged(table: &Path, corpus: &Corpus) -> TableMetrics {
     evaluate_table(table, corpus, &TableEvaluationConfig::default(), &Silent).unwrap()
@@ -34,44 +34,12 @@ fn without_removals(figures: &EstimatorMetrics) -> EstimatorMetrics {
     }
 }
 
-/// A judged run on a corpus with a test side.
-struct Evaluated {
-    folder: TempDir,
-    corpus: Corpus,
-    run: RunFolder,
-    metrics: Metrics,
-}
-
-impl Evaluated {
-    fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny()
-            .write(&folder.path().join("corpus"))
-            .unwrap();
-        let out = folder.path().join("run");
-        let run = train(&corpus, &out, &hardly_trained(), &Silent)
-            .unwrap()
-            .run;
-        let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &Silent).unwrap();
-        Self {
-            folder,
-            corpus,
-            run,
-            metrics,
-        }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-}
-
 #[test]
 fn a_table_of_the_predictions_of_a_run_gets_exactly_the_figures_of_the_run() {
-    let evaluated = Evaluated::new();
-    let expected = &evaluated.metrics;
+    let evaluated = Trained::on(&SyntheticCorpus::tiny());
+    let (corpus, expected) = (evaluated.corpus(), evaluated.judged());
     let table = evaluated.run.predictions_path();
-    let found = judged(&table, &evaluated.corpus);
+    let found = judged(&table, &corpus);
     assert_eq!(found.estimators.len(), expected.estimators.len());
     for (name, figures) in &expected.estimators {
         assert_eq!(found.estimators[name], without_removals(figures), "{name}");
@@ -92,14 +60,14 @@ fn a_table_of_the_predictions_of_a_run_gets_exactly_the_figures_of_the_run() {
     let out = evaluated.path("predicted.parquet");
     predict(
         &evaluated.run,
-        &evaluated.corpus,
+        &corpus,
         None,
         &out,
         Moment::Hindsight,
         &Silent,
     )
     .unwrap();
-    let found = judged(&out, &evaluated.corpus);
+    let found = judged(&out, &corpus);
     for name in ["self_calibrated", "triangulation", "mono_pinhole"] {
         let of_run = EstimatorMetrics {
             // These ticks are common to estimators with other answers.
@@ -123,7 +91,8 @@ fn a_table_of_the_predictions_of_a_run_gets_exactly_the_figures_of_the_run() {
 
 #[test]
 fn a_csv_file_gets_the_figures_of_the_same_parquet_file_and_needs_no_number_of_views() {
-    let evaluated = Evaluated::new();
+    let evaluated = Trained::on(&SyntheticCorpus::tiny());
+    let (corpus, metrics) = (evaluated.corpus(), evaluated.judged());
     let parquet = Table::read(&evaluated.run.predictions_path(), u64::MAX).unwrap();
     let numbers = |column: &str| parquet.any_numbers(column).unwrap();
     let [distance, from, to] =
@@ -142,16 +111,16 @@ fn a_csv_file_gets_the_figures_of_the_same_parquet_file_and_needs_no_number_of_v
     let table = evaluated.path("mine.CSV");
     fs::write(&table, csv).unwrap();
     // No detector is needed.
-    for folder in evaluated.corpus.scenarios().unwrap() {
+    for folder in corpus.scenarios().unwrap() {
         for part in ["detections", "registrations"] {
             let _ = fs::remove_dir_all(folder.root().join(part));
         }
         seal::seal_folder(folder.root(), "synthetic").unwrap();
     }
-    let found = judged(&table, &evaluated.corpus);
+    let found = judged(&table, &corpus);
     assert_eq!((found.ticks.seen, found.estimators.len()), (None, 1));
     let mine = &found.estimators["mine"];
-    let expected = &evaluated.metrics.estimators["inverse_range_filtered"];
+    let expected = &metrics.estimators["inverse_range_filtered"];
     assert_eq!(mine.overall.all, expected.overall.all);
     assert_eq!((mine.overall.dual, mine.overall.combination), (None, None));
     assert_eq!(mine.stated_intervals, expected.stated_intervals);
@@ -172,9 +141,7 @@ struct Labelled {
 impl Labelled {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny()
-            .write(&folder.path().join("corpus"))
-            .unwrap();
+        let corpus = tiny(folder.path());
         let splits = corpus.splits().unwrap();
         let mut ticks = Vec::new();
         for scenario in corpus.scenarios().unwrap() {
@@ -295,6 +262,23 @@ fn a_file_that_is_no_table_of_predictions_is_refused_with_what_is_expected() {
             &["no column whose name ends in _dtd_m", "scenario, tick, dtd"],
         ),
         ("scenario,tick,a_dtd_m\n", &["has no rows"]),
+        (
+            "scenario,tick,a_dtd_m,a_dtd_m\n",
+            &["two columns named a_dtd_m"],
+        ),
+        (
+            "scenario,tick,a_dtd_m,a_dtd_m_to\n",
+            &["column a_dtd_m_to but no column a_dtd_m_from"],
+        ),
+        (
+            "scenario,tick,_dtd_m\n",
+            &["expected a name of an estimator"],
+        ),
+        ("scenario,tick,a\u{1b}[31m_dtd_m\n", &["\\u{1b}"]),
+        (
+            "scenario,tick,a_dtd_m\r\n0000,0,5\r\n0000,1,NA\r\n",
+            &["line 3: a_dtd_m is \"NA\""],
+        ),
         (
             "scenario,tick,a_dtd_m\n0000,1\n",
             &["not a CSV table", "line: 2"],

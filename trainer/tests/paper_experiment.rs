@@ -4,9 +4,7 @@
 mod hardly_trained;
 
 use std::fs;
-use std::path::Path;
 
-use dataset::corpus::Corpus;
 use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
 use dataset::work::watch::Silent;
@@ -14,27 +12,10 @@ use serde_json::Value;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::config::{ScenarioSplitConfig, StageEnd};
 use trainer::{
-    EvaluationConfig, JudgedSide, Metrics, RunFolder, TrainConfig, evaluate, figures, train,
-    train_on_all,
+    EvaluationConfig, JudgedSide, RunFolder, TrainConfig, evaluate, figures, train, train_on_all,
 };
 
-use hardly_trained::hardly_trained;
-
-fn tiny(folder: &Path) -> Corpus {
-    SyntheticCorpus::tiny()
-        .write(&folder.join("corpus"))
-        .unwrap()
-}
-
-fn trained(folder: &Path, name: &str, corpus: &Corpus, config: &TrainConfig) -> RunFolder {
-    train(corpus, &folder.join(name), config, &Silent)
-        .unwrap()
-        .run
-}
-
-fn judged(run: &RunFolder, corpus: &Corpus) -> Metrics {
-    evaluate(run, corpus, &EvaluationConfig::default(), &Silent).unwrap()
-}
+use hardly_trained::{hardly_trained, judged, tiny, trained};
 
 fn json_of(run: &RunFolder, name: &str) -> Value {
     read_json(&run.root().join(name), "file of a run").unwrap()
@@ -51,7 +32,7 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
         }),
         ..hardly_trained()
     };
-    let run = trained(folder.path(), "run", &corpus, &config);
+    let run = trained(&corpus, &folder.path().join("run"), &config);
     let metrics = judged(&run, &corpus);
     assert_eq!(metrics.split.by, "scenario");
     let drawn = &json_of(&run, "run.json")["scenario_split"]["test"];
@@ -97,7 +78,7 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
 fn yardsticks_answer_where_a_view_sees_and_single_views_have_figures_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = tiny(folder.path());
-    let run = trained(folder.path(), "run", &corpus, &hardly_trained());
+    let run = trained(&corpus, &folder.path().join("run"), &hardly_trained());
     let metrics = judged(&run, &corpus);
     let table = Table::read(&run.predictions_path(), u64::MAX).unwrap();
     let detections = table.u32("detections").unwrap();
@@ -155,7 +136,7 @@ fn a_training_to_its_plateau_makes_no_more_cycles_than_help_and_records_them() {
     config.estimator.first_cycle = limit / 16;
     // No cycle is better by so much.
     config.calibration.plateau_threshold_pct = 1e5;
-    let run = trained(folder.path(), "run", &corpus, &config);
+    let run = trained(&corpus, &folder.path().join("run"), &config);
     let stages = &json_of(&run, "run.json")["stages"];
     let stage = |network: &str| {
         let mut stages = stages.as_array().unwrap().iter();
@@ -178,7 +159,7 @@ fn a_training_to_its_plateau_makes_no_more_cycles_than_help_and_records_them() {
     );
 
     config.estimator.ends = StageEnd::Steps;
-    let run = trained(folder.path(), "steps", &corpus, &config);
+    let run = trained(&corpus, &folder.path().join("steps"), &config);
     let summary = json_of(&run, "run.json");
     let mut stages = summary["stages"].as_array().unwrap().iter();
     let lstm = stages

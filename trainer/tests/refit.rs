@@ -3,19 +3,16 @@
 mod hardly_trained;
 
 use std::path::Path;
-use std::sync::Mutex;
 
 use dataset::corpus::Corpus;
 use dataset::files::json_file::read_json;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::columns::Table;
-use dataset::work::watch::{Silent, Watch};
-use hardly_trained::narrow;
+use dataset::work::watch::Silent;
+use hardly_trained::{Said, judged, narrow, trained};
 use serde_json::Value;
 use testkit::synthetic::{Changed, SyntheticCorpus};
-use trainer::{
-    EvaluationConfig, Metrics, RefitConfig, RunFolder, TrainConfig, evaluate, refit, train,
-};
+use trainer::{EvaluationConfig, Metrics, RefitConfig, RunFolder, TrainConfig, evaluate, refit};
 
 /// Turned by two degrees and zoomed by ten percent.
 const CHANGED: Changed = Changed {
@@ -45,20 +42,6 @@ fn settings(steps: usize) -> TrainConfig {
     config
 }
 
-fn evaluated(run: &RunFolder, corpus: &Corpus) -> Metrics {
-    evaluate(run, corpus, &EvaluationConfig::default(), &Silent).unwrap()
-}
-
-/// Refit messages.
-#[derive(Default)]
-struct Said(Mutex<Vec<String>>);
-
-impl Watch for Said {
-    fn say(&self, line: &str) {
-        self.0.lock().unwrap().push(line.to_owned());
-    }
-}
-
 fn of_left(approaches: usize) -> RefitConfig {
     RefitConfig {
         view: "left".into(),
@@ -71,8 +54,7 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
     let folder = tempfile::tempdir().unwrap();
     let before = corpus(folder.path(), "before", None);
     let after = corpus(folder.path(), "after", Some(CHANGED));
-    let run = train(&before, &folder.path().join("run"), &settings(800), &Silent);
-    let run = run.unwrap().run;
+    let run = trained(&before, &folder.path().join("run"), &settings(800));
     let refused = evaluate(&run, &after, &EvaluationConfig::default(), &Silent);
     assert!(refused.is_err(), "the left camera is not that of the run");
 
@@ -82,7 +64,7 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
     assert_eq!(record.scenarios.len(), 10);
 
     let refitted = RunFolder::at(&out);
-    let (old, new) = (evaluated(&run, &before), evaluated(&refitted, &after));
+    let (old, new) = (judged(&run, &before), judged(&refitted, &after));
     let mape = |metrics: &Metrics, name: &str| {
         let dual = metrics.estimators[name].overall.dual;
         dual.unwrap().mape_pct.unwrap()
@@ -127,8 +109,7 @@ fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse()
         ..synthetic(Some(CHANGED))
     };
     let after = after.write(&folder.path().join("after")).unwrap();
-    let run = folder.path().join("run");
-    let run = train(&before, &run, &settings(20), &Silent).unwrap().run;
+    let run = trained(&before, &folder.path().join("run"), &settings(20));
 
     let out = folder.path().join("refitted");
     let said = Said::default();
@@ -137,7 +118,7 @@ fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse()
     let warned = (said.iter()).any(|line| line.contains("too narrow") && line.contains("3 here"));
     assert!(warned, "{said:?}");
 
-    let metrics = evaluated(&RunFolder::at(&out), &after);
+    let metrics = judged(&RunFolder::at(&out), &after);
     let stated = metrics.estimators["inverse_range_filtered"].stated_intervals;
     let held = stated.unwrap().held;
     // With the errors that the camera had before they would be too narrow.
@@ -148,8 +129,7 @@ fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse()
 fn a_view_that_is_none_too_many_approaches_too_few_ticks_and_another_second_camera_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let before = corpus(folder.path(), "before", None);
-    let run = train(&before, &folder.path().join("run"), &settings(5), &Silent);
-    let run = run.unwrap().run;
+    let run = trained(&before, &folder.path().join("run"), &settings(5));
     let out = folder.path().join("refitted");
     let refusal = |corpus: &Corpus, config: &RefitConfig| {
         let refused = refit(&run, corpus, &out, config, &Silent);

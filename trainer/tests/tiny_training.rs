@@ -14,7 +14,7 @@ use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Silent;
-use hardly_trained::narrow;
+use hardly_trained::{judged, narrow, tiny, trained};
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
 use testkit::{program_of_venv, repository};
 use trainer::config::{Loss, PaperDeviation};
@@ -30,12 +30,6 @@ fn small() -> TrainConfig {
     config
 }
 
-fn trained(root: &Path) -> (Corpus, RunFolder) {
-    let corpus = SyntheticCorpus::tiny().write(&root.join("corpus")).unwrap();
-    let outcome = train(&corpus, &root.join("run"), &small(), &Silent).unwrap();
-    (corpus, outcome.run)
-}
-
 /// A short training on boxes and shifts with this noise, and its evaluation.
 fn trained_with_shifts(root: &Path, shift_noise_px: f64) -> (Corpus, RunFolder, Metrics) {
     let synthetic = SyntheticCorpus {
@@ -43,14 +37,9 @@ fn trained_with_shifts(root: &Path, shift_noise_px: f64) -> (Corpus, RunFolder, 
         ..SyntheticCorpus::tiny()
     };
     let corpus = synthetic.write(&root.join("corpus")).unwrap();
-    let run = train(&corpus, &root.join("run"), &few_steps(), &Silent);
-    let run = run.unwrap().run;
-    let metrics = judge(&run, &corpus).unwrap();
+    let run = trained(&corpus, &root.join("run"), &few_steps());
+    let metrics = judged(&run, &corpus);
     (corpus, run, metrics)
-}
-
-fn judge(run: &RunFolder, corpus: &Corpus) -> trainer::Result<Metrics> {
-    evaluate(run, corpus, &EvaluationConfig::default(), &Silent)
 }
 
 fn mape(metrics: &Metrics, name: &str) -> f64 {
@@ -64,8 +53,9 @@ fn mape(metrics: &Metrics, name: &str) -> f64 {
 #[test]
 fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
     let folder = tempfile::tempdir().unwrap();
-    let (corpus, run) = trained(folder.path());
-    let metrics = judge(&run, &corpus).unwrap();
+    let corpus = tiny(folder.path());
+    let run = trained(&corpus, &folder.path().join("run"), &small());
+    let metrics = judged(&run, &corpus);
 
     // A constant predictor is off by tens of percent; so is one that has learned from the wrong view.
     for (name, most_pct) in [
@@ -138,19 +128,16 @@ fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
 #[test]
 fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus::tiny()
-        .write(&folder.path().join("corpus"))
-        .unwrap();
+    let corpus = tiny(folder.path());
     let config = few_steps();
     let weights = |name: &str, seed: u64| {
         let config = TrainConfig {
             seed,
             ..config.clone()
         };
-        let outcome = train(&corpus, &folder.path().join(name), &config, &Silent).unwrap();
-        let evaluated = judge(&outcome.run, &corpus).unwrap();
-        let bytes = fs::read(outcome.run.weights_path()).unwrap();
-        (mape(&evaluated, "paper_lstm"), bytes)
+        let run = trained(&corpus, &folder.path().join(name), &config);
+        let bytes = fs::read(run.weights_path()).unwrap();
+        (mape(&judged(&run, &corpus), "paper_lstm"), bytes)
     };
     let first = weights("a", 0);
     for again in ["b", "c", "d"] {
@@ -178,10 +165,8 @@ fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
         corpus.write(&folder.path().join(name)).unwrap()
     };
     let corpus = sides("three", 1, 1, 1);
-    let run = train(&corpus, &folder.path().join("run"), &few_steps(), &Silent)
-        .unwrap()
-        .run;
-    judge(&run, &corpus).unwrap();
+    let run = trained(&corpus, &folder.path().join("run"), &few_steps());
+    judged(&run, &corpus);
     for (name, empty, [train_count, validation]) in
         [("one", "validation", [1, 0]), ("other", "training", [0, 1])]
     {
@@ -196,8 +181,15 @@ fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
         );
     }
     let two = sides("two", 1, 1, 0);
-    let message = judge(&run, &two).unwrap_err().to_string();
-    assert!(message.contains("no samples on the test side"), "{message}");
+    let nowhere = RunFolder::at(&folder.path().join("nowhere"));
+    for (run, needed) in [
+        (&run, "no samples on the test side"),
+        (&nowhere, "dtd train"),
+    ] {
+        let refused = evaluate(run, &two, &EvaluationConfig::default(), &Silent);
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains(needed), "{message}");
+    }
 }
 
 /// Replaces the detections of all scenarios of one side: `change` gets the box of each.
@@ -234,9 +226,7 @@ fn few_steps() -> TrainConfig {
 #[test]
 fn a_training_that_leaves_the_paper_s_method_names_in_what() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus::tiny()
-        .write(&folder.path().join("corpus"))
-        .unwrap();
+    let corpus = tiny(folder.path());
     with_boxes(&corpus, Side::Train, |seen| PixelBox {
         // Boxes of the last mile or so are moved away.
         cy_px: seen.cy_px + if seen.width_px > 100.0 { 200.0 } else { 0.0 },
@@ -244,8 +234,8 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
     });
     let run = |name: &str, config: &TrainConfig| {
         let out = folder.path().join(name);
-        let run = train(&corpus, &out, config, &Silent).unwrap().run;
-        let metrics = judge(&run, &corpus).unwrap();
+        let run = trained(&corpus, &out, config);
+        let metrics = judged(&run, &corpus);
         let summary: serde_json::Value = read_json(&out.join("run.json"), "summary").unwrap();
         let report = fs::read_to_string(run.report_path()).unwrap();
         (metrics.deviations_from_paper, summary, report)
@@ -375,14 +365,10 @@ fn speck(_: PixelBox) -> PixelBox {
 #[test]
 fn no_estimator_answers_where_every_box_is_unlike_any_of_the_training_side() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus::tiny()
-        .write(&folder.path().join("corpus"))
-        .unwrap();
-    let run = train(&corpus, &folder.path().join("run"), &few_steps(), &Silent)
-        .unwrap()
-        .run;
+    let corpus = tiny(folder.path());
+    let run = trained(&corpus, &folder.path().join("run"), &few_steps());
     with_boxes(&corpus, Side::Test, speck);
-    let metrics = judge(&run, &corpus).unwrap();
+    let metrics = judged(&run, &corpus);
     for (name, figures) in &metrics.estimators {
         let combination = figures.overall.combination.unwrap();
         assert_eq!(combination.samples, 0, "{name}");
@@ -402,9 +388,7 @@ fn no_estimator_answers_where_every_box_is_unlike_any_of_the_training_side() {
 #[test]
 fn sides_without_a_box_that_can_be_used_are_explained() {
     let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus::tiny()
-        .write(&folder.path().join("corpus"))
-        .unwrap();
+    let corpus = tiny(folder.path());
     let message = |corpus: &Corpus| {
         train(corpus, &folder.path().join("run"), &few_steps(), &Silent)
             .unwrap_err()
@@ -422,63 +406,4 @@ fn sides_without_a_box_that_can_be_used_are_explained() {
         training.contains("training side") && training.contains("no box of theirs is where"),
         "{training}"
     );
-}
-
-#[test]
-fn a_run_that_was_copied_predicts_exactly_what_it_predicted_before() {
-    let folder = tempfile::tempdir().unwrap();
-    let (corpus, run) = trained(folder.path());
-    let predictions = |run: &RunFolder| {
-        judge(run, &corpus).unwrap();
-        Table::read(&run.predictions_path(), u64::MAX)
-            .unwrap()
-            .optional_f64("paper_lstm_dtd_m")
-            .unwrap()
-    };
-    let before = predictions(&run);
-    let copy = RunFolder::at(&folder.path().join("copy"));
-    fs::create_dir(copy.root()).unwrap();
-    for entry in fs::read_dir(run.root()).unwrap() {
-        let entry = entry.unwrap();
-        fs::copy(entry.path(), copy.root().join(entry.file_name())).unwrap();
-    }
-    assert_eq!(predictions(&copy), before);
-}
-
-#[test]
-fn a_corpus_whose_test_trajectory_was_trained_on_is_refused_by_name() {
-    let folder = tempfile::tempdir().unwrap();
-    let (corpus, run) = trained(folder.path());
-    let mut splits = Splits::read(&corpus.splits_path()).unwrap();
-    let trained_on = splits.side(Side::Train).next().unwrap().to_owned();
-    splits.scenarios.get_mut(&trained_on).unwrap().side = Side::Test;
-    splits.write(&corpus.splits_path()).unwrap();
-    let message = judge(&run, &corpus).unwrap_err().to_string();
-    assert!(
-        message.contains(&splits.scenarios[&trained_on].trajectory)
-            && message.contains(&trained_on),
-        "{message}"
-    );
-    assert!(
-        !run.metrics_path().exists(),
-        "nothing is written after a refusal"
-    );
-}
-
-#[test]
-fn a_folder_without_a_run_and_a_corpus_without_a_validation_side_are_explained() {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = SyntheticCorpus {
-        validation: 0,
-        ..SyntheticCorpus::tiny()
-    }
-    .write(folder.path())
-    .unwrap();
-    let message = train(&corpus, &folder.path().join("run"), &small(), &Silent)
-        .unwrap_err()
-        .to_string();
-    assert!(message.contains("validation side"), "{message}");
-    let nowhere = RunFolder::at(&folder.path().join("nowhere"));
-    let message = judge(&nowhere, &corpus).unwrap_err().to_string();
-    assert!(message.contains("dtd train"), "{message}");
 }

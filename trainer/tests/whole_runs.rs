@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, mpsc};
 use std::thread;
 
+mod hardly_trained;
+
 use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::work::watch::{Silent, Watch};
+use hardly_trained::tiny;
 use tempfile::{TempDir, tempdir};
-use testkit::synthetic::SyntheticCorpus;
 use trainer::{Error, EvaluationConfig, RunFolder, TrainConfig, evaluate, train};
 
 /// The method with almost no training: a second.
@@ -32,9 +34,7 @@ struct Workshop {
 impl Workshop {
     fn new() -> Self {
         let folder = tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny()
-            .write(&folder.path().join("corpus"))
-            .unwrap();
+        let corpus = tiny(folder.path());
         Self { folder, corpus }
     }
 

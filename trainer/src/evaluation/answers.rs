@@ -1,10 +1,9 @@
 //! Answers from all estimators at the evaluated ticks, in compact form: a full corpus has 770,000 ticks, each answered by every estimator
 //! with all views and with some removed.
 
-use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::metrics::{Group, Outcome};
 use crate::evaluation::rules::EvaluationRules;
-use crate::run::estimator::{Estimator, Task};
+use crate::run::estimator::{Answered, Estimator};
 use crate::samples::{Observation, Sample, Samples};
 use dataset::corpus::splits::Side;
 
@@ -66,32 +65,6 @@ impl<'a> JudgedTicks<'a> {
             .filter(|(_, sample)| sample.scenario == scenario)
             .map(|(tick, sample)| (*sample, self.outcome(tick, answers, estimator)))
             .collect()
-    }
-}
-
-/// Answers from one estimator.
-pub(crate) struct Answered {
-    /// Distances, metres.
-    pub distances_m: Vec<Option<f64>>,
-    /// Full estimates; `None` for an estimator with distances only.
-    pub estimates: Option<Vec<Option<Estimate>>>,
-}
-
-impl Answered {
-    /// Answers in the order of [`Estimator::ALL`].
-    pub(crate) fn of_all(task: &Task) -> Vec<Self> {
-        let of = |estimator: Estimator| {
-            let estimates = estimator.estimates(task);
-            let distances_m = match &estimates {
-                Some(estimates) => Estimate::distances_m(estimates),
-                None => estimator.predict(task),
-            };
-            Self {
-                distances_m,
-                estimates,
-            }
-        };
-        Estimator::ALL.map(of).into()
     }
 }
 

@@ -25,7 +25,7 @@ use self::cells::Cells;
 use self::layout::listed;
 use self::predictions::{EstimatorPredictions, Predictions};
 use self::units::{TOLERANCE, probable_unit};
-use crate::error::{CorpusFault, Error, PredictionsFault, Result};
+use crate::error::Result;
 use crate::evaluation::answers::common_ticks;
 use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
 use crate::evaluation::metrics::{EstimatorMetrics, Group, Outcome, WithoutViews};
@@ -134,7 +134,6 @@ pub fn evaluate_table(
     let rules = &EvaluationRules::current();
     let place = config.out.as_deref().map(RunPlace::take_vacant);
     let place = place.transpose()?;
-    let refused = |fault| Error::predictions(table, fault);
     let cells = Cells::read(table)?;
     let ignored = &cells.layout.ignored;
     if !ignored.is_empty() {
@@ -149,13 +148,9 @@ pub fn evaluate_table(
     let tested = samples.ticks_of_side(Side::Test);
     let judged: Vec<&Sample> = tested.filter(|sample| rules.is_there(sample)).collect();
     if judged.is_empty() {
-        let fault = CorpusFault::NoTestSamples {
-            min_dtd_nm: rules.min_dtd_nm,
-            max_dtd_nm: rules.max_dtd_nm,
-        };
-        return Err(Error::corpus(corpus.root(), fault));
+        return Err(rules.nothing_to_judge(corpus));
     }
-    let predictions = Predictions::at(&judged, &cells, &truth, rules).map_err(refused)?;
+    let predictions = Predictions::at(&judged, &cells, &truth, rules)?;
     if predictions.not_judged > 0 {
         watch.say(&format!(
             "rows that are not judged, of other ticks or other sides of the split: {}",
@@ -163,7 +158,7 @@ pub fn evaluate_table(
         ));
     }
     for predicted in &predictions.estimators {
-        refuse_other_unit(predicted, &judged).map_err(refused)?;
+        refuse_other_unit(predicted, &judged).map_err(|fault| cells.refused(fault))?;
         let distances_m = predicted.distances_m.iter().flatten();
         let negative = distances_m.filter(|distance_m| **distance_m < 0.0).count();
         if negative > 0 {
@@ -211,7 +206,7 @@ pub fn evaluate_table(
 fn refuse_other_unit(
     predicted: &EstimatorPredictions,
     judged: &[&Sample],
-) -> std::result::Result<(), PredictionsFault> {
+) -> std::result::Result<(), String> {
     let ticks = predicted.distances_m.iter().zip(judged);
     let ratios = ticks.filter_map(|(distance_m, sample)| Some((*distance_m)? / sample.dtd_m));
     let mut ratios: Vec<f64> = ratios.collect();
@@ -219,22 +214,21 @@ fn refuse_other_unit(
         return Ok(());
     }
     let median_ratio = median(&mut ratios);
-    let column = format!("{}_dtd_m", predicted.name);
+    let name = &predicted.name;
     // Hardly trained estimators may answer below zero, but not by this factor.
     if (median_ratio + 1.0).abs() <= TOLERANCE {
-        return Err(PredictionsFault::Negative {
-            column,
-            median_ratio,
-        });
+        return Err(format!(
+            "the distances in {name}_dtd_m have the opposite sign: their median is {median_ratio:.3} of the true distance; expected \
+             distances to touchdown, which fall to 0 m along the approach; change their sign"
+        ));
     }
     match probable_unit(median_ratio) {
         None => Ok(()),
-        Some((unit, length_m)) => Err(PredictionsFault::OtherUnit {
-            column,
-            unit,
-            median_ratio,
-            expected_ratio: 1.0 / length_m,
-        }),
+        Some((unit, length_m)) => Err(format!(
+            "the distances in {name}_dtd_m are probably in {unit}: their median is {median_ratio:.3e} of the true distance in metres, \
+             and {unit} would give {:.3e}; convert them to metres",
+            1.0 / length_m
+        )),
     }
 }
 

@@ -8,18 +8,17 @@ use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::work::watch::Watch;
 use serde::{Serialize, Serializer};
 
-use crate::error::{CorpusFault, Error, Result};
+use crate::error::{Error, Result};
 use crate::estimators::inverse_range::flight_filter::Estimate;
-use crate::evaluation::answers::Answered;
 use crate::evaluation::prediction_table::add_answers;
 use crate::live::{InSight, JudgedAircraft, Phase, check_causal};
-use crate::run::estimator::{Estimator, Task};
+use crate::run::estimator::{Answered, Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::place::refuse_in_run;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 use crate::samples::camera_health::Corrections;
-use crate::samples::{Moment, Observation, Samples};
+use crate::samples::{Moment, NO_SCENARIOS, Observation, Samples};
 
 /// Prediction size.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -65,7 +64,7 @@ pub fn predict(
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;
     let trained = trained.for_corpus(run, corpus, &corpus_read, watch)?;
     if flights.is_empty() {
-        return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));
+        return Err(Error::corpus(corpus.root(), NO_SCENARIOS));
     }
     if let Some(backgrounds) = &trained.backgrounds {
         let alignment = backgrounds.align_observations(
@@ -128,8 +127,11 @@ struct FlightPredictions {
 impl FlightPredictions {
     fn whole(trained: &TrainedRun, samples: &Samples, flight: &[Observation]) -> Self {
         let observed = trained.believed(flight, samples);
+        let task = Task::new(trained, &samples.scenarios, &observed);
         Self {
-            answered: Answered::of_all(&Task::new(trained, &samples.scenarios, &observed)),
+            answered: Estimator::ALL
+                .map(|estimator| estimator.answers(&task))
+                .into(),
             observed,
             phases: None,
         }
@@ -158,22 +160,14 @@ impl FlightPredictions {
         let estimates: Vec<Option<Estimate>> = stated.collect();
         let task = Task::new(trained, &samples.scenarios, &observed);
         let answered = Estimator::ALL.map(|estimator| match estimator {
-            Estimator::InverseRangeFiltered => Answered {
-                distances_m: Estimate::distances_m(&estimates),
-                estimates: Some(estimates.clone()),
-            },
-            Estimator::InverseRangeSmoothed => Answered {
-                distances_m: vec![None; observed.len()],
-                estimates: Some(vec![None; observed.len()]),
-            },
+            Estimator::InverseRangeFiltered => Answered::of_estimates(estimates.clone()),
+            Estimator::InverseRangeSmoothed => Answered::of_estimates(vec![None; observed.len()]),
             _ => {
-                let answers = estimator.predict(&task).into_iter().zip(&phases);
-                Answered {
-                    distances_m: answers
-                        .map(|(answer, phase)| answer.filter(|_| *phase == Some(Phase::Arrival)))
-                        .collect(),
-                    estimates: None,
+                let mut answered = estimator.answers(&task);
+                for (answer, phase) in answered.distances_m.iter_mut().zip(&phases) {
+                    *answer = answer.filter(|_| *phase == Some(Phase::Arrival));
                 }
+                answered
             }
         });
         Self {

@@ -3,8 +3,7 @@
 use dataset::tables::columns::TableWriter;
 
 use crate::estimators::inverse_range::flight_filter::{Estimate, Estimated};
-use crate::evaluation::answers::Answered;
-use crate::run::estimator::Estimator;
+use crate::run::estimator::{Answered, Estimator};
 
 /// Adds the answers at some ticks in a flight.
 pub(crate) fn add_answers(

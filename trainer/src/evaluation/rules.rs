@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use dataset::corpus::Corpus;
 use dataset::files::toml_file::TomlFile;
 use serde::{Deserialize, Serialize};
 
+use crate::error::Error;
 use crate::samples::{DistanceRange, Sample};
 
 const FILE: &str = "evaluation-rules.toml";
@@ -73,6 +75,15 @@ impl EvaluationRules {
     /// True if the aircraft is present, so that the tick counts.
     pub(crate) fn is_there(&self, sample: &Sample) -> bool {
         self.range().contains(sample.dtd_m) && sample.transmission.is_some()
+    }
+
+    /// Error for a corpus without a tick that counts.
+    pub(crate) fn nothing_to_judge(&self, corpus: &Corpus) -> Error {
+        let fault = format!(
+            "has no samples on the test side from {} to {} NM",
+            self.min_dtd_nm, self.max_dtd_nm
+        );
+        Error::corpus(corpus.root(), fault)
     }
 
     /// True if fog hides the aircraft from every camera that looks at it.

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::config::TrainConfig;
-use crate::error::{Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::networks::stage::Cycle;
 use crate::networks::training_loop::{Learned, Task};
 use crate::samples::rig::json_differences::json_differences;
@@ -239,9 +239,10 @@ impl Checkpoints {
         value.map_err(|error| self.damaged(error))
     }
 
-    fn damaged(&self, error: impl std::error::Error + Send + Sync + 'static) -> Error {
+    fn damaged(&self, error: impl std::error::Error) -> Error {
         let path = self.path.as_deref().unwrap_or(Path::new(""));
-        Error::run(path, RunFault::DamagedCheckpoint(Box::new(error)))
+        let remedy = "remove it, and the training starts from the beginning";
+        Error::run(path, format!("is damaged: {error}; {remedy}"))
     }
 }
 

@@ -84,6 +84,24 @@ pub(crate) struct Description {
     pub(crate) how: &'static str,
 }
 
+/// Answers from one estimator, tick by tick.
+pub(crate) struct Answered {
+    /// Finite distances, metres.
+    pub distances_m: Vec<Option<f64>>,
+    /// Full estimates; `None` for an estimator with distances only.
+    pub estimates: Option<Vec<Option<Estimate>>>,
+}
+
+impl Answered {
+    pub(crate) fn of_estimates(estimates: Vec<Option<Estimate>>) -> Self {
+        let distance_m = |estimate: &Option<Estimate>| Some(estimate.as_ref()?.distance_m.value);
+        Self {
+            distances_m: estimates.iter().map(distance_m).collect(),
+            estimates: Some(estimates),
+        }
+    }
+}
+
 /// Flights to estimate, and the run.
 pub(crate) struct Task<'a> {
     run: &'a TrainedRun,
@@ -127,6 +145,14 @@ impl<'a> Task<'a> {
         self.metres(networks.predict(inputs, &self.encoded, loss, &Device::flex()))
     }
 
+    fn filtered(&self, knowing: Knowing) -> Answered {
+        let baselines = &self.run.baselines;
+        let (filter, fits) = (&baselines.flight_filter, &baselines.inverse_range);
+        let flights = self.observations.chunk_by(|a, b| a.scenario == b.scenario);
+        let estimates = flights.flat_map(|flight| filter.predict(fits, flight, knowing));
+        Answered::of_estimates(estimates.collect())
+    }
+
     /// Applies a formula tick by tick.
     fn each(&self, formula: impl Fn(&Observation) -> Option<f64>) -> Vec<Option<f64>> {
         self.observations.iter().map(formula).collect()
@@ -142,34 +168,22 @@ impl Estimator {
         match self {
             Self::Triangulation => Standing::Oracle,
             Self::NoVisionTime | Self::NoVisionTimeWeather => Standing::NoVision,
-            Self::PaperLstm
-            | Self::InverseRange
-            | Self::InverseRangeFiltered
-            | Self::InverseRangeSmoothed
-            | Self::SelfCalibrated
-            | Self::MonoNetworkBox
-            | Self::MonoNetworkPosition
-            | Self::MonoNetwork
-            | Self::MonoPinhole => Standing::Competitor,
+            _ => Standing::Competitor,
         }
     }
 
     /// True if live answers are possible: without later ticks, runway, weather or the scenario's start.
     pub(crate) fn is_online(self) -> bool {
-        match self {
+        matches!(
+            self,
             Self::PaperLstm
-            | Self::InverseRange
-            | Self::InverseRangeFiltered
-            | Self::MonoNetworkBox
-            | Self::MonoNetworkPosition
-            | Self::MonoNetwork
-            | Self::MonoPinhole => true,
-            Self::InverseRangeSmoothed
-            | Self::SelfCalibrated
-            | Self::Triangulation
-            | Self::NoVisionTime
-            | Self::NoVisionTimeWeather => false,
-        }
+                | Self::InverseRange
+                | Self::InverseRangeFiltered
+                | Self::MonoNetworkBox
+                | Self::MonoNetworkPosition
+                | Self::MonoNetwork
+                | Self::MonoPinhole
+        )
     }
 
     pub(crate) fn description(self) -> Description {
@@ -238,14 +252,6 @@ impl Estimator {
         Description { name, title, how }
     }
 
-    /// Distances to touchdown in the order of the observations, metres, all finite; `None` for no answer.
-    pub(crate) fn predict(self, task: &Task) -> Vec<Option<f64>> {
-        let answers = self.answers(task).into_iter();
-        answers
-            .map(|answer| answer.filter(|distance_m| distance_m.is_finite()))
-            .collect()
-    }
-
     /// ONNX model, which takes boxes in pixels; `None` if cameras, time, or earlier ticks are needed.
     pub(crate) fn to_onnx(self, run: &TrainedRun) -> Option<ModelProto> {
         let (networks, baselines, loss) = (&run.networks, &run.baselines, run.config.target());
@@ -263,43 +269,15 @@ impl Estimator {
                 (networks.mono_position).to_onnx(MonoInputs::Position, loss, graph)
             }
             Self::MonoPinhole => mono_pinhole::to_onnx(&baselines.pinholes, graph),
-            Self::Triangulation
-            | Self::NoVisionTime
-            | Self::NoVisionTimeWeather
-            | Self::SelfCalibrated
-            | Self::InverseRangeFiltered
-            | Self::InverseRangeSmoothed => return None,
+            _ => return None,
         };
         Some(graph.model(&metres, self.name()))
     }
 
-    /// Distances, speeds and times with intervals, in the order of the observations; `None` for estimators without intervals.
-    pub(crate) fn estimates(self, task: &Task) -> Option<Vec<Option<Estimate>>> {
-        let knowing = match self {
-            Self::InverseRangeFiltered => Knowing::Past,
-            Self::InverseRangeSmoothed => Knowing::All,
-            Self::PaperLstm
-            | Self::InverseRange
-            | Self::SelfCalibrated
-            | Self::Triangulation
-            | Self::MonoNetworkBox
-            | Self::MonoNetworkPosition
-            | Self::MonoNetwork
-            | Self::MonoPinhole
-            | Self::NoVisionTime
-            | Self::NoVisionTimeWeather => return None,
-        };
-        let baselines = &task.run.baselines;
-        let flights = task.observations.chunk_by(|a, b| a.scenario == b.scenario);
-        let filter = &baselines.flight_filter;
-        let estimates =
-            flights.flat_map(|flight| filter.predict(&baselines.inverse_range, flight, knowing));
-        Some(estimates.collect())
-    }
-
-    fn answers(self, task: &Task) -> Vec<Option<f64>> {
+    /// Answers in the order of the observations.
+    pub(crate) fn answers(self, task: &Task) -> Answered {
         let (networks, baselines) = (&task.run.networks, &task.run.baselines);
-        match self {
+        let distances_m = match self {
             Self::PaperLstm => task.metres(paper_lstm::predict(
                 &networks.calibration,
                 &networks.estimator,
@@ -308,9 +286,8 @@ impl Estimator {
                 &Device::flex(),
             )),
             Self::InverseRange => task.each(|s| baselines.inverse_range.predict(s)),
-            Self::InverseRangeFiltered | Self::InverseRangeSmoothed => {
-                Estimate::distances_m(&self.estimates(task).unwrap_or_default())
-            }
+            Self::InverseRangeFiltered => return task.filtered(Knowing::Past),
+            Self::InverseRangeSmoothed => return task.filtered(Knowing::All),
             Self::SelfCalibrated => match &baselines.self_calibrated {
                 None => vec![None; task.observations.len()],
                 Some(fitted) => {
@@ -336,6 +313,11 @@ impl Estimator {
                     scenario.touchdown,
                 )
             }),
+        };
+        let finite = |distance_m: Option<f64>| distance_m.filter(|m| m.is_finite());
+        Answered {
+            distances_m: distances_m.into_iter().map(finite).collect(),
+            estimates: None,
         }
     }
 }

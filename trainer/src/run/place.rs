@@ -23,7 +23,7 @@ use dataset::files::json_file::{read_json, write_json_unsynced};
 use dataset::files::new_file::clear_leftovers;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::run::folder::RunFolder;
 
 const OLD: &str = "old";
@@ -64,7 +64,7 @@ impl RunPlace {
         };
         let place = Self::take_if(run, is_there)?;
         if !place.run().summary_path().is_file() {
-            return Err(Error::run(run.root(), RunFault::Unfinished));
+            return Err(unfinished(run.root()));
         }
         Ok(place)
     }
@@ -73,7 +73,7 @@ impl RunPlace {
         let run = workshop::resolve(run.root())?;
         refuse_in_run(&run)?;
         if !is_wanted(&run) {
-            return Err(Error::run(&run, RunFault::Unfinished));
+            return Err(unfinished(&run));
         }
         let workshop = Workshop::enter(&run, &[OLD, TRAINING], Duration::ZERO)?;
         let place = Self { workshop };
@@ -146,7 +146,12 @@ impl RunPlace {
         }
         if is_decided {
             if old.is_dir() && !is_vacant(run) {
-                return Err(Error::run(run, RunFault::Contested { new, old }));
+                let fault = format!(
+                    "appeared while {} was about to replace the run that is now at {}; keep one of the three and move the others away",
+                    new.display(),
+                    old.display()
+                );
+                return Err(Error::run(run, fault));
             }
             self.put_in_place()?;
             tracing::warn!(
@@ -170,7 +175,11 @@ impl RunPlace {
         let replaces = new.join(RunFolder::REPLACES);
         let Replaces { run: expected } = read_json(&replaces, "note of what a run replaces")?;
         if there.is_some() && there != expected {
-            return Err(Error::run(run, RunFault::OtherRun { new }));
+            let fault = format!(
+                "is not the run that {} was made to replace; move one of the two away",
+                new.display()
+            );
+            return Err(Error::run(run, fault));
         }
         if !is_vacant(run) {
             workshop::rename(run, &old)?;
@@ -234,8 +243,14 @@ fn identity(run: &Path) -> Result<Option<String>> {
 pub(crate) fn refuse_in_run(path: &Path) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if folder.join(RunFolder::SUMMARY).is_file() {
-        Err(Error::run(path, RunFault::InRun))
+        let fault = "lies in a run, which holds nothing but its own files; name a place outside";
+        Err(Error::run(path, fault))
     } else {
         Ok(())
     }
+}
+
+pub(crate) fn unfinished(run: &Path) -> Error {
+    let fault = "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`";
+    Error::run(run, fault)
 }

@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use dataset::corpus::seal::sealed::Sealed;
+use dataset::corpus::seal::{DONE, MANIFEST};
 use dataset::files::json_file::{parse_json, write_unsynced};
 use dataset::files::outside_file::{self, FileKind};
 use serde::de::DeserializeOwned;
 
-use crate::error::{Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::run::folder::RunFolder;
+use crate::run::place::unfinished;
 
 /// Limit for run files; the largest are the weights.
 const RUN_FILE: FileKind = FileKind::new("file of a run", 4 << 30).unlinked();
@@ -28,12 +30,19 @@ impl SealedRun {
     pub(crate) fn read(folder: &RunFolder) -> Result<Self> {
         let root = folder.root();
         if !folder.summary_path().is_file() {
-            return Err(Error::run(root, RunFault::Unfinished));
+            return Err(unfinished(root));
         }
         let seal = match Sealed::read(root) {
-            Ok(seal) => seal.ok_or_else(|| Error::run(root, RunFault::Unsealed))?,
+            Ok(Some(seal)) => seal,
+            Ok(None) => {
+                let fault = format!(
+                    "has no {DONE}, so nothing says that its files belong together; train again"
+                );
+                return Err(Error::run(root, fault));
+            }
             Err(error) if error.is_bad_content() => {
-                return Err(Error::run(root, RunFault::DamagedSeal(error)));
+                let fault = format!("is damaged: {error}; put the right file back, or train again");
+                return Err(Error::run(root, fault));
             }
             Err(error) => return Err(error.into()),
         };
@@ -43,13 +52,18 @@ impl SealedRun {
             let path = root.join(name);
             let bytes = match outside_file::read(&path, RUN_FILE) {
                 Err(error) if error.is_not_found() => {
-                    return Err(Error::run(&path, RunFault::Missing));
+                    let fault =
+                        "is missing, though the training wrote it; put it back, or train again";
+                    return Err(Error::run(&path, fault));
                 }
                 read => read?,
             };
             let hash = blake3::hash(&bytes).to_string();
             if seal.hash_of(name) != Some(&hash) {
-                return Err(Error::run(&path, RunFault::Changed));
+                let fault = format!(
+                    "is not what the training wrote: its hash differs from {MANIFEST}; put the right file back, or train again"
+                );
+                return Err(Error::run(&path, fault));
             }
             files.insert(name, bytes);
         }
@@ -123,7 +137,7 @@ impl SealedRun {
         Ok(Some(parse_json(&bytes, &path, what)?))
     }
 
-    pub(crate) fn refused(&self, name: &str, fault: RunFault) -> Error {
+    pub(crate) fn refused(&self, name: &str, fault: impl Into<String>) -> Error {
         Error::run(&self.root.join(name), fault)
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use burn::module::{Module, ModuleVisitor, Param};
-use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::store::{ModuleSnapshot, SafetensorsStore, SafetensorsStoreError};
 use burn::tensor::{Device, Tensor};
 use dataset::corpus::detections::RegisteredWith;
 use dataset::corpus::seal;
@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use crate::background::{Backgrounds, StoredView};
 use crate::config::{PaperDeviation, TrainConfig};
-use crate::error::{Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::inverse_range::InverseRange;
@@ -113,12 +113,14 @@ impl RunSummary {
         const WHAT: &str = "run summary";
         let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, WHAT)?;
         if format != RUN_FORMAT {
-            let readable = RUN_FORMAT;
-            let fault = RunFault::OtherFormat {
-                format,
-                readable,
-                dtd,
+            let remedy = if format < RUN_FORMAT {
+                "train again"
+            } else {
+                "update dtd, or train again"
             };
+            let fault = format!(
+                "belongs to a run of format {format}, written by dtd {dtd}, and this version reads format {RUN_FORMAT}; {remedy}"
+            );
             return Err(sealed.refused(RunFolder::SUMMARY, fault));
         }
         sealed.json(RunFolder::SUMMARY, WHAT)
@@ -261,7 +263,7 @@ fn check_numbers(
         check.number("scale_px", scale, limits::FEATURE_SCALE_PX);
     }
     if let Some(fault) = std::mem::take(check).first() {
-        return Err(sealed.refused(RunFolder::NORMALISATION, RunFault::OutOfLimits(fault)));
+        return Err(sealed.refused(RunFolder::NORMALISATION, format!("{fault}; train again")));
     }
     for place in baselines.inverse_range.offsets_px() {
         check.number("inverse_range offset_px", place, limits::BOX_PLACE_PX);
@@ -273,12 +275,14 @@ fn check_numbers(
         check.part("self_calibrated", |check| fitted.check(check));
     }
     if let Some(fault) = std::mem::take(check).first() {
-        return Err(sealed.refused(RunFolder::BASELINES, RunFault::OutOfLimits(fault)));
+        return Err(sealed.refused(RunFolder::BASELINES, format!("{fault}; train again")));
     }
     let formulas: Value = sealed.json(RunFolder::BASELINES, "set of baselines")?;
-    let refused = |file, number| {
-        let most = MAX_NUMBER;
-        sealed.refused(file, RunFault::ImpossibleNumber { number, most })
+    let refused = |file, number: f64| {
+        let fault = format!(
+            "has the number {number:e}, expected one up to {MAX_NUMBER:e} in size; train again"
+        );
+        sealed.refused(file, fault)
     };
     if let Some(number) = impossible_in(&formulas) {
         return Err(refused(RunFolder::BASELINES, number));
@@ -364,7 +368,10 @@ impl TrainedRun {
     /// Networks in Safetensors format. The same numbers give the same bytes, because the metadata has a single entry: with several, their
     /// order varies between processes.
     pub(crate) fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
-        let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
+        let failed = |error: SafetensorsStoreError| {
+            let fault = format!("weights cannot be written: {error}");
+            Error::run(&folder.weights_path(), fault)
+        };
         let mut store = SafetensorsStore::from_bytes(None)
             .clear_metadata()
             .metadata("producer", "dtd");
@@ -389,7 +396,10 @@ impl TrainedRun {
         ];
         let is_possible = (1..=limits::MAX_VIEWS).contains(&views);
         if !is_possible || lengths.iter().any(|&length| length != views) {
-            let fault = RunFault::Lengths { views, lengths };
+            let fault = format!(
+                "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each, 1 to {}",
+                limits::MAX_VIEWS
+            );
             return Err(sealed.refused(RunFolder::NORMALISATION, fault));
         }
         let fitted = baselines.self_calibrated.as_ref();
@@ -407,16 +417,25 @@ impl TrainedRun {
             ("mean_by_time", baselines.mean_by_time.is_whole()),
         ];
         if let Some((formula, _)) = formulas.into_iter().find(|(_, is_fit)| !is_fit) {
-            let fault = RunFault::OtherFormula { formula, views };
+            let fault = format!(
+                "{formula} does not fit the {views} views of the run, or lacks some of its numbers; train again"
+            );
             return Err(sealed.refused(RunFolder::BASELINES, fault));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
         let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();
         let loaded = networks
             .load_from(&mut SafetensorsStore::from_bytes(Some(weights)))
-            .map_err(|error| sealed.refused(RunFolder::WEIGHTS, RunFault::OtherNetworks(error)))?;
+            .map_err(|error| {
+                let fault =
+                    format!("weights do not fit the networks of config.json: {error}; train again");
+                sealed.refused(RunFolder::WEIGHTS, fault)
+            })?;
         if !loaded.unused.is_empty() {
-            let fault = RunFault::UnknownWeights(loaded.unused);
+            let fault = format!(
+                "holds {}, which the networks of config.json do not have; train again",
+                loaded.unused.join(", ")
+            );
             return Err(sealed.refused(RunFolder::WEIGHTS, fault));
         }
         check_numbers(sealed, &normalisation, &baselines, &networks)?;
@@ -426,7 +445,8 @@ impl TrainedRun {
         };
         let expected = config.align_backgrounds.then_some(views);
         if backgrounds.as_ref().map(Backgrounds::views) != expected {
-            return Err(sealed.refused(RunFolder::BACKGROUNDS, RunFault::Backgrounds));
+            let fault = "do not match the backgrounds recorded in config.json and baselines.json; train again";
+            return Err(sealed.refused(RunFolder::BACKGROUNDS, fault));
         }
         Ok(Self {
             backgrounds,

@@ -9,7 +9,8 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::Plan;
 
-use crate::error::{CorpusFault, Error, Result, RigKind};
+use crate::error::{Error, Result};
+use crate::samples::NO_SCENARIOS;
 use crate::samples::rig::json_differences::{collect, named};
 
 pub(crate) type Cameras = BTreeMap<String, CameraEntry>;
@@ -36,14 +37,14 @@ impl Rig {
         let planned = plan.map(|plan| plan.common.cameras().into_iter().collect::<Cameras>());
         let mut first: Option<(Self, String)> = None;
         for folder in folders {
-            let refused = |fault| Err(Error::corpus(folder.root(), fault));
+            let refused = |fault: String| Err(Error::corpus(folder.root(), fault));
             let scenario = folder.open()?;
             let (name, cameras) = (scenario.record()?.rig, scenario.calibration()?.cameras);
             if let Some((view, fault)) = cameras
                 .iter()
-                .find_map(|(view, entry)| Some((view.clone(), entry.fault()?)))
+                .find_map(|(view, entry)| Some((view, entry.fault()?)))
             {
-                return refused(CorpusFault::BadCamera { view, fault });
+                return refused(format!("camera {view} of calibration.json {fault}"));
             }
             let Some((common, id)) = &mut first else {
                 let is_same_form = |planned: &Cameras| form(planned) == form(&cameras);
@@ -58,23 +59,19 @@ impl Rig {
                 first = Some((common, folder.id()));
                 continue;
             };
-            let kind = |name: &str, cameras| RigKind {
-                name: name.to_owned(),
-                form: form(cameras),
-            };
+            let kind = |name: &str, cameras| format!("{name} ({})", form(cameras));
             let (found, expected) = (kind(&name, &cameras), kind(&common.name, &common.cameras));
             if found != expected {
-                return refused(CorpusFault::OtherRig {
-                    found: found.into(),
-                    first: id.clone(),
-                    expected: expected.into(),
-                });
+                return refused(format!(
+                    "its rig {found} differs from the rig of scenario {id}, {expected}; a network learns one rig: keep scenarios of \
+                     different rigs in different corpora"
+                ));
             }
             common.cameras_vary |= !are_same(&common.cameras, &cameras);
         }
         first
             .map(|(common, _)| common)
-            .ok_or_else(|| Error::corpus(corpus.root(), CorpusFault::NoScenarios))
+            .ok_or_else(|| Error::corpus(corpus.root(), NO_SCENARIOS))
     }
 
     /// Cameras as planned, if there is a plan.
@@ -86,8 +83,12 @@ impl Rig {
     pub(crate) fn join(&mut self, first: &Corpus, corpus: &Corpus, other: &Self) -> Result<()> {
         let differences = differences((&other.name, &other.nominal), (&self.name, &self.nominal));
         if !differences.is_empty() {
-            let first = first.root().to_owned();
-            let fault = CorpusFault::RigOfAnotherCorpus { first, differences };
+            let fault = format!(
+                "its planned cameras differ from the cameras of {}, and a training learns one rig; here, and there: {}. Train on one \
+                 at a time, or start from its run (--start-from)",
+                first.root().display(),
+                differences.join("; ")
+            );
             return Err(Error::corpus(corpus.root(), fault));
         }
         self.cameras_vary |= other.cameras_vary || !are_same(&self.cameras, &other.cameras);
@@ -96,10 +97,12 @@ impl Rig {
 }
 
 /// View names with image sizes.
-pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
-    let form =
-        |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
-    cameras.iter().map(form).collect()
+pub(crate) fn form(cameras: &Cameras) -> String {
+    let views = cameras.iter();
+    let views: Vec<_> = views
+        .map(|(view, entry)| format!("{view} {}x{} px", entry.width_px, entry.height_px))
+        .collect();
+    views.join(", ")
 }
 
 /// Differences between two rigs, each given as name and cameras: path of the value, here and there.

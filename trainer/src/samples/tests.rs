@@ -30,18 +30,18 @@ fn detection(score: f64, cx_px: f64) -> Detection {
 }
 
 #[test]
-fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score() {
+fn whole_boxes_are_in_the_order_of_their_scores_without_any_that_the_picture_s_edge_cuts_off() {
     let samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
     let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
-    let cut = detection(0.9, 19.0);
-    let best = whole_boxes(vec![cut.clone(), detection(0.4, 200.0)], &cameras);
-    let left = (4, "left".to_owned());
-    assert_eq!(best[&left][0].pixel_box.cx_px, 200.0);
-    assert_eq!(
-        whole_boxes(vec![cut], &cameras)[&left],
-        [],
-        "counted, not used"
-    );
+    let whole = |found: &[(f64, f64)]| -> Vec<f64> {
+        let found = found.iter().map(|&(score, cx_px)| detection(score, cx_px));
+        let best = whole_boxes(found.collect(), &cameras);
+        let of_left = best[&(4, "left".to_owned())].iter();
+        of_left.map(|found| found.pixel_box.cx_px).collect()
+    };
+    let found = whole(&[(0.95, 19.0), (0.5, 100.0), (0.9, 200.0), (0.7, 300.0)]);
+    assert_eq!(found, [200.0, 300.0, 100.0]);
+    assert!(whole(&[(0.9, 19.0)]).is_empty(), "counted, not used");
 }
 
 #[test]
@@ -65,23 +65,6 @@ fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
     }
     assert!(added > 10, "{added}");
     assert_eq!(samples.with_true_boxes(), undisturbed);
-}
-
-#[test]
-fn of_several_whole_boxes_the_one_with_the_best_score_comes_first() {
-    let samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
-    let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
-    let best = whole_boxes(
-        vec![
-            detection(0.5, 100.0),
-            detection(0.9, 200.0),
-            detection(0.7, 300.0),
-        ],
-        &cameras,
-    );
-    let left = (4, "left".to_owned());
-    let order = best[&left].iter().map(|found| found.pixel_box.cx_px);
-    assert_eq!(order.collect::<Vec<_>>(), [200.0, 300.0, 100.0]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use dataset::work::watch::Watch;
 
 use crate::background::Backgrounds;
 use crate::config::TrainConfig;
-use crate::error::{CorpusFault, Error, Result};
+use crate::error::{Error, Result};
 use crate::evaluation::split_again;
 use crate::networks::normalisation::Normalisation;
 use crate::samples::camera_health::Corrections;
@@ -79,8 +79,12 @@ impl Flights {
         }
         let true_boxes = cameras.true_boxes(&recorded);
         if true_boxes.is_empty() {
-            let samples = recorded.len();
-            let fault = CorpusFault::NoTrueBoxes { samples };
+            let fault = format!(
+                "has {} samples on the {} side, but no box of theirs is where a camera near that of calibration.json sees the aircraft of \
+                 frames.parquet; label and detect again, or check the calibration with `dtd verify`",
+                recorded.len(),
+                Side::Train
+            );
             return Err(Error::corpus(corpus.root(), fault));
         }
         let learned_from: Vec<&Sample> = true_boxes.iter().collect();
@@ -131,8 +135,12 @@ impl Flights {
             .filter(|sample| sample.detections() > 0)
             .collect();
         if usual.is_empty() {
-            let samples = recorded.len();
-            let fault = CorpusFault::NoUsualBoxes { samples };
+            let fault = format!(
+                "has {} samples on the {} side, but no box of theirs is near the places and sizes of the boxes on the training side; \
+                 change the split, or detect again",
+                recorded.len(),
+                Side::Validation
+            );
             return Err(Error::corpus(corpus.root(), fault));
         }
         Ok(usual)
@@ -154,8 +162,15 @@ fn side_with_samples<'a>(
 ) -> Result<Vec<&'a Sample>> {
     let found = samples.of_side(side);
     if found.is_empty() {
-        let scenarios = samples.scenario_count(side);
-        let fault = CorpusFault::NoSamples { side, scenarios };
+        let scenarios = match samples.scenario_count(side) {
+            1 => "1 scenario is there".to_owned(),
+            count => format!("{count} scenarios are there"),
+        };
+        let fault = format!(
+            "has no samples on the {side} side: {scenarios}, none with a detection before touchdown within the distance range; \
+             generate, label and detect more, change the split, leave out less (leave_out), or accept marked scenarios \
+             (accept_weather)"
+        );
         return Err(Error::corpus(corpus.root(), fault));
     }
     Ok(found)

@@ -22,7 +22,7 @@ use dataset::work::watch::Watch;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
-use crate::error::{CorpusFault, Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::estimators::geometry::self_calibration::{MIN_TICKS, SelfCalibrated};
 use crate::estimators::geometry::triangulation::CentreOffset;
 use crate::estimators::mono_pinhole::Pinhole;
@@ -77,18 +77,24 @@ pub fn refit(
             .is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
     };
     if same(out, run.root()) {
-        return Err(Error::run(out, RunFault::RefitInPlace));
+        let fault = "is the run to fit again, which stays as it is; name another folder with --out";
+        return Err(Error::run(out, fault));
     }
     let place = RunPlace::take(&RunFolder::at(out))?;
     let before = TrainedRun::of(&SealedRun::read(run)?)?;
     if before.backgrounds.is_some() {
-        return Err(Error::run(run.root(), RunFault::AlignedRefit));
+        let fault = "was trained with align_backgrounds, and a camera that looks elsewhere has no background to be aligned with; train \
+                     again on corpora with the new camera";
+        return Err(Error::run(run.root(), fault));
     }
     let views = &before.normalisation.views;
     let view = views.iter().position(|view| *view == config.view);
     let view = view.ok_or_else(|| {
-        let (view, views) = (config.view.clone(), views.clone());
-        Error::run(run.root(), RunFault::NoSuchView { view, views })
+        let (view, views) = (&config.view, views.join(", "));
+        Error::run(
+            run.root(),
+            format!("has no view {view:?}; its views are {views}"),
+        )
     })?;
     let range = DistanceRange {
         min_nm: before.config.min_dtd_nm,
@@ -108,13 +114,16 @@ pub fn refit(
     let record = Refit {
         view: config.view.clone(),
         scenarios: ids(&samples, &approaches),
-        frozen_before_blake3: frozen::fingerprint(&before, view, run)?,
-        frozen_after_blake3: frozen::fingerprint(&after, view, &new)?,
+        frozen_before_blake3: frozen::fingerprint(&before, view),
+        frozen_after_blake3: frozen::fingerprint(&after, view),
         refit_s: started.elapsed().as_secs_f64(),
     };
     if record.frozen_before_blake3 != record.frozen_after_blake3 {
-        let view = record.view;
-        return Err(Error::run(out, RunFault::NotFrozen { view }));
+        let fault = format!(
+            "fitting view {} again would change numbers that do not belong to it; nothing was written. Please report this",
+            record.view
+        );
+        return Err(Error::run(out, fault));
     }
     after.summary.refits.push(record.clone());
     after.commit(&place, &new)?;
@@ -143,10 +152,11 @@ fn check_others(
     if same && form(known) == form(found) {
         return Ok(());
     }
-    let fault = CorpusFault::OtherCamerasBeside {
-        view: view.to_owned(),
-        run: run.root().to_owned(),
-    };
+    let fault = format!(
+        "its cameras beside {view} are not those that run {} was trained with: identifiers, image sizes, places and optics must be the \
+         same; fit one view at a time again",
+        run.root().display()
+    );
     Err(Error::corpus(corpus.root(), fault))
 }
 
@@ -169,12 +179,12 @@ fn approaches(
     if ticks >= MIN_TICKS {
         return Ok(chosen);
     }
-    let fault = CorpusFault::TooFewTicks {
-        view: config.view.clone(),
-        approaches: chosen.len(),
-        ticks,
-        least: MIN_TICKS,
-    };
+    let fault = format!(
+        "view {} saw the aircraft at {ticks} ticks of {} approaches on the training side, expected at least {MIN_TICKS}; record, label \
+         and detect more, or use more of them (--scenarios)",
+        config.view,
+        chosen.len()
+    );
     Err(Error::corpus(corpus.root(), fault))
 }
 
@@ -203,7 +213,7 @@ fn fit_formulas(
     approaches: &[usize],
     watch: &dyn Watch,
 ) -> Result<()> {
-    let refused = |fault| Error::corpus(corpus.root(), fault);
+    let refused = |fault: String| Error::corpus(corpus.root(), fault);
     let recorded: Vec<&Sample> = of_scenarios(samples, approaches).collect();
     let cameras = TrainingCameras::of(samples, &recorded);
     cameras.report(samples, &recorded, watch);
@@ -218,7 +228,9 @@ fn fit_formulas(
         .as_ref()
         .and_then(|old| old.refitted(view, planned, &samples.scenarios, &trusted, settings));
     if old.is_some() && new.is_none() {
-        return Err(refused(CorpusFault::NoFittedCamera { view: name.clone() }));
+        return Err(refused(format!(
+            "the camera of view {name} cannot be fitted to these approaches; use more of them (--scenarios), of a corpus with plan.json"
+        )));
     }
     let camera = |fitted: &SelfCalibrated| fitted.cameras()[view];
     let camera_pair = (old.as_ref().and_then(camera)).zip(new.as_ref().and_then(camera));
@@ -243,10 +255,11 @@ fn fit_formulas(
         .inverse_range
         .for_new_camera(view, parts, &trusted);
     let Some(refitted) = refitted else {
-        return Err(refused(CorpusFault::TooFewTogether {
-            view: name.clone(),
-            approaches: approaches.len(),
-        }));
+        return Err(refused(format!(
+            "view {name} and others together saw the aircraft too rarely in {} approaches to fit inverse_range to; record, label and \
+             detect more, or use more of them (--scenarios)",
+            approaches.len()
+        )));
     };
     let moved = camera_pair.and_then(|(old, new)| run.normalisation.moved(view, &old, &new));
     run.normalisation = moved.unwrap_or_else(|| {

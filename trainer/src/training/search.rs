@@ -14,7 +14,7 @@ use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
-use crate::error::{Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::run::folder::RunFolder;
 use crate::training::train_unless_done;
 
@@ -73,7 +73,8 @@ pub fn search(
 ) -> Result<SearchTable> {
     search.check()?;
     if RunFolder::at(out).summary_path().exists() {
-        return Err(Error::run(out, RunFault::SearchInRun));
+        let fault = "is a run, and a search has a folder of its own with a run for each training; name another folder with --out";
+        return Err(Error::run(out, fault));
     }
     fs::create_dir_all(out).map_err(dataset::Error::io("create", out))?;
     let count = search.variants.len() * search.seeds.len();

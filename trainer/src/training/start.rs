@@ -9,7 +9,7 @@ use dataset::corpus::splits::Side;
 use serde_json::{Value, json};
 
 use crate::config::TrainConfig;
-use crate::error::{CorpusFault, Error, Result, RunFault};
+use crate::error::{Error, Result};
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::networks::normalisation::Normalisation;
 use crate::run::folder::RunFolder;
@@ -39,11 +39,19 @@ impl Start {
         let run = TrainedRun::of(&sealed)?;
         let differences = json_differences(&networks(config), &networks(&run.config));
         if !differences.is_empty() {
-            return Err(Error::run(root, RunFault::OtherStart { differences }));
+            let fault = format!(
+                "has other networks than this training, which cannot start from them; here, and there: {}; train with the settings of \
+                 its config.json",
+                differences.join("; ")
+            );
+            return Err(Error::run(root, fault));
         }
         let [here, there] = [&samples.rig.cameras, &run.summary.cameras].map(form);
         if here != there {
-            return Err(Error::run(root, RunFault::OtherViews { here, there }));
+            let fault = format!(
+                "was trained with the views {there}, and the corpus has {here}; start from a run with the same views and image sizes"
+            );
+            return Err(Error::run(root, fault));
         }
         refuse_known_flights(&run.summary, corpus, samples)?;
         let weights = sealed.bytes(RunFolder::WEIGHTS);
@@ -112,11 +120,11 @@ fn refuse_known_flights(run: &RunSummary, corpus: &Corpus, samples: &Samples) ->
     match samples.scenarios.iter().find(is_judge_and_known) {
         None => Ok(()),
         Some(scenario) => {
-            let fault = CorpusFault::KnownToStart {
-                scenario: scenario.id.clone(),
-                trajectory: scenario.trajectory.clone(),
-                side: scenario.side,
-            };
+            let fault = format!(
+                "scenario {} flies {} on the {} side, and the run to start from has learned from that flight; start from another run, \
+                 or put the flight on the training side",
+                scenario.id, scenario.trajectory, scenario.side
+            );
             Err(Error::corpus(corpus.root(), fault))
         }
     }

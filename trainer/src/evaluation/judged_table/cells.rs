@@ -1,14 +1,14 @@
 //! Prediction table cells, from a Parquet or a CSV file.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 use dataset::files::outside_file::{self, FileKind};
 use dataset::tables::columns::Table;
 
-use super::layout::{Layout, SCENARIO, listed};
-use crate::error::{self, Error, PredictionsFault};
+use super::layout::{Layout, SCENARIO};
+use crate::error::{Error, Result};
 
 /// Magic bytes of Parquet files.
 const PARQUET: &[u8] = b"PAR1";
@@ -17,6 +17,7 @@ const MAX_ROWS: u64 = 1 << 30;
 
 /// The used cells.
 pub(super) struct Cells {
+    path: PathBuf,
     pub layout: Layout,
     /// BLAKE3 hash of the file.
     pub blake3: String,
@@ -28,36 +29,44 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Reads a table: CSV if the file name ends in `.csv`, otherwise Parquet.
-    pub(super) fn read(path: &Path) -> error::Result<Self> {
-        let refused = |fault| Error::predictions(path, fault);
-        let bytes = outside_file::read(path, FileKind::TABLE).map_err(|error| {
-            if error.is_not_found() {
-                refused(PredictionsFault::NotThere)
-            } else {
-                error.into()
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let refused = |fault: &str| Err(Error::predictions(path, fault));
+        let bytes = match outside_file::read(path, FileKind::TABLE) {
+            Err(error) if error.is_not_found() => {
+                return refused(
+                    "is not there; expected a table of `dtd predict`, or a Parquet or CSV file with the columns scenario, tick and \
+                     NAME_dtd_m",
+                );
             }
-        })?;
+            read => read?,
+        };
         let blake3 = blake3::hash(&bytes).to_string();
         let is_csv = path
             .extension()
             .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
         let cells = if is_csv {
-            Self::of_csv(&bytes, blake3).map_err(refused)?
+            Self::of_csv(&bytes, blake3, path)?
         } else if bytes.starts_with(PARQUET) {
             Self::of_parquet(bytes, blake3, path)?
         } else {
-            return Err(refused(PredictionsFault::NotParquet));
+            return refused(
+                "is not a Parquet file: it does not begin with PAR1; write it as Parquet, or give a CSV file a name that ends in .csv",
+            );
         };
         if cells.scenario.is_empty() {
-            return Err(refused(PredictionsFault::Empty));
+            return refused("has no rows, expected one for each scenario and tick");
         }
         Ok(cells)
     }
 
-    fn of_parquet(bytes: Vec<u8>, blake3: String, path: &Path) -> error::Result<Self> {
+    pub(super) fn refused(&self, fault: String) -> Error {
+        Error::predictions(&self.path, fault)
+    }
+
+    fn of_parquet(bytes: Vec<u8>, blake3: String, path: &Path) -> Result<Self> {
         let table = Table::parse(bytes, path, MAX_ROWS)?;
         let names: Vec<&str> = table.column_names().collect();
-        let layout = Layout::of(&names).map_err(|fault| Error::predictions(path, fault))?;
+        let layout = Layout::of(path, &names)?;
         let scenario = table.optional_text(SCENARIO)?;
         let columns = layout.numbers().into_iter();
         let numbers = columns.map(|column| Ok((column.to_owned(), table.any_numbers(column)?)));
@@ -66,32 +75,43 @@ impl Cells {
             scenario,
             blake3,
             layout,
+            path: path.to_owned(),
         })
     }
 
-    fn of_csv(bytes: &[u8], blake3: String) -> Result<Self, PredictionsFault> {
+    fn of_csv(bytes: &[u8], blake3: String, path: &Path) -> Result<Self> {
+        let not_csv = |error: csv::Error| {
+            let fault = format!(
+                "is not a CSV table: {error}; expected a line of column names, then a line per tick with as many fields, separated by \
+                 commas"
+            );
+            Error::predictions(path, fault)
+        };
         let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(bytes);
-        let header = reader.headers().map_err(PredictionsFault::NotCsv)?.clone();
+        let header = reader.headers().map_err(not_csv)?.clone();
         let names: Vec<&str> = header.iter().collect();
-        let layout = Layout::of(&names)?;
+        let layout = Layout::of(path, &names)?;
         let place = |column: &str| {
             let place = names.iter().position(|name| *name == column);
-            place.ok_or_else(|| PredictionsFault::NoEstimator {
-                found: listed(&names),
-            })
+            place.expect("the layout has columns of the table")
         };
-        let scenario_at = place(SCENARIO)?;
-        let columns: Vec<usize> = (layout.numbers().into_iter())
-            .map(place)
-            .collect::<Result<_, _>>()?;
+        let scenario_at = place(SCENARIO);
+        let columns: Vec<usize> = layout.numbers().into_iter().map(place).collect();
         let mut scenario = Vec::new();
         let mut numbers = vec![Vec::new(); columns.len()];
         for record in reader.records() {
-            let record = record.map_err(PredictionsFault::NotCsv)?;
+            let record = record.map_err(not_csv)?;
             let id = Some(&record[scenario_at]).filter(|id| !id.is_empty());
             scenario.push(id.map(str::to_owned));
             for (values, &column) in numbers.iter_mut().zip(&columns) {
-                values.push(number(bytes, &record, column, names[column])?);
+                let value = number(&record[column]).map_err(|found| {
+                    let (line, column) = (line_of(bytes, &record), names[column]);
+                    let fault = format!(
+                        "line {line}: {column} is {found:?}, expected a number, or an empty field for none"
+                    );
+                    Error::predictions(path, fault)
+                })?;
+                values.push(value);
             }
         }
         let columns = columns.iter().map(|&column| names[column].to_owned());
@@ -100,6 +120,7 @@ impl Cells {
             layout,
             blake3,
             scenario,
+            path: path.to_owned(),
         })
     }
 }
@@ -116,35 +137,11 @@ fn line_of(bytes: &[u8], record: &StringRecord) -> usize {
     1 + before.filter(|byte| **byte == b'\n').count()
 }
 
-fn number(
-    bytes: &[u8],
-    record: &StringRecord,
-    column: usize,
-    name: &str,
-) -> Result<Option<f64>, PredictionsFault> {
-    let field = &record[column];
+/// The number in a field, `None` if it is empty; the error is what else begins the field.
+fn number(field: &str) -> std::result::Result<Option<f64>, String> {
     if field.is_empty() {
         return Ok(None);
     }
-    let number = field.parse();
-    number.map(Some).map_err(|_| PredictionsFault::NotANumber {
-        line: line_of(bytes, record),
-        column: name.to_owned(),
-        found: field.chars().take(40).collect(),
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_bad_number_is_in_the_same_line_whatever_the_line_ends_are() {
-        for end in ["\n", "\r\n"] {
-            let rows = ["scenario,tick,m_dtd_m", "a,0,5", "a,1,5 m", ""];
-            let fault = Cells::of_csv(rows.join(end).as_bytes(), String::new()).err();
-            let is_there = matches!(fault, Some(PredictionsFault::NotANumber { line: 3, .. }));
-            assert!(is_there, "{end:?}: {fault:?}");
-        }
-    }
+    let number = field.parse().map(Some);
+    number.map_err(|_| field.chars().take(40).collect())
 }

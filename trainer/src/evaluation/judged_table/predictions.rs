@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use super::cells::Cells;
 use super::layout::{DETECTIONS, EstimatorColumns, SCENARIO, TICK, listed};
-use crate::error::PredictionsFault;
+use crate::error::{Error, Result};
 use crate::evaluation::rules::EvaluationRules;
 use crate::samples::truth::Truth;
 use crate::samples::{Sample, ScenarioSummary};
@@ -47,7 +47,7 @@ impl Predictions {
         cells: &Cells,
         truth: &Truth,
         rules: &EvaluationRules,
-    ) -> Result<Self, PredictionsFault> {
+    ) -> Result<Self> {
         let rows = Rows::of(cells, truth)?;
         rows.refuse_infinite()?;
         let by_tick = rows.by_tick(truth)?;
@@ -65,7 +65,7 @@ impl Predictions {
         let estimators = cells.layout.estimators.iter();
         let mut estimators = estimators
             .map(|columns| rows.predicted(columns, &row_of))
-            .collect::<Result<Vec<_>, _>>()?;
+            .collect::<Result<Vec<_>>>()?;
         estimators.sort_by(|one, other| one.name.cmp(&other.name));
         let seen = |seen: &Vec<usize>| {
             let of_row = |row: &Option<usize>| row.map_or(0, |row| seen[row]);
@@ -80,70 +80,63 @@ impl Predictions {
 }
 
 impl<'a> Rows<'a> {
-    fn of(cells: &'a Cells, truth: &'a Truth) -> Result<Self, PredictionsFault> {
+    fn of(cells: &'a Cells, truth: &'a Truth) -> Result<Self> {
         let scenarios = &truth.samples.scenarios;
-        let scenario = known_scenarios(&cells.scenario, scenarios)?;
-        let tick = whole_numbers(&cells.numbers[TICK], TICK, u32::MAX)?;
-        let tick = tick.into_iter().enumerate().map(|(row, tick)| {
-            tick.ok_or(PredictionsFault::NoKey {
-                row: row + 1,
-                column: TICK,
-            })
-        });
-        let detections = match cells.numbers.get(DETECTIONS) {
-            Some(detections) => whole_numbers(detections, DETECTIONS, MAX_DETECTIONS)?,
-            None => Vec::new(),
+        let scenario = known_scenarios(cells, scenarios)?;
+        let tick = whole_numbers(cells, TICK, u32::MAX)?;
+        let tick = tick.into_iter().enumerate();
+        let tick = tick.map(|(row, tick)| tick.ok_or_else(|| without_key(cells, row, TICK)));
+        let detections = if cells.layout.has_detections {
+            whole_numbers(cells, DETECTIONS, MAX_DETECTIONS)?
+        } else {
+            Vec::new()
         };
         let of_row = |seen: Option<u32>| seen.unwrap_or_default() as usize;
         let any = detections.iter().any(Option::is_some);
         Ok(Self {
             cells,
             scenario,
-            tick: tick.collect::<Result<_, _>>()?,
+            tick: tick.collect::<Result<_>>()?,
             detections: any.then(|| detections.into_iter().map(of_row).collect()),
             scenarios,
         })
     }
 
     /// Row per scenario and tick.
-    fn by_tick(&self, truth: &Truth) -> Result<Vec<Vec<Option<usize>>>, PredictionsFault> {
+    fn by_tick(&self, truth: &Truth) -> Result<Vec<Vec<Option<usize>>>> {
         let ticks = truth.ticks.iter();
         let mut by_tick: Vec<Vec<Option<usize>>> = ticks.map(|&ticks| vec![None; ticks]).collect();
         for (row, (&scenario, &tick)) in self.scenario.iter().zip(&self.tick).enumerate() {
-            let id = || self.scenarios[scenario].id.clone();
+            let id = &self.scenarios[scenario].id;
             let ticks = &mut by_tick[scenario];
             let last = ticks.len().saturating_sub(1);
-            let there =
-                ticks
-                    .get_mut(tick as usize)
-                    .ok_or_else(|| PredictionsFault::NoSuchTick {
-                        scenario: id(),
-                        tick,
-                        last,
-                    })?;
+            let Some(there) = ticks.get_mut(tick as usize) else {
+                return Err(self.cells.refused(format!(
+                    "scenario {id} has tick {tick}, but in the corpus its ticks are 0 to {last}; count ticks from 0, as frames.parquet does"
+                )));
+            };
             if there.replace(row).is_some() {
-                return Err(PredictionsFault::TickTwice {
-                    scenario: id(),
-                    tick,
-                });
+                return Err(self.cells.refused(format!(
+                    "scenario {id} has tick {tick} more than once; expected one row for each scenario and tick"
+                )));
             }
         }
         Ok(by_tick)
     }
 
     /// Rejects infinite and NaN distances.
-    fn refuse_infinite(&self) -> Result<(), PredictionsFault> {
+    fn refuse_infinite(&self) -> Result<()> {
         for columns in &self.cells.layout.estimators {
             for column in columns.names() {
                 let values = &self.cells.numbers[column];
-                let is_bad = |value: &Option<f64>| value.is_some_and(|value| !value.is_finite());
-                if let Some(row) = values.iter().position(is_bad) {
-                    return Err(PredictionsFault::NotFinite {
-                        scenario: self.id(row),
-                        tick: self.tick[row],
-                        column: column.clone(),
-                        found: values[row].unwrap_or(f64::NAN),
-                    });
+                let bad = |value: &Option<f64>| value.filter(|value| !value.is_finite());
+                let mut rows = values.iter().enumerate();
+                if let Some((row, found)) = rows.find_map(|(row, value)| Some((row, bad(value)?))) {
+                    return Err(self.cells.refused(format!(
+                        "{}: {column} is {found:?}, expected a finite number of metres; where there is no prediction, leave the value \
+                         out (null in Parquet, an empty field in CSV)",
+                        self.place(row)
+                    )));
                 }
             }
         }
@@ -154,7 +147,7 @@ impl<'a> Rows<'a> {
         &self,
         columns: &EstimatorColumns,
         row_of: &[Option<usize>],
-    ) -> Result<EstimatorPredictions, PredictionsFault> {
+    ) -> Result<EstimatorPredictions> {
         let numbers = &self.cells.numbers;
         let distances = &numbers[&columns.distance];
         let at_ticks = row_of.iter().copied();
@@ -170,53 +163,61 @@ impl<'a> Rows<'a> {
         let interval_m = |row: usize| match (distances[row], from[row], to[row]) {
             (_, None, None) => Ok(None),
             (Some(_), Some(from_m), Some(to_m)) if from_m <= to_m => Ok(Some([from_m, to_m])),
-            (_, from_m, to_m) => Err(PredictionsFault::NotAnInterval {
-                scenario: self.id(row),
-                tick: self.tick[row],
-                from_column: from_column.clone(),
-                to_column: to_column.clone(),
-                from_m,
-                to_m,
-            }),
+            (_, from_m, to_m) => {
+                let [from, to] = [from_m, to_m].map(|end| {
+                    end.map_or_else(|| "missing".to_owned(), |end_m| format!("{end_m:?}"))
+                });
+                Err(self.cells.refused(format!(
+                    "{}: {from_column} is {from} and {to_column} is {to}, expected two finite distances in this order, or none where \
+                     there is no prediction",
+                    self.place(row)
+                )))
+            }
         };
         let intervals_m = at_ticks.map(|row| row.map_or(Ok(None), interval_m));
         Ok(EstimatorPredictions {
             name: columns.name.clone(),
             distances_m,
-            intervals_m: Some(intervals_m.collect::<Result<_, _>>()?),
+            intervals_m: Some(intervals_m.collect::<Result<_>>()?),
         })
     }
 
-    fn id(&self, row: usize) -> String {
-        self.scenarios[self.scenario[row]].id.clone()
+    /// Scenario and tick of a row.
+    fn place(&self, row: usize) -> String {
+        let id = &self.scenarios[self.scenario[row]].id;
+        format!("scenario {id}, tick {}", self.tick[row])
     }
 
-    fn none_judged(&self, judged: &[&Sample], rules: &EvaluationRules) -> PredictionsFault {
+    fn none_judged(&self, judged: &[&Sample], rules: &EvaluationRules) -> Error {
         let sides: BTreeSet<usize> = judged.iter().map(|sample| sample.scenario).collect();
         let on_other_side = |scenario: &&usize| !sides.contains(scenario);
-        PredictionsFault::NoneJudged {
-            rows: self.tick.len(),
-            elsewhere: self.scenario.iter().filter(on_other_side).count(),
-            min_dtd_nm: rules.min_dtd_nm,
-            max_dtd_nm: rules.max_dtd_nm,
-        }
+        self.cells.refused(format!(
+            "none of its {} rows is of a tick that counts, with the aircraft in an image, {} to {} NM away; {} rows are of scenarios \
+             outside the judged side: predict the test side, or judge all scenarios with --side all",
+            self.tick.len(),
+            rules.min_dtd_nm,
+            rules.max_dtd_nm,
+            self.scenario.iter().filter(on_other_side).count()
+        ))
     }
 }
 
+fn without_key(cells: &Cells, row: usize, column: &str) -> Error {
+    cells.refused(format!(
+        "row {} has no {column}; every row needs a scenario and a tick, for a tick without a prediction as well",
+        row + 1
+    ))
+}
+
 /// Scenario index per row.
-fn known_scenarios(
-    ids: &[Option<String>],
-    scenarios: &[ScenarioSummary],
-) -> Result<Vec<usize>, PredictionsFault> {
+fn known_scenarios(cells: &Cells, scenarios: &[ScenarioSummary]) -> Result<Vec<usize>> {
     let places = scenarios.iter().enumerate();
     let places: HashMap<&str, usize> = places.map(|(at, s)| (s.id.as_str(), at)).collect();
     let mut unknown: BTreeSet<&str> = BTreeSet::new();
-    let mut found = Vec::with_capacity(ids.len());
-    for (row, id) in ids.iter().enumerate() {
-        let id = id.as_deref().ok_or(PredictionsFault::NoKey {
-            row: row + 1,
-            column: SCENARIO,
-        })?;
+    let mut found = Vec::with_capacity(cells.scenario.len());
+    for (row, id) in cells.scenario.iter().enumerate() {
+        let id = id.as_deref();
+        let id = id.ok_or_else(|| without_key(cells, row, SCENARIO))?;
         match places.get(id) {
             Some(&place) => found.push(place),
             None => {
@@ -229,28 +230,30 @@ fn known_scenarios(
     }
     let known: Vec<&str> = scenarios.iter().map(|s| s.id.as_str()).collect();
     let unknown: Vec<&str> = unknown.into_iter().collect();
-    Err(PredictionsFault::UnknownScenarios {
-        count: unknown.len(),
-        first: listed(&unknown),
-        known: listed(&known),
-    })
+    let count = match unknown.len() {
+        1 => "1 scenario".to_owned(),
+        count => format!("{count} scenarios"),
+    };
+    Err(cells.refused(format!(
+        "has {count} that the corpus does not have: {}; the corpus has {}; judge it with the corpus that it was made from",
+        listed(&unknown),
+        listed(&known)
+    )))
 }
 
-fn whole_numbers(
-    values: &[Option<f64>],
-    column: &'static str,
-    most: u32,
-) -> Result<Vec<Option<u32>>, PredictionsFault> {
+fn whole_numbers(cells: &Cells, column: &str, most: u32) -> Result<Vec<Option<u32>>> {
     let whole = |(row, value): (usize, &Option<f64>)| match *value {
         Some(found) if !(0.0..=f64::from(most)).contains(&found) || found.fract() != 0.0 => {
-            Err(PredictionsFault::NotWhole {
-                row: row + 1,
-                column,
-                found,
-                most,
-            })
+            Err(cells.refused(format!(
+                "row {}: {column} is {found:?}, expected a whole number from 0 to {most}",
+                row + 1
+            )))
         }
         value => Ok(value.map(|value| value as u32)),
     };
-    values.iter().enumerate().map(whole).collect()
+    cells.numbers[column]
+        .iter()
+        .enumerate()
+        .map(whole)
+        .collect()
 }

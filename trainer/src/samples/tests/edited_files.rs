@@ -4,7 +4,9 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 
-use dataset::corpus::detections::record_path;
+use dataset::corpus::detections::{provenance, record_path};
+use dataset::corpus::seal::hash_file;
+use dataset::files::json_file::write_json;
 use dataset::tables::columns::TableWriter;
 
 use super::*;
@@ -23,20 +25,6 @@ fn refused(words: &[&str], edit: impl FnOnce(&ScenarioFolder, &ScenarioFolder)) 
 }
 
 #[test]
-fn halved_distances_are_refused() {
-    refused(
-        &["0000/frames.parquet: does not match its seal"],
-        |folder, _| {
-            let mut frames = folder.open().unwrap().frames().unwrap();
-            for row in &mut frames.rows {
-                row.labels.as_mut().unwrap().dtd_m /= 2.0;
-            }
-            frames.write(&folder.frames_path()).unwrap();
-        },
-    );
-}
-
-#[test]
 fn a_scenario_that_the_plan_does_not_have_or_has_otherwise_is_refused() {
     for (id, config_hash, words) in [
         (
@@ -50,84 +38,64 @@ fn a_scenario_that_the_plan_does_not_have_or_has_otherwise_is_refused() {
             let planned = serde_json::json!({"id": id, "config_hash": config_hash});
             let plan = serde_json::json!({"plan_version": 2, "scenarios": [planned]});
             let path = folder.root().join("../../plan.json");
-            dataset::files::json_file::write_json(&path, &plan).unwrap();
+            write_json(&path, &plan).unwrap();
         });
     }
 }
 
+/// The first of two scenarios is edited.
+type Edit = fn(&ScenarioFolder, &ScenarioFolder);
+
 #[test]
-fn a_copy_of_a_scenario_under_another_name_is_refused() {
-    refused(
-        &["has the id \"0000\", expected \"0001\""],
-        |folder, other| {
-            fs::remove_dir_all(other.root()).unwrap();
-            fs::create_dir(other.root()).unwrap();
-            for entry in fs::read_dir(folder.root()).unwrap().flatten() {
-                if entry.path().is_file() {
-                    fs::copy(entry.path(), other.root().join(entry.file_name())).unwrap();
+fn files_that_are_not_what_they_were_are_refused_by_name() {
+    let cases: [(&[&str], Edit); 5] = [
+        (
+            &["0000/frames.parquet: does not match its seal"],
+            |folder, other| {
+                fs::copy(other.frames_path(), folder.frames_path()).unwrap();
+            },
+        ),
+        (
+            &["has the id \"0000\", expected \"0001\""],
+            |folder, other| {
+                fs::remove_dir_all(other.root()).unwrap();
+                fs::create_dir(other.root()).unwrap();
+                for entry in fs::read_dir(folder.root()).unwrap().flatten() {
+                    if entry.path().is_file() {
+                        fs::copy(entry.path(), other.root().join(entry.file_name())).unwrap();
+                    }
                 }
-            }
-        },
-    );
-}
-
-#[test]
-fn the_table_of_another_scenario_is_refused() {
-    refused(
-        &["0000/frames.parquet: does not match its seal"],
-        |folder, other| {
-            fs::copy(other.frames_path(), folder.frames_path()).unwrap();
-        },
-    );
-}
-
-#[test]
-fn an_edited_calibration_is_refused() {
-    refused(
-        &["calibration.json: does not match its seal"],
-        |folder, _| {
-            let path = folder.calibration_path();
-            let text = fs::read_to_string(&path).unwrap();
-            fs::write(path, text.replacen("1920", "1921", 1)).unwrap();
-        },
-    );
-}
-
-#[test]
-fn detections_of_a_scenario_that_was_recorded_again_are_refused() {
-    refused(
-        &["made from other videos", "run `dtd detect`"],
-        |folder, _| {
-            fs::create_dir(folder.root().join("views")).unwrap();
-            fs::write(folder.root().join("views/left.mp4"), "another video").unwrap();
-            seal_folder(folder.root(), "synthetic").unwrap();
-        },
-    );
-}
-
-#[test]
-fn detections_of_another_scenario_are_refused() {
-    refused(
-        &["is not what its record says: its hash differs"],
-        |folder, other| {
-            let path = |folder: &ScenarioFolder| folder.detections_path(MODEL_HASH);
-            fs::copy(path(other), path(folder)).unwrap();
-        },
-    );
-}
-
-#[test]
-fn detections_that_do_not_say_what_they_were_made_from_are_refused() {
-    refused(
-        &[
-            "does not say what its table was made from",
-            "run `dtd detect`",
-        ],
-        |folder, _| {
-            let path = dataset::corpus::detections::record_path(folder, MODEL_HASH);
-            fs::write(path, r#"{"model": "aircraft.onnx"}"#).unwrap();
-        },
-    );
+            },
+        ),
+        (
+            &["made from other videos", "run `dtd detect`"],
+            |folder, _| {
+                fs::create_dir(folder.root().join("views")).unwrap();
+                fs::write(folder.root().join("views/left.mp4"), "another video").unwrap();
+                seal_folder(folder.root(), "synthetic").unwrap();
+            },
+        ),
+        (
+            &["is not what its record says: its hash differs"],
+            |folder, other| {
+                let path = |folder: &ScenarioFolder| folder.detections_path(MODEL_HASH);
+                fs::copy(path(other), path(folder)).unwrap();
+            },
+        ),
+        (
+            &[
+                "does not say what its table was made from",
+                "run `dtd detect`",
+            ],
+            |folder, _| {
+                let record = r#"{"model": "aircraft.onnx"}"#;
+                fs::write(record_path(folder, MODEL_HASH), record).unwrap();
+            },
+        ),
+    ];
+    for (words, edit) in cases {
+        refused(words, edit);
+    }
 }
 
 #[test]
@@ -151,12 +119,10 @@ fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
                 .u32("tile", found.iter().map(|d| d.tile))
                 .write(&path)
                 .unwrap();
-            let record = dataset::corpus::detections::record_path(folder, MODEL_HASH);
-            let mut provenance = dataset::corpus::detections::provenance(folder, MODEL_HASH)
-                .unwrap()
-                .unwrap();
-            provenance.table_blake3 = dataset::corpus::seal::hash_file(&path).unwrap();
-            dataset::files::json_file::write_json(&record, &provenance).unwrap();
+            let record = record_path(folder, MODEL_HASH);
+            let mut made = provenance(folder, MODEL_HASH).unwrap().unwrap();
+            made.table_blake3 = hash_file(&path).unwrap();
+            write_json(&record, &made).unwrap();
         },
     );
 }
@@ -182,7 +148,7 @@ fn views_registered_with_different_cameras_are_refused_with_a_remedy() {
         let text = fs::read_to_string(&path).unwrap();
         let mut record: serde_json::Value = serde_json::from_str(&text).unwrap();
         record["registration"] = with;
-        dataset::files::json_file::write_json(&path, &record).unwrap();
+        write_json(&path, &record).unwrap();
     };
     let run = serde_json::json!({"cameras_of_run": "ab".repeat(32)});
     refused(

@@ -36,13 +36,6 @@ pub(crate) struct Estimate {
     pub time_to_touchdown_s: Option<Estimated>,
 }
 
-impl Estimate {
-    pub(crate) fn distances_m(estimates: &[Option<Self>]) -> Vec<Option<f64>> {
-        let distance_m = |estimate: &Option<Self>| Some(estimate.as_ref()?.distance_m.value);
-        estimates.iter().map(distance_m).collect()
-    }
-}
-
 /// Uncertainty beyond the filter's covariance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Widening {

@@ -173,18 +173,6 @@ mod tests {
     }
 
     #[test]
-    fn the_quantile_at_the_share_itself_holds_less() {
-        let kind = Kind {
-            correlation: 0.99,
-            constant_share: 0.8,
-            size_spread: 0.3,
-        };
-        let plain = |known| Some(Pool::of(known)?.quantile(SHARE, None));
-        let held = held(kind, 5, plain);
-        assert!(held < 0.87, "{held}");
-    }
-
-    #[test]
     fn of_flights_with_one_error_each_the_rank_is_that_of_exchangeability() {
         // One more flight is as likely to come in any of 20 places; the 18th of 19 is in 90 % of cases not exceeded.
         let flights = (1..=19).map(|error| vec![f64::from(error)]).collect();

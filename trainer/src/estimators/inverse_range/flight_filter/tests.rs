@@ -374,17 +374,6 @@ fn a_less_certain_shift_adds_new_errors_and_a_formula_far_from_its_training_smoo
 }
 
 #[test]
-fn filters_that_take_errors_for_independent_are_too_sure() {
-    let flights = flights(0..12);
-    let mut naive = truth();
-    for error in &mut naive.errors {
-        error.new_share = 0.999;
-    }
-    let (squares, held, _) = of_flights(&naive, &flights, Knowing::Past, |_, _| false);
-    assert!(squares > 1.5 && held < 0.85, "{squares} {held}");
-}
-
-#[test]
 fn speed_and_time_to_touchdown_are_in_their_intervals() {
     let flights = flights(0..24);
     let (mut speeds, mut times, mut count) = (0.0, 0.0, 0.0);
