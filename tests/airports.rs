@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use testkit::command::{Dtd, json, said};
+use testkit::command::{Dtd, Ending, json, said};
 use testkit::{program_of_venv, repository};
 use tiny::{MODEL, Tiny};
 
@@ -44,8 +44,7 @@ fn sweep(folder: &Path, (airport, runway): (&str, &str), changes: &[(&str, &str)
 }
 
 fn plan(sweep: &Path) -> Value {
-    let output = DTD.run(&["plan", sweep.to_str().unwrap(), "--json"]);
-    assert!(output.status.success(), "{}", said(&output));
+    let output = DTD.succeeds(&["plan", sweep.to_str().unwrap(), "--json"]);
     json(&output)
 }
 
@@ -75,9 +74,7 @@ fn the_sun_is_within_a_tenth_of_a_degree_of_an_almanac_also_across_changes_of_da
     let judged = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges/sun.py"))
         .args(&plans)
-        .output()
-        .unwrap();
-    assert!(judged.status.success(), "{}", said(&judged));
+        .succeeds();
     let verdict = json(&judged);
     assert_eq!(verdict["airports"], AIRPORTS.len());
     assert_eq!(verdict["rows"], 5 * (9 * AIRPORTS.len() - 1));
@@ -129,8 +126,7 @@ fn a_time_that_the_sun_does_not_have_and_another_places_clock_are_refused() {
     // Against the built-in time zone it is only said.
     let winter_time = [("day_of_year = 172", "day_of_year = 172\nutc_offset_h = 1")];
     let path = sweep(folder.path(), ("LSZH", "14"), &winter_time);
-    let output = DTD.run(&["plan", path.to_str().unwrap()]);
-    assert!(output.status.success(), "{}", said(&output));
+    let output = DTD.succeeds(&["plan", path.to_str().unwrap()]);
     let words = "2 h by the time zone of LSZH on day 172";
     assert!(said(&output).contains(words), "{}", said(&output));
 }
@@ -165,8 +161,7 @@ fn two_airports_of_both_hemispheres_are_recorded_and_verified_and_the_plan_says_
             &["label", corpus],
             &["verify", corpus],
         ] {
-            let output = DTD.run(command);
-            assert!(output.status.success(), "{}", said(&output));
+            DTD.succeeds(command);
         }
     }
 }
@@ -202,8 +197,7 @@ fn a_run_is_judged_at_another_airport_with_the_same_rig_and_refused_with_another
             &["label", corpus],
             &["detect", corpus, "--model", MODEL],
         ] {
-            let output = tiny.dtd(command).output().unwrap();
-            assert!(output.status.success(), "{command:?}: {}", said(&output));
+            tiny.dtd(command).succeeds();
         }
         let evaluate = [
             "evaluate", "run", "--corpus", corpus, "--side", "all", "--out",

@@ -6,7 +6,7 @@ use std::process::Command;
 use std::sync::LazyLock;
 
 use serde_json::Value;
-use testkit::command::{Dtd, json, said, text};
+use testkit::command::{Dtd, Ending, json, text};
 use testkit::files::{contents, copy_folder};
 use testkit::{MadeOnce, program_of_venv, repository};
 
@@ -45,9 +45,7 @@ fn judge(script: &str, corpus: &Path) -> Value {
     let output = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges").join(script))
         .arg(corpus)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+        .succeeds();
     json(&output)
 }
 

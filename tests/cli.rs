@@ -1,23 +1,17 @@
 //! The command as seen from a shell: plans, bad input, a missing simulator.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
-use testkit::command::{Dtd, words};
-use testkit::repository;
+use testkit::command::{Dtd, Ending, text, words};
+use testkit::{free_udp_port, repository};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 fn plan_json(sweep: &str) -> Value {
-    let output = DTD.run(&["plan", sweep, "--json"]);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    serde_json::from_slice(&output.stdout).unwrap()
+    DTD.json(&["plan", sweep, "--json"])
 }
 
 fn values<'a>(plan: &'a Value, key: &str) -> Vec<&'a str> {
@@ -76,26 +70,6 @@ fn a_plan_lists_how_long_each_part_of_the_recording_takes() {
 }
 
 #[test]
-fn an_evaluation_is_of_a_run_or_of_a_table_of_predictions() {
-    for (arguments, needed) in [
-        (
-            &["evaluate", "run", "--predictions", "mine.csv"][..],
-            "cannot be used with",
-        ),
-        (
-            &["evaluate", "--predictions", "mine.csv", "--detections", "m"],
-            "cannot be used with",
-        ),
-        (&["evaluate"], "RUN|--predictions"),
-    ] {
-        let output = DTD.run(&[arguments, &["--corpus", "."]].concat());
-        let message = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{message}");
-        assert!(message.contains(needed), "{message}");
-    }
-}
-
-#[test]
 fn the_demo_flies_recorded_flights_in_every_weather_at_three_times() {
     let plan = plan_json("demo.toml");
     let scenarios = plan["scenarios"].as_array().unwrap();
@@ -112,93 +86,6 @@ fn the_demo_flies_recorded_flights_in_every_weather_at_three_times() {
     }
 }
 
-/// The demo's sweep with one part replaced, in a new folder.
-fn broken_demo(folder: &Path, from: &str, to: &str) -> PathBuf {
-    let flights = repository().join("tests/data/flights");
-    let text = fs::read_to_string(repository().join("demo.toml")).unwrap();
-    let text = text.replace("tests/data/flights", flights.to_str().unwrap());
-    assert!(text.contains(from), "demo.toml has no {from:?}");
-    let path = folder.join("sweep.toml");
-    fs::write(&path, text.replacen(from, to, 1)).unwrap();
-    path
-}
-
-#[test]
-fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_written() {
-    // The original, its replacement, and words that the message must contain.
-    let cases = [
-        ("repeats = 1", "repeat = 1", vec!["repeat", "repeats"]),
-        ("frame_rate = 1", "frame_rate = -1", vec!["-1", "frame"]),
-        ("frame_rate = 1", "frame_rate = \"0/1\"", vec!["0/1"]),
-        (
-            "\"clear\", \"cloudy\"",
-            "\"clear\", \"snowy\"",
-            vec!["snowy", "foggy"],
-        ),
-        (
-            "airport = \"WSSS\"",
-            "airport = \"XXXX\"",
-            vec!["XXXX", "WSSS"],
-        ),
-        ("runway = \"02L\"", "runway = \"99Z\"", vec!["99Z", "02L"]),
-        ("01_calm_ils.csv", "01_lost.csv", vec!["01_lost.csv"]),
-        ("\"06:00\"", "\"26:00\"", vec!["26:00"]),
-        (
-            "rig = \"wide-baseline\"",
-            "rig = \"narrow\"",
-            vec!["narrow", "wide-baseline"],
-        ),
-        (
-            "visibility_m = 80000",
-            "visibility_m = -5",
-            vec!["-5", "visibility"],
-        ),
-        (
-            "cover_ratio = 0.6",
-            "cover_ratio = 1.6",
-            vec!["1.6", "0 to 1"],
-        ),
-        (
-            "preset = \"superfast\"",
-            "preset = \"warp\"",
-            vec!["warp", "superfast"],
-        ),
-        ("seed = 7", "seed = \"seven\"", vec!["seven", "expected"]),
-        (
-            "aircraft = \"B737-800\"",
-            "aircraft = \"A320\"",
-            vec!["A320", "B737-800"],
-        ),
-    ];
-    for (from, to, words) in cases {
-        let folder = tempfile::tempdir().unwrap();
-        let sweep = broken_demo(folder.path(), from, to);
-        let corpus = folder.path().join("corpus");
-        let output = DTD.run(&[
-            "generate",
-            sweep.to_str().unwrap(),
-            "--out",
-            corpus.to_str().unwrap(),
-        ]);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{to}: {message}");
-        let place = message
-            .split_once("sweep.toml:")
-            .and_then(|(_, rest)| rest.split(':').next())
-            .and_then(|line| line.parse::<usize>().ok());
-        assert!(place.is_some(), "{to}: no line in {message}");
-        let line = format!("{} | ", place.unwrap_or_default());
-        assert!(
-            message.contains(&line) && message.contains(" ^"),
-            "{to}: the line is not shown in {message}"
-        );
-        for word in words {
-            assert!(message.contains(word), "{to}: no {word:?} in {message}");
-        }
-        assert!(!corpus.exists(), "{to}: something was written");
-    }
-}
-
 #[test]
 fn a_plan_of_a_shipped_sweep_fits_into_80_columns() {
     for sweep in ["demo.toml", "scenarios.toml", "paper.toml", "detector.toml"] {
@@ -212,82 +99,69 @@ fn a_plan_of_a_shipped_sweep_fits_into_80_columns() {
     }
 }
 
-#[test]
-fn a_wrong_call_names_what_is_wrong_once() {
-    for (arguments, words) in [
-        (
-            &["plan", "lost.toml"][..],
-            "error: cannot read lost.toml: No such file",
-        ),
-        (
-            &["doctor", "--sweep", "lost.toml"],
-            "error: cannot read lost.toml: No such file",
-        ),
-        (
-            &["fetch", "lost", "--out", "x"],
-            "it does not begin with a scheme; expected s3://BUCKET/PREFIX",
-        ),
-        (
-            &["mock-xplane", "--plugin", "lost"],
-            "--plugin lost: it has no PI_dtd_bridge.py",
-        ),
-    ] {
-        let output = DTD.run(arguments);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-        assert!(message.contains(words), "{arguments:?}: {message}");
-    }
-}
+/// Each call with words that its message must contain. `OUT` stands for a folder that does not exist and must not exist afterwards,
+/// `EMPTY` for a corpus without scenarios, `FILE` for a file.
+#[rustfmt::skip]
+const WRONG_CALLS: &[(&str, &str)] = &[
+    ("plan lost.toml", "error: cannot read lost.toml: No such file"),
+    ("doctor --sweep lost.toml", "error: cannot read lost.toml: No such file"),
+    ("doctor --sim nowhere", "--sim \"nowhere\" is neither `auto` nor HOST:PORT"),
+    ("tape --sim nowhere --out OUT", "--sim \"nowhere\" is neither `auto` nor HOST:PORT"),
+    ("mock-xplane --plugin lost", "--plugin lost: it has no PI_dtd_bridge.py"),
+    ("fetch lost --out OUT", "it does not begin with a scheme; expected s3://BUCKET/PREFIX"),
+    ("label lost-corpus", "lost-corpus"),
+    ("label EMPTY", "dtd generate"),
+    ("detect EMPTY", "dtd generate"),
+    ("verify lost-corpus", "dtd generate"),
+    ("verify EMPTY", "contains no complete scenario"),
+    ("train lost-corpus --out OUT", "lost-corpus"),
+    ("evaluate run --predictions mine.csv --corpus .", "cannot be used with"),
+    ("evaluate --predictions mine.csv --detections m --corpus .", "cannot be used with"),
+    ("evaluate --corpus .", "RUN|--predictions"),
+    ("predict run --corpus EMPTY --out OUT.csv", "ends in .parquet"),
+    ("demo --out OUT --sweep lost", "lost"),
+    ("demo --out OUT --model lost", "--model expects"),
+    ("demo --out FILE", "expected a folder"),
+    ("generate demo.toml --out FILE", "FILE"),
+    ("install-plugin EMPTY", "is not X-Plane's folder"),
+    // Nobody, not even root, can create a folder there.
+    ("generate demo.toml --out /proc/corpus", "/proc/corpus"),
+    ("generate demo.toml --out OUT --sim nowhere", "HOST:PORT"),
+    ("generate demo.toml --out OUT --only 0600-clear-r1,0099", "no scenario 0099"),
+    ("generate demo.toml --out OUT --keep-staged", "--keep-staged"),
+    ("generate demo.toml --out OUT --restart-simulator true", "by dtd itself"),
+    ("generate demo.toml --out OUT --sim mock --udp-port 50000", "a simulator that runs already"),
+    ("generate demo.toml --out OUT --sim 127.0.0.1:49000,127.0.0.1:49100 --udp-port 65535", "2 simulators"),
+    ("generate demo.toml --out OUT --sim 127.0.0.1:49000 --udp-port 0", "--udp-port"),
+];
 
 #[test]
-fn what_is_not_there_is_bad_input_with_its_name() {
-    let cases: [(&[&str], &str); 6] = [
-        (&["plan", "lost.toml"], "lost.toml"),
-        (&["label", "lost-corpus"], "lost-corpus"),
-        (&["verify", "lost-corpus"], "dtd generate"),
-        (&["train", "lost-corpus", "--out", "run"], "lost-corpus"),
-        (
-            &words("generate demo.toml --out target/x --sim nowhere"),
-            "HOST:PORT",
-        ),
-        (
-            &words("generate demo.toml --out target/x --only 0099"),
-            "0099",
-        ),
-    ];
-    for (arguments, word) in cases {
-        let output = DTD.run(arguments);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-        assert!(message.contains(word), "{arguments:?}: {message}");
+fn a_wrong_call_is_bad_input_that_names_what_is_wrong_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let [out, empty, file] = ["out", "empty", "file"].map(|name| folder.path().join(name));
+    fs::create_dir_all(empty.join("scenarios")).unwrap();
+    fs::write(&file, "").unwrap();
+    for (line, expected) in WRONG_CALLS {
+        let fill = |word: &str| match word {
+            "EMPTY" => text(&empty).to_owned(),
+            "FILE" => text(&file).to_owned(),
+            _ => word.replace("OUT", text(&out)),
+        };
+        let arguments: Vec<String> = words(line).into_iter().map(fill).collect();
+        DTD.ends_with(&arguments, 2, &[&fill(expected)]);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "{line}");
     }
 }
 
 #[test]
 fn a_simulator_that_is_not_there_is_a_failure_that_says_what_to_do() {
-    // A port that was free a moment ago.
-    let port = std::net::UdpSocket::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap()
-        .port();
+    let port = free_udp_port();
     let folder = tempfile::tempdir().unwrap();
     let corpus = folder.path().join("corpus");
     let address = format!("127.0.0.1:{port}");
-    let output = DTD.run(&[
-        "generate",
-        "demo.toml",
-        "--out",
-        corpus.to_str().unwrap(),
-        "--sim",
-        &address,
-    ]);
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{message}");
-    assert!(
-        message.contains(&address) && message.contains("--sim mock"),
-        "{message}"
-    );
+    let generate = ["generate", "demo.toml", "--out", text(&corpus)];
+    let arguments = [&generate[..], &["--sim", &address]].concat();
+    DTD.ends_with(&arguments, 1, &[&address, "--sim mock"]);
     assert!(!corpus.exists(), "something was written");
 }
 
@@ -299,55 +173,37 @@ fn x_plane_folder() -> tempfile::TempDir {
     let xppython3 = path("Resources/plugins/XPPython3/lin_x64");
     fs::create_dir_all(&xppython3).unwrap();
     fs::write(xppython3.join("XPPython3.xpl"), "").unwrap();
-    fs::write(
-        path("Log.txt"),
-        "Log.txt for X-Plane 12.4.0-r2-9b69b91a (build 124210)\n",
-    )
-    .unwrap();
+    let log = "Log.txt for X-Plane 12.4.0-r2-9b69b91a (build 124210)\n";
+    fs::write(path("Log.txt"), log).unwrap();
     folder
 }
 
 #[test]
-fn the_plugin_goes_into_an_x_plane_folder_and_other_folders_are_bad_input() {
+fn the_plugin_goes_into_an_x_plane_folder_once() {
     let folder = x_plane_folder();
     let path = folder.path().to_str().unwrap();
-    let output = DTD.run(&["install-plugin", path]);
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    let words = ["Accept incoming connections"];
+    let said = DTD.ends_with(&["install-plugin", path], 0, &words);
     assert!(said.starts_with("X-Plane 12.4.0"), "{said}");
-    assert!(said.contains("Accept incoming connections"), "{said}");
     let installed = folder
         .path()
         .join("Resources/plugins/PythonPlugins/PI_dtd_bridge.py");
     let source = repository().join("xplane-bridge/plugin/PI_dtd_bridge.py");
     assert_eq!(fs::read(installed).unwrap(), fs::read(source).unwrap());
 
-    let output = DTD.run(&["install-plugin", path, "--json"]);
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = DTD.json(&["install-plugin", path, "--json"]);
     let files = report["files"].as_array().unwrap();
     assert!(
         files.iter().all(|file| file["change"] == "unchanged"),
         "{report}"
     );
-
-    let elsewhere = tempfile::tempdir().unwrap();
-    let output = DTD.run(&["install-plugin", elsewhere.path().to_str().unwrap()]);
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains("is not X-Plane's folder"), "{said}");
 }
 
 #[test]
 fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything_is_done() {
     let folder = tempfile::tempdir().unwrap();
     let fifo = folder.path().join("fifo");
-    assert!(
-        Command::new("mkfifo")
-            .arg(&fifo)
-            .status()
-            .unwrap()
-            .success()
-    );
+    Command::new("mkfifo").arg(&fifo).succeeds();
     let link = folder.path().join("link");
     std::os::unix::fs::symlink("/dev/null", &link).unwrap();
     let before = fs::read_dir(folder.path()).unwrap().count();
@@ -361,41 +217,19 @@ fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything
             &["tape", "--sim", "127.0.0.1:49000"],
             &["demo"],
         ] {
-            let output = DTD.run(&[verb, &["--out", out]].concat());
-            let said = String::from_utf8_lossy(&output.stderr);
-            assert_eq!(output.status.code(), Some(2), "{verb:?} {out}: {said}");
-            assert!(said.contains("is a device, FIFO or socket"), "{said}");
+            DTD.ends_with(
+                &[verb, &["--out", out]].concat(),
+                2,
+                &["is a device, FIFO or socket"],
+            );
         }
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), before);
 }
 
 #[test]
-fn a_demo_refuses_a_sweep_a_model_and_a_folder_that_are_none_before_it_begins() {
-    let folder = tempfile::tempdir().unwrap();
-    let [out, none, file] =
-        ["out", "none", "file"].map(|name| folder.path().join(name).display().to_string());
-    fs::write(&file, "").unwrap();
-    for (arguments, expected) in [
-        (&["--out", &out, "--sweep", &none][..], &*none),
-        (&["--out", &out, "--model", &none], "--model expects"),
-        (&["--out", &file], "expected a folder"),
-    ] {
-        let output = DTD.run(&[&["demo"], arguments].concat());
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(expected), "{said}");
-        assert!(!Path::new(&out).exists());
-    }
-}
-
-#[test]
 fn help_has_help_as_every_verb_has() {
-    let shown = |arguments: &[&str]| {
-        let output = DTD.run(arguments);
-        assert!(output.status.success(), "{arguments:?}");
-        String::from_utf8(output.stdout).unwrap()
-    };
+    let shown = |arguments: &[&str]| String::from_utf8(DTD.succeeds(arguments).stdout).unwrap();
     let all = shown(&["help"]);
     assert!(all.contains("mock-xplane"), "{all}");
     for flag in ["--help", "-h"] {

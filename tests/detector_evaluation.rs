@@ -15,7 +15,7 @@ use detector_evaluation::{AveragePrecision, PrecisionTally, TrueAircraft};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use serde_json::{Value, json};
-use testkit::command::{said, text};
+use testkit::command::{Ending, text};
 use testkit::files::contents;
 use testkit::{
     judge_in_chromium, onnx_runtime_with_openvino, program_of_venv, repository, skipped,
@@ -57,9 +57,7 @@ fn pycocotools(pictures: &[Pictured]) -> Value {
     let output = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges/coco_ap.py"))
         .args(["ground_truth.json", "detections.json"].map(|name| folder.path().join(name)))
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+        .succeeds();
     testkit::command::json(&output)
 }
 
@@ -143,8 +141,7 @@ fn evaluated(tiny: &Tiny, more: &[&str]) -> Value {
         MODEL,
         "--json",
     ];
-    let output = tiny.dtd(&[&arguments[..], more].concat()).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    let output = tiny.dtd(&[&arguments[..], more].concat()).succeeds();
     let evaluation = testkit::command::json(&output);
     let written = fs::read(tiny.path("judged/evaluation.json")).unwrap();
     assert_eq!(
@@ -332,21 +329,8 @@ fn what_was_searched_before_is_used_again_unless_it_is_damaged() {
 fn what_cannot_be_evaluated_is_refused_before_anything_is_searched() {
     let tiny = Tiny::made().copy();
     let refused = |arguments: &[&str], words: &str| {
-        let output = tiny
-            .dtd(&[&["evaluate-detector"], arguments].concat())
-            .output()
-            .unwrap();
-        assert_eq!(
-            output.status.code(),
-            Some(2),
-            "{arguments:?}: {}",
-            said(&output)
-        );
-        assert!(
-            said(&output).contains(words),
-            "{arguments:?}: {}",
-            said(&output)
-        );
+        tiny.dtd(&[&["evaluate-detector"], arguments].concat())
+            .ends_with(2, &[words]);
     };
     fs::create_dir(tiny.path("thesis")).unwrap();
     fs::write(tiny.path("thesis/thesis.tex"), "").unwrap();
@@ -363,11 +347,7 @@ fn what_cannot_be_evaluated_is_refused_before_anything_is_searched() {
         "sweep.toml",
     );
     refused(&["corpus", "--out", "judged", "--mode", "guess"], "scaled");
-    let generated = tiny
-        .dtd(&["generate", "sweep.toml", "--out", "bare"])
-        .output()
-        .unwrap();
-    assert!(generated.status.success(), "{}", said(&generated));
+    tiny.line("generate sweep.toml --out bare").succeeds();
     refused(&["bare", "--out", "judged", "--model", MODEL], "dtd label");
     assert!(!Path::new(&tiny.path("judged/evaluation.json")).exists());
 }

@@ -20,9 +20,10 @@ use dataset::corpus::seal;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha12Rng;
+use testkit::command::said;
 use testkit::files::contents;
 use testkit::{repository, skipped};
-use tiny::{TOO_LONG, Tiny, said};
+use tiny::{TOO_LONG, Tiny};
 
 /// Verbs that write, each with work to do; `{store}` stands for the URL of an object store, `{model}` for the detector.
 const VERBS: [(&str, &str); 13] = [

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use dataset::tables::columns::Table;
 use rustix::process::Signal;
 use serde_json::Value;
-use testkit::command::{said, text};
+use testkit::command::text;
 
 use self::running::Running;
 use self::workshop::{DTD, Workshop, videos};
@@ -40,7 +40,7 @@ fn distances(lines: &[Value]) -> BTreeMap<i64, f64> {
 fn a_recording_gives_what_predict_gives_online_from_the_corpus_and_from_its_videos() {
     let workshop = Workshop::shared();
     let table = workshop.folder.path().join("online.parquet");
-    let predicted = DTD.run(&[
+    DTD.succeeds(&[
         "predict",
         text(&workshop.run()),
         "--corpus",
@@ -49,7 +49,6 @@ fn a_recording_gives_what_predict_gives_online_from_the_corpus_and_from_its_vide
         "--out",
         text(&table),
     ]);
-    assert!(predicted.status.success(), "{}", said(&predicted));
     let table = Table::read(&table, 10_000).unwrap();
     let ids = table.text("scenario").unwrap();
     let times_ns = table.i64("time_ns").unwrap();

@@ -8,7 +8,7 @@ mod tiny;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 use std::sync::LazyLock;
 
 use dataset::corpus::Corpus;
@@ -19,51 +19,45 @@ use dataset::video::{CodedPicture, PacketReader};
 use dataset::work::watch::Silent;
 use serde_json::Value;
 use tempfile::TempDir;
-use testkit::command::{Dtd, said, words};
-use testkit::files::contents;
-use testkit::files::copy_folder;
+use testkit::command::{Dtd, Ending, json, said, words};
+use testkit::files::{contents, copy_folder};
 use testkit::short_corpus;
 use testkit::sweep::THREE_VIEWS;
-use testkit::{program_of_venv, python_with_torch, repository};
-use tiny::{MODEL, Tiny};
+use testkit::{judged, program_of_venv, python_with_torch, repository};
+use tiny::Tiny;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
-fn json_of(tiny: &Tiny, arguments: &[&str]) -> Value {
-    let output = tiny.dtd(arguments).output().unwrap();
-    assert!(output.status.success(), "{arguments:?}: {}", said(&output));
-    testkit::command::json(&output)
+/// Result of a verb that must succeed.
+fn json_of(tiny: &Tiny, line: &str) -> Value {
+    json(&tiny.line(&format!("{line} --json")).succeeds())
 }
 
-fn refused(tiny: &Tiny, arguments: &[&str], words: &str) {
+/// Bad input, explained with these words; nothing is written.
+fn refused(tiny: &Tiny, line: &str, words: &str) {
     let before = tiny.files();
-    let output = tiny.dtd(arguments).output().unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains(words), "{}", said(&output));
-    assert_eq!(tiny.files(), before, "{arguments:?} wrote something");
+    tiny.line(line).ends_with(2, &[words]);
+    assert_eq!(tiny.files(), before, "{line} wrote something");
+}
+
+/// `dtd` within a folder, with the words of a line.
+fn command_in(folder: &Path, line: &str) -> Command {
+    let mut command = DTD.command(&words(line));
+    command.current_dir(folder);
+    command
+}
+
+fn run_in(folder: &Path, line: &str) -> Output {
+    command_in(folder, line).succeeds()
 }
 
 #[test]
 fn pycocotools_gets_the_average_precision_of_evaluate_detector_from_a_coco_export() {
     let tiny = Tiny::made().copy();
-    let searched = [
-        "detect", "corpus", "--model", MODEL, "--mode", "full", "--json",
-    ];
-    let hash = json_of(&tiny, &searched)["model_hash"]
-        .as_str()
-        .unwrap()
-        .to_owned();
-    let export = [
-        "export",
-        "corpus",
-        "--to",
-        "coco",
-        "--out",
-        "coco",
-        "--detections",
-        &hash,
-    ];
-    let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let searched = json_of(&tiny, "detect corpus --model {model} --mode full");
+    let hash = searched["model_hash"].as_str().unwrap();
+    let export = format!("export corpus --to coco --out coco --detections {hash}");
+    let counts = json_of(&tiny, &export);
     let written: Value =
         serde_json::from_slice(&fs::read(tiny.path("coco/annotations.json")).unwrap()).unwrap();
     let images = written["images"].as_array().unwrap();
@@ -81,24 +75,11 @@ fn pycocotools_gets_the_average_precision_of_evaluate_detector_from_a_coco_expor
         assert!(image["calibration"]["k"][0][0].is_number(), "{image}");
     }
 
-    let judged = Command::new(program_of_venv("python"))
-        .arg(repository().join("tests/judges/coco_ap.py"))
-        .args(["annotations.json", "detections.json"].map(|name| tiny.path("coco").join(name)))
-        .output()
-        .unwrap();
-    assert!(judged.status.success(), "{}", said(&judged));
-    let theirs = testkit::command::json(&judged);
-    let evaluate = [
-        "evaluate-detector",
-        "corpus",
-        "--out",
-        "judged",
-        "--model",
-        MODEL,
-    ];
+    let files = ["annotations.json", "detections.json"].map(|name| tiny.path("coco").join(name));
+    let theirs = judged("coco_ap.py", &files);
     let ours = json_of(
         &tiny,
-        &[&evaluate[..], &["--mode", "full", "--json"]].concat(),
+        "evaluate-detector corpus --out judged --model {model} --mode full",
     );
     let ours = &ours["modes"]["auto_segmentation"]["average_precision"];
     assert!(ours["ap50"].as_f64().unwrap() > 0.5, "{ours}");
@@ -111,15 +92,11 @@ fn pycocotools_gets_the_average_precision_of_evaluate_detector_from_a_coco_expor
     }
 
     // A repeated export exists already and is whole; a different selection does not replace it.
-    let mut again = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let mut again = json_of(&tiny, &export);
     assert_eq!(again["unchanged"].take(), Value::Bool(true));
     again["unchanged"] = counts["unchanged"].clone();
     assert_eq!(again, counts);
-    refused(
-        &tiny,
-        &[&export[..], &["--every", "2"]].concat(),
-        "other options",
-    );
+    refused(&tiny, &format!("{export} --every 2"), "other options");
     fs::write(tiny.path("coco/annotations.json"), "").unwrap();
     refused(&tiny, &export, "annotations.json");
 }
@@ -127,16 +104,14 @@ fn pycocotools_gets_the_average_precision_of_evaluate_detector_from_a_coco_expor
 #[test]
 fn label_files_of_yolo_hold_the_true_boxes_by_side_of_the_split() {
     let tiny = Tiny::made().copy();
-    let export = words("export corpus --to yolo --out yolo --pictures jpeg");
-    let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let counts = json_of(&tiny, "export corpus --to yolo --out yolo --pictures jpeg");
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let mut expected = BTreeMap::new();
     for folder in corpus.scenarios().unwrap() {
         let id = folder.id();
         let side = match corpus.splits().unwrap().scenarios[&id].side {
-            Side::Train => "train",
-            Side::Validation => "val",
-            Side::Test => "test",
+            Side::Validation => "val".to_owned(),
+            side => split_of(side),
         };
         for real in folder.open().unwrap().truth_boxes().unwrap() {
             let stem = format!("{side}/{id}_{}_{:06}", real.view, real.tick);
@@ -259,14 +234,8 @@ fn data_yaml_names_a_side_by_its_own_pictures_only_and_says_where_val_repeats_tr
     ] {
         let folder = tempfile::tempdir().unwrap();
         on_sides(folder.path(), sides);
-        let export = ["export", "corpus", "--to", "yolo", "--out", "yolo"];
-        let run = |more: &[&str]| {
-            let mut command = DTD.command(&[&export[..], more].concat());
-            let output = command.current_dir(folder.path()).output().unwrap();
-            assert!(output.status.success(), "{}", said(&output));
-            output
-        };
-        let printed = said(&run(&[]));
+        let export = "export corpus --to yolo --out yolo";
+        let printed = said(&run_in(folder.path(), export));
         let yaml = fs::read_to_string(folder.path().join("yolo/data.yaml")).unwrap();
         let named: Vec<&str> = yaml
             .lines()
@@ -278,7 +247,7 @@ fn data_yaml_names_a_side_by_its_own_pictures_only_and_says_where_val_repeats_tr
                 assert_eq!(text.contains(words), remark == Some(words), "{text}");
             }
         }
-        let again = testkit::command::json(&run(&["--json"]));
+        let again = json(&run_in(folder.path(), &format!("{export} --json")));
         assert_eq!(again["remark"].as_str(), remark);
     }
 }
@@ -297,17 +266,10 @@ fn data_yaml_names_no_side_whose_pictures_are_all_left_out() {
         format!("{sweep}{low}{weathers}"),
     )
     .unwrap();
-    let run = |arguments: &[&str]| {
-        let mut command = DTD.command(arguments);
-        let output = command.current_dir(folder.path()).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-        said(&output)
-    };
-    run(&["generate", "sweep.toml", "--out", "corpus"]);
-    run(&["label", "corpus"]);
-    let printed = run(&[
-        "export", "corpus", "--to", "yolo", "--out", "yolo", "--every", "100",
-    ]);
+    run_in(folder.path(), "generate sweep.toml --out corpus");
+    run_in(folder.path(), "label corpus");
+    let export = "export corpus --to yolo --out yolo --every 100";
+    let printed = said(&run_in(folder.path(), export));
     assert!(printed.contains("0 images"), "{printed}");
     let yaml = fs::read_to_string(folder.path().join("yolo/data.yaml")).unwrap();
     assert!(!yaml.contains("images/"), "{yaml}");
@@ -317,12 +279,7 @@ fn data_yaml_names_no_side_whose_pictures_are_all_left_out() {
 #[test]
 fn coco_has_the_annotations_of_each_side_beside_those_of_all() {
     let tiny = Tiny::made().copy();
-    json_of(
-        &tiny,
-        &[
-            "export", "corpus", "--to", "coco", "--out", "coco", "--json",
-        ],
-    );
+    json_of(&tiny, "export corpus --to coco --out coco");
     let read = |name: &str| -> Value {
         serde_json::from_slice(&fs::read(tiny.path("coco").join(name)).unwrap()).unwrap()
     };
@@ -348,15 +305,9 @@ fn coco_has_the_annotations_of_each_side_beside_those_of_all() {
     }
 }
 
-/// Output of an independent program about files or folders.
-fn judged(judge: &str, paths: &[&Path]) -> Value {
-    let output = Command::new(program_of_venv("python"))
-        .arg(repository().join("tests/judges").join(judge))
-        .args(paths)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{judge}: {}", said(&output));
-    testkit::command::json(&output)
+/// A side's name in other projects' formats, which is that of `splits.json`.
+fn split_of(side: Side) -> String {
+    serde_json::from_value(serde_json::to_value(side).unwrap()).unwrap()
 }
 
 /// Table rows over all splits.
@@ -369,8 +320,9 @@ fn rows_of<'a>(tables: &'a Value, table: &str) -> Vec<&'a Value> {
 #[test]
 fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_of_the_corpus() {
     let tiny = Tiny::made().copy();
-    let export = words("export corpus --to huggingface --out hf --run run --license CC-BY-4.0");
-    let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let export = "export corpus --to huggingface --out hf --run run";
+    let licensed = format!("{export} --license CC-BY-4.0");
+    let counts = json_of(&tiny, &licensed);
     let loaded = judged("hugging_face.py", &[&tiny.path("hf")]);
     let tables = &loaded["tables"];
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
@@ -378,13 +330,9 @@ fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_o
     let (mut boxes, mut detections) = (Vec::new(), 0);
     for folder in corpus.scenarios().unwrap() {
         let id = folder.id();
-        let split = match splits.scenarios[&id].side {
-            Side::Train => "train",
-            Side::Validation => "validation",
-            Side::Test => "test",
-        };
+        let split = split_of(splits.scenarios[&id].side);
         let mine = |table: &str| -> Vec<&Value> {
-            let rows = tables[table][split]["rows"].as_array().unwrap().iter();
+            let rows = tables[table][&split]["rows"].as_array().unwrap().iter();
             rows.filter(|row| row["scenario"] == id.as_str()).collect()
         };
         let opened = folder.open().unwrap();
@@ -466,19 +414,15 @@ fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_o
         }
     }
     assert_eq!(sections.next(), None);
-    assert!(
-        json_of(&tiny, &[&export[..], &["--json"]].concat())["unchanged"]
-            .as_bool()
-            .unwrap()
-    );
-    refused(&tiny, &export[..8], "other options");
+    assert_eq!(json_of(&tiny, &licensed)["unchanged"], true);
+    refused(&tiny, export, "other options");
 }
 
 #[test]
 fn webdataset_iterates_samples_of_all_views() {
     let tiny = Tiny::made().copy();
-    let export = words("export corpus --to webdataset --out shards --every 2 --pictures jpeg");
-    let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let export = "export corpus --to webdataset --out shards --every 2 --pictures jpeg";
+    let counts = json_of(&tiny, export);
     let judged_samples = judged("web_dataset.py", &[&tiny.path("shards")]);
     let samples = judged_samples["samples"].as_object().unwrap();
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
@@ -494,12 +438,8 @@ fn webdataset_iterates_samples_of_all_views() {
             let about = &sample["json"];
             assert_eq!(about["dtd_m"], row.labels.unwrap().dtd_m);
             assert_eq!(about["pose"]["pitch_deg"], row.pose.pitch_deg);
-            let split = match splits.scenarios[&id].side {
-                Side::Train => "train",
-                Side::Validation => "validation",
-                Side::Test => "test",
-            };
-            assert!(sample["shard"].as_str().unwrap().starts_with(split));
+            let split = split_of(splits.scenarios[&id].side);
+            assert!(sample["shard"].as_str().unwrap().starts_with(&split));
             for view in ["left", "right"] {
                 let picture = &sample["pictures"][format!("{view}.jpg")];
                 assert_eq!(*picture, serde_json::json!([320, 480, 3]));
@@ -538,20 +478,15 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     let corpus = Corpus::open(&path("corpus")).unwrap();
     let scenario = corpus.scenarios().unwrap().remove(0);
     let id = scenario.id();
-    let export = |format: &str, more: &[&str]| -> Value {
-        let common = [
-            "export", "corpus", "--to", format, "--out", format, "--only", &id, "--json",
-        ];
-        let mut command = DTD.command(&[&common[..], more].concat());
-        let output = command.current_dir(folder.path()).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-        testkit::command::json(&output)
+    let export = |format: &str, more: &str| -> Value {
+        let line = format!("export corpus --to {format} --out {format} --only {id} --json {more}");
+        json(&run_in(folder.path(), &line))
     };
     let opened = scenario.open().unwrap();
     let frames = opened.frames().unwrap();
     let ticks = frames.rows.len();
 
-    assert_eq!(export("mcap", &[])["pictures"], 3 * ticks);
+    assert_eq!(export("mcap", "")["pictures"], 3 * ticks);
     let file = path("mcap").join(format!("{id}.mcap"));
     let read = judged("foxglove_mcap.py", &[&file, &scenario.root().join("views")]);
     let messages = &read["messages"];
@@ -603,7 +538,7 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
         .sum();
     assert_eq!(boxes, opened.truth_boxes().unwrap().len());
 
-    export("huggingface", &[]);
+    export("huggingface", "");
     let loaded = judged("hugging_face.py", &[&path("huggingface")]);
     let views = rows_of(&loaded["tables"], "views");
     assert_eq!(views.len(), 3);
@@ -623,16 +558,11 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
             .all(|(found, row)| found["time_ns"] == row.time_ns)
     );
 
-    let refused = DTD
-        .command(&["export", "corpus", "--to", "lerobot", "--out", "lerobot"])
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
     let words = "30000/1001 images per second; lerobot needs a whole number: choose one from 1 to 29 with --rate";
-    assert!(said(&refused).contains(words), "{}", said(&refused));
+    let lerobot = "export corpus --to lerobot --out lerobot";
+    command_in(folder.path(), lerobot).ends_with(2, &[words]);
     assert!(!path("lerobot").exists() && !path("lerobot.partial").exists());
-    let resampled = export("lerobot", &["--rate", "10"]);
+    let resampled = export("lerobot", "--rate 10");
     let (fps, frames, furthest_s) = judge_lerobot(&path("lerobot"), &path("corpus"), 5, false);
     assert_eq!(
         (fps, resampled["pictures"].as_u64()),
@@ -644,15 +574,15 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
         "{furthest_s} s"
     );
 
-    let few = ["--every", "40", "--views", "lens,tower_2"];
-    let pictures = export("webdataset", &few)["pictures"].as_u64().unwrap();
+    let few = "--every 40 --views lens,tower_2";
+    let pictures = export("webdataset", few)["pictures"].as_u64().unwrap();
     let read = judged("web_dataset.py", &[&path("webdataset")]);
     assert_eq!(
         2 * read["samples"].as_object().unwrap().len() as u64,
         pictures
     );
     for format in ["coco", "yolo"] {
-        export(format, &few);
+        export(format, few);
     }
 }
 
@@ -687,10 +617,8 @@ fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> 
             .arg(reader)
             .args([dataset, corpus])
             .arg(step.to_string())
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{reader}: {}", said(&output));
-        let read = testkit::command::json(&output);
+            .succeeds();
+        let read = json(&output);
         let mut furthest_s = 0.0_f64;
         let mut offs = Vec::new();
         for frame in read["frames"].as_array().unwrap() {
@@ -753,21 +681,14 @@ fn at_30_hz() -> &'static Path {
 fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_videos_of_the_corpus() {
     let folder = at_30_hz();
     let path = |name: &str| folder.join(name);
-    let run = |out: &str, more: &[&str]| {
-        let common = [
-            "export", "corpus", "--to", "lerobot", "--out", out, "--json",
-        ];
-        let mut command = DTD.command(&[&common[..], more].concat());
-        command.current_dir(folder).output().unwrap()
+    let export = |out: &str, more: &str| {
+        let line = format!("export corpus --to lerobot --out {out} --json {more}");
+        command_in(folder, &line)
     };
-    let exported = |out: &str, more: &[&str]| {
-        let output = run(out, more);
-        assert!(output.status.success(), "{}", said(&output));
-        testkit::command::json(&output)
-    };
+    let exported = |out: &str, more: &str| json(&export(out, more).succeeds());
     let corpus = Corpus::open(&path("corpus")).unwrap();
     let mut scenarios = corpus.scenarios().unwrap();
-    let counts = exported("whole", &[]);
+    let counts = exported("whole", "");
     let (fps, frames, furthest_s) = judge_lerobot(&path("whole"), &path("corpus"), 17, true);
     assert_eq!((fps, counts["pictures"].as_u64()), (30, Some(3 * frames)));
     assert_eq!(counts["boxes"], 0);
@@ -783,19 +704,17 @@ fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_vide
             assert!(coded_pictures(&copy, rate) == recorded, "{view}");
         }
     }
-    exported("third", &["--every", "3", "--views", "mast,lens"]);
+    exported("third", "--every 3 --views mast,lens");
     let (fps, of_third, furthest_s) = judge_lerobot(&path("third"), &path("corpus"), 7, false);
     assert!(of_third.abs_diff(frames / 3) <= 2 && fps == 10);
     assert!(furthest_s < 1e-6, "{furthest_s}");
     for (more, words) in [
-        (&["--every", "7"][..], "30/7 images per second"),
-        (&["--rate", "31"], "fewer than --rate 31"),
-        (&["--rate", "5", "--every", "3"], "cannot be used with"),
-        (&["--boxes", "detections"], "no place for boxes"),
+        ("--every 7", "30/7 images per second"),
+        ("--rate 31", "fewer than --rate 31"),
+        ("--rate 5 --every 3", "cannot be used with"),
+        ("--boxes detections", "no place for boxes"),
     ] {
-        let output = run("none", more);
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains(words), "{}", said(&output));
+        export("none", more).ends_with(2, &[words]);
         assert!(!path("none").exists() && !path("none.partial").exists());
     }
 }
@@ -810,30 +729,20 @@ fn lerobot_merges_our_datasets_with_a_picture_for_every_frame() {
         .collect();
     let mut frames = 0;
     // Three parts: the first two files could be joined even with a coarse unit of time.
-    let parts: [(&str, &str, &[&str]); 3] = [
-        ("one", &ids[0], &[]),
-        ("two", &ids[1], &[]),
-        ("three", &ids[0], &["--every", "1"]),
-    ];
-    for (out, only, more) in parts {
-        let common = [
-            "export", "corpus", "--to", "lerobot", "--out", out, "--only", only, "--json",
-        ];
-        let mut command = DTD.command(&[&common[..], more].concat());
-        let output = command.current_dir(folder).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-        frames += testkit::command::json(&output)["pictures"]
-            .as_u64()
-            .unwrap()
-            / 3;
+    for (out, only, more) in [
+        ("one", &ids[0], ""),
+        ("two", &ids[1], ""),
+        ("three", &ids[0], "--every 1"),
+    ] {
+        let line = format!("export corpus --to lerobot --out {out} --only {only} --json {more}");
+        let exported = json(&run_in(folder, &line));
+        frames += exported["pictures"].as_u64().unwrap() / 3;
     }
     let output = Command::new(python_with_torch())
         .arg(repository().join("tests/judges/lerobot_merge.py"))
         .args(["merged", "one", "two", "three"].map(path))
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
-    let merged = testkit::command::json(&output);
+        .succeeds();
+    let merged = json(&output);
     assert_eq!(
         (&merged["episodes"], &merged["frames"]),
         (&3.into(), &frames.into())
@@ -844,87 +753,72 @@ fn lerobot_merges_our_datasets_with_a_picture_for_every_frame() {
     }
 }
 
+/// Options after `export corpus`, and words of the message.
+#[rustfmt::skip]
+const WRONG_REQUESTS: &[(&str, &str)] = &[
+    ("--to pascal --out out", "possible values"),
+    ("--to mcap", "--out <FOLDER>"),
+    ("--to huggingface --out out --pictures jpeg", "no use for --pictures"),
+    ("--to huggingface --out out --run corpus", "no predictions"),
+    ("--to huggingface --out out --license free,for,all", "SPDX"),
+    ("--to mcap --out out --every 2", "no use for --every"),
+    ("--to lerobot --out out", "1/8 images per second"),
+    ("--to coco --out out --run run", "no use for --run"),
+    ("--to coco --out out --rate 1", "no use for --rate"),
+    ("--to coco --out out --license CC-BY-4.0", "no use for --license"),
+    ("--to coco --out out --only nowhere", "nowhere"),
+    ("--to coco --out out --views top", "top"),
+    ("--to coco --out out --detections other.onnx", "aircraft.onnx"),
+    ("--to coco --out out --crop-px 96x64", "no use for --crop-px"),
+    ("--to webdataset --out out --seed 1", "no use for --seed"),
+    ("--to crops --out out --crop-px 481x64", "a crop of 481x64 px does not fit into images of 480x320 px"),
+    ("--to crops --out out --crop-px 0x64", "is not a size"),
+    ("--to crops --out out --rate 1", "no use for --rate"),
+    ("--to crops --out out --run run", "no use for --run"),
+    ("--to crops --out out --detections other", "aircraft.onnx"),
+    ("--to coco --out corpus", "is a corpus"),
+    ("--to coco --out .", "choose a folder elsewhere"),
+    ("--to coco --out corpus/export", "its own files only"),
+    ("--to coco --out corpus/scenarios/1200-clear-r1/export", "its own files only"),
+    ("--to coco --out link/export", "its own files only"),
+    ("--to coco --out file", "is a file"),
+    ("--to coco --out dangling", "is a symbolic link"),
+    ("--to coco --out file/below", "file, which is a file"),
+    ("--to coco --out dangling/", "is a symbolic link"),
+];
+
 #[test]
 fn a_wrong_request_is_refused_and_writes_nothing() {
     let tiny = Tiny::made().copy();
-    let export = |more: &[&'static str]| -> Vec<&'static str> {
-        let common = ["export", "corpus", "--to", "coco", "--out", "out"];
-        [&common[..], more].concat()
-    };
-    refused(
-        &tiny,
-        &["export", "corpus", "--to", "pascal", "--out", "out"],
-        "possible values",
-    );
-    let tables = ["export", "corpus", "--to", "huggingface", "--out", "out"];
-    for (option, value, words) in [
-        ("--pictures", "jpeg", "no use for --pictures"),
-        ("--run", "corpus", "no predictions"),
-        ("--license", "free for all", "SPDX"),
-    ] {
-        refused(&tiny, &[&tables[..], &[option, value]].concat(), words);
-    }
-    refused(&tiny, &export(&["--run", "run"]), "no use for --run");
-    let mcap = ["export", "corpus", "--to", "mcap", "--out", "out"];
-    refused(
-        &tiny,
-        &[&mcap[..], &["--every", "2"]].concat(),
-        "no use for --every",
-    );
-    let lerobot = ["export", "corpus", "--to", "lerobot", "--out", "out"];
-    refused(&tiny, &lerobot, "1/8 images per second");
-    refused(&tiny, &export(&["--rate", "1"]), "no use for --rate");
-    refused(&tiny, &mcap[..4], "--out <FOLDER>");
-    refused(
-        &tiny,
-        &export(&["--license", "CC-BY-4.0"]),
-        "no use for --license",
-    );
-    refused(&tiny, &export(&["--only", "nowhere"]), "nowhere");
-    refused(&tiny, &export(&["--views", "top"]), "top");
-    refused(
-        &tiny,
-        &export(&["--detections", "other.onnx"]),
-        "aircraft.onnx",
-    );
     std::os::unix::fs::symlink("corpus", tiny.path("link")).unwrap();
-    for (out, words) in [
-        ("corpus", "is a corpus"),
-        (".", "choose a folder elsewhere"),
-        ("corpus/export", "its own files only"),
-        (
-            "corpus/scenarios/1200-clear-r1/export",
-            "its own files only",
-        ),
-        ("link/export", "its own files only"),
-    ] {
-        let into = ["export", "corpus", "--to", "coco", "--out", out];
-        refused(&tiny, &into, words);
+    std::os::unix::fs::symlink("nowhere", tiny.path("dangling")).unwrap();
+    fs::write(tiny.path("file"), "mine").unwrap();
+    for (options, words) in WRONG_REQUESTS {
+        refused(&tiny, &format!("export corpus {options}"), words);
     }
     fs::rename(tiny.corpus(), tiny.path("out.partial")).unwrap();
     refused(
         &tiny,
-        &["export", "out.partial", "--to", "coco", "--out", "out"],
+        "export out.partial --to coco --out out",
         "choose a folder elsewhere",
     );
     fs::rename(tiny.path("out.partial"), tiny.corpus()).unwrap();
+    let export = "export corpus --to coco --out out";
     fs::create_dir(tiny.path("out")).unwrap();
     fs::write(tiny.path("out/thesis.txt"), "mine").unwrap();
-    refused(&tiny, &export(&[]), "thesis.txt");
+    refused(&tiny, export, "thesis.txt");
     fs::remove_dir_all(tiny.path("out")).unwrap();
-    for (way, words) in [
-        ("file", "is a file"),
-        ("dangling", "is a symbolic link"),
-        ("file/below", "file, which is a file"),
-        ("dangling/", "is a symbolic link"),
-    ] {
-        fs::write(tiny.path("file"), "mine").unwrap();
-        let _ = std::os::unix::fs::symlink("nowhere", tiny.path("dangling"));
-        let into = ["export", "corpus", "--to", "coco", "--out", way];
-        refused(&tiny, &into, words);
-    }
     fs::write(tiny.path("out.partial"), "mine").unwrap();
-    refused(&tiny, &export(&[]), "not a folder");
+    refused(&tiny, export, "not a folder");
+    for scenario in tiny.scenarios() {
+        fs::remove_dir_all(scenario.join("detections")).unwrap();
+        fs::remove_dir_all(scenario.join("registrations")).unwrap();
+    }
+    refused(
+        &tiny,
+        "export corpus --to crops --out elsewhere --boxes detections",
+        "have no detections",
+    );
 }
 
 #[test]
@@ -932,15 +826,8 @@ fn a_slash_after_the_name_of_the_folder_makes_no_difference() {
     let tiny = Tiny::made().copy();
     fs::create_dir(tiny.path("out")).unwrap();
     let export = |out| {
-        let every = ["--every", "8", "--pictures", "jpeg", "--json"];
-        json_of(
-            &tiny,
-            &[
-                &["export", "corpus", "--to", "coco", "--out", out],
-                &every[..],
-            ]
-            .concat(),
-        )
+        let line = format!("export corpus --to coco --out {out} --every 8 --pictures jpeg");
+        json_of(&tiny, &line)
     };
     assert_eq!(export("./out//")["unchanged"], false);
     assert_eq!(export("out/.")["unchanged"], true);
@@ -951,14 +838,14 @@ fn a_slash_after_the_name_of_the_folder_makes_no_difference() {
 #[test]
 fn predictions_for_scenarios_of_the_same_names_in_another_corpus_are_refused() {
     let tiny = Tiny::made().copy();
-    let tables = words("export corpus --to huggingface --out hf --run run");
+    let tables = "export corpus --to huggingface --out hf --run run";
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let splits = corpus.splits().unwrap();
     let of_side = |side| splits.side(side).next().unwrap().to_owned();
     let (judged, learned) = (of_side(Side::Test), of_side(Side::Train));
     refused(
         &tiny,
-        &[&tables[..], &["--only", &learned]].concat(),
+        &format!("{tables} --only {learned}"),
         "none of the selected scenarios",
     );
     // A different flight under the judged scenario's name.
@@ -975,7 +862,7 @@ fn predictions_for_scenarios_of_the_same_names_in_another_corpus_are_refused() {
     dataset::corpus::seal::seal_folder(&folder, &sealed.config_hash).unwrap();
     refused(
         &tiny,
-        &[&tables[..], &["--only", &judged]].concat(),
+        &format!("{tables} --only {judged}"),
         "was judged on another corpus",
     );
 }
@@ -988,11 +875,7 @@ fn a_damaged_video_is_named_and_no_export_appears() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 0x55;
     fs::write(&video, bytes).unwrap();
-    let output = tiny
-        .dtd(&["export", "corpus", "--to", "coco", "--out", "out"])
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("left.mp4"), "{}", said(&output));
+    tiny.line("export corpus --to coco --out out")
+        .ends_with(2, &["left.mp4"]);
     assert!(!tiny.path("out").exists() && !tiny.path("out.partial").exists());
 }

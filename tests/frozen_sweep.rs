@@ -5,7 +5,8 @@ mod tiny;
 use std::fs;
 use std::path::Path;
 
-use tiny::{Tiny, said};
+use testkit::command::said;
+use tiny::Tiny;
 
 /// Changes that no other check of the corpus notices: a flipped bit in a comment, a different visibility, an empty file, none.
 fn damage(path: &Path, how: usize) {

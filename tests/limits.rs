@@ -19,7 +19,8 @@ use std::time::Duration;
 use dataset::tables::columns::{Table, TableWriter};
 use rustix::fs::{CWD, FileType, Mode};
 use serde_json::Value;
-use tiny::{Tiny, run, said};
+use testkit::command::said;
+use tiny::{Tiny, run};
 
 /// Far longer than any of this takes.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -281,86 +282,52 @@ fn a_plan_that_leads_out_of_the_corpus_or_has_odd_numbers_is_refused() {
 }
 
 #[test]
-fn names_and_rates_that_nothing_can_have_are_refused_by_plan_with_their_line() {
+fn a_mistake_in_training_settings_or_a_search_is_shown_in_its_line_before_anything_is_trained() {
     let tiny = Tiny::made().copy();
-    let sweep = fs::read_to_string(tiny.path("sweep.toml")).unwrap();
-    let long = "x".repeat(65);
-    for (from, to, words) in [
-        ("clear", "a/b", "expected letters, digits"),
-        ("clear", "..", "expected letters, digits"),
-        ("clear", "\\u0007", "expected letters, digits"),
-        ("clear", "nul", "Windows keeps it for a device"),
-        ("clear", "-clear", "does not begin with -"),
-        ("clear", long.as_str(), "expected at most 64 characters"),
+    for (option, settings, words) in [
         (
-            "\"1/8\"",
-            "\"1/4294967295\"",
-            "1/4294967295 is not a frame rate",
-        ),
-        ("\"1/8\"", "4294967295", "4294967295/1 is not a frame rate"),
-        ("\"1/8\"", "\"0/1\"", "0/1 is not a frame rate"),
-    ] {
-        let changed = match from {
-            "clear" => sweep
-                .replace("\"clear\"", &format!("\"{to}\""))
-                .replace("weather.clear", &format!("weather.\"{to}\"")),
-            _ => sweep.replace(from, to),
-        };
-        fs::write(tiny.path("odd.toml"), changed).unwrap();
-        assert_says(&tiny, &["plan", "odd.toml"], 2, &["odd.toml:", words]);
-    }
-}
-
-#[test]
-fn a_mistake_in_training_settings_is_shown_in_its_line() {
-    let tiny = Tiny::made().copy();
-    for (settings, words) in [
-        (
+            "--config",
             "seed = 1\n[estimator]\nlstm = [0, 8]\n",
-            [
+            &[
                 "odd.toml:3:8: configuration: estimator.lstm is 0, expected a whole number from 1 to 1024",
                 "3 | lstm = [0, 8]\n    |        ^^^^^^",
-            ],
+            ][..],
         ),
         (
+            "--config",
             "seed = 1\n[estimator]\ndropout = 0.5\n",
-            [
+            &[
                 "odd.toml:3:1: unknown field `dropout`",
                 "3 | dropout = 0.5\n    | ^^^^^^^",
             ],
         ),
-        ("seed = \n", ["odd.toml:1:", "1 | seed ="]),
+        ("--config", "seed = \n", &["odd.toml:1:", "1 | seed ="]),
+        (
+            "--search",
+            "seeds = [0]\n[variants.a.estimator]\nlstn = [8]\n",
+            &["unknown field `lstn`"],
+        ),
+        (
+            "--search",
+            "seeds = [0]\n[variants.a]\nmax_dtd_nm = -1\n",
+            &["odd.toml:3:14: configuration: max_dtd_nm is -1"],
+        ),
+        (
+            "--search",
+            "seeds = [0]\n[settings]\nmax_dtd_nm = -1\n[variants.a]\n",
+            &["odd.toml:3:14: configuration: max_dtd_nm is -1"],
+        ),
+        ("--search", "seeds = []\n[variants.a]\n", &["seeds is []"]),
+        (
+            "--search",
+            "seeds = [0]\n[variants.best]\n",
+            &["variants is \"best\""],
+        ),
+        ("--search", "seed = 0\n", &["unknown field `seed`"]),
     ] {
         fs::write(tiny.path("odd.toml"), settings).unwrap();
-        let train = ["train", "corpus", "--out", "new", "--config", "odd.toml"];
-        assert_says(&tiny, &train, 2, &words);
-        assert!(!tiny.path("new").exists());
-    }
-}
-
-#[test]
-fn a_mistake_in_a_search_is_named_before_anything_is_trained() {
-    let tiny = Tiny::made().copy();
-    for (search, words) in [
-        (
-            "seeds = [0]\n[variants.a.estimator]\nlstn = [8]\n",
-            "unknown field `lstn`",
-        ),
-        (
-            "seeds = [0]\n[variants.a]\nmax_dtd_nm = -1\n",
-            "odd.toml:3:14: configuration: max_dtd_nm is -1",
-        ),
-        (
-            "seeds = [0]\n[settings]\nmax_dtd_nm = -1\n[variants.a]\n",
-            "odd.toml:3:14: configuration: max_dtd_nm is -1",
-        ),
-        ("seeds = []\n[variants.a]\n", "seeds is []"),
-        ("seeds = [0]\n[variants.best]\n", "variants is \"best\""),
-        ("seed = 0\n", "unknown field `seed`"),
-    ] {
-        fs::write(tiny.path("odd.toml"), search).unwrap();
-        let train = ["train", "corpus", "--out", "new", "--search", "odd.toml"];
-        assert_says(&tiny, &train, 2, &[words]);
+        let train = ["train", "corpus", "--out", "new", option, "odd.toml"];
+        assert_says(&tiny, &train, 2, words);
         assert!(!tiny.path("new").exists());
     }
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use testkit::command::{Dtd, said};
+use testkit::command::{Dtd, Ending};
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -31,8 +31,7 @@ mono = { hidden = [8], optimisation = { steps = 10, batch_size = 16, learning_ra
 "#;
 
 fn run(folder: &Path, arguments: &[&str]) {
-    let output = DTD.command(arguments).current_dir(folder).output().unwrap();
-    assert!(output.status.success(), "{arguments:?}: {}", said(&output));
+    DTD.command(arguments).current_dir(folder).succeeds();
 }
 
 #[test]

@@ -37,7 +37,8 @@ use outcome::Outcome;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use targets::{Form, Guard, TARGETS, Target, VERBS};
-use tiny::{Tiny, said};
+use testkit::command::said;
+use tiny::Tiny;
 
 /// Far longer than any of this takes; anything longer is a hang.
 const TOO_LONG: Duration = Duration::from_secs(120);

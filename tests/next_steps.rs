@@ -6,8 +6,8 @@ use std::fs;
 use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
-use testkit::command::{Dtd, json};
-use tiny::{MODEL, Tiny, said};
+use testkit::command::{Dtd, json, said};
+use tiny::{MODEL, Tiny};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 

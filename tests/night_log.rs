@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::tempdir;
-use testkit::command::{Dtd, Server, said, text};
+use testkit::command::{Dtd, Server, text};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -17,8 +17,7 @@ fn recorded(arguments: &[&str]) -> Vec<String> {
     let folder = tempdir().unwrap();
     let corpus = folder.path().join("corpus");
     let generate = ["generate", "tests/data/small.toml", "--out", text(&corpus)];
-    let output = DTD.run(&[&generate, arguments].concat());
-    assert!(output.status.success(), "{}", said(&output));
+    let output = DTD.succeeds(&[&generate, arguments].concat());
     let lines = String::from_utf8(output.stderr).unwrap();
     lines.lines().map(str::to_owned).collect()
 }

@@ -7,9 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use testkit::command::Server;
+use testkit::command::{Server, said};
 use testkit::skipped;
-use tiny::{Tiny, said};
+use tiny::Tiny;
 
 /// Brings up the loopback device of a new network namespace, without needing an installed tool, and becomes the command.
 const INSIDE: &str = r#"

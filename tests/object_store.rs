@@ -23,7 +23,7 @@ use dataset::tables::pixel_box::PixelBox;
 use s3_server::{S3Server, Way};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
-use testkit::command::{Dtd, json, said, text};
+use testkit::command::{Dtd, Ending, json, said, text};
 use testkit::files::{assert_same_contents, contents};
 use testkit::{program_of_venv, repository};
 
@@ -39,14 +39,12 @@ static SERVER: LazyLock<S3Server> = LazyLock::new(|| S3Server::start(&[]));
 static IN_A_FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let corpus = Path::new(env!("CARGO_TARGET_TMPDIR")).join("object-store-undisturbed");
     let _ = fs::remove_dir_all(&corpus);
-    let output = dtd(SERVER.address)
+    dtd(SERVER.address)
         .arg("generate")
         .arg("tests/data/small.toml")
         .arg("--out")
         .arg(&corpus)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+        .succeeds();
     corpus
 });
 
@@ -124,12 +122,10 @@ fn assert_same(url: &str) {
     let (_folder, corpus, output) = fetch(url);
     assert!(output.status.success(), "{}", said(&output));
     assert_same_contents(&corpus, &IN_A_FOLDER);
-    let verified = dtd(SERVER.address)
+    dtd(SERVER.address)
         .args(["verify", "--complete"])
         .arg(&corpus)
-        .output()
-        .unwrap();
-    assert!(verified.status.success(), "{}", said(&verified));
+        .succeeds();
 }
 
 fn scenarios_on(stage: &Path) -> usize {
@@ -198,19 +194,13 @@ fn two_shards_of_which_one_is_killed_make_the_corpus_of_one_run() {
         .unwrap();
     let verified = dtd(SERVER.address)
         .args(["verify", "--complete", "--json", &url])
-        .output()
-        .unwrap();
-    assert!(verified.status.success(), "{}", said(&verified));
+        .succeeds();
     let report = json(&verified);
     assert_eq!(report["scenarios"], SCENARIOS, "{report}");
     assert!(report["pictures"].as_u64() > Some(0), "{report}");
-    let elsewhere = dtd(SERVER.address)
+    dtd(SERVER.address)
         .args(["verify", &format!("{url}/elsewhere")])
-        .output()
-        .unwrap();
-    let message = said(&elsewhere);
-    assert_eq!(elsewhere.status.code(), Some(2), "{message}");
-    assert!(message.contains("is the prefix right?"), "{message}");
+        .ends_with(2, &["is the prefix right?"]);
     let against = &json(&planned)["against"];
     assert_eq!(number(against, "whole"), SCENARIOS, "{against}");
     assert_eq!(against["corpus"], url.as_str());
@@ -234,10 +224,7 @@ fn a_run_that_is_killed_again_and_again_goes_on_from_its_stage() {
         assert_eq!(status.signal(), Some(SIGKILL), "{status}: not killed");
         assert!(committed("killed") < SCENARIOS, "killed after its work");
     }
-    let output = generate(SERVER.address, &url, stage.path())
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    generate(SERVER.address, &url, stage.path()).succeeds();
     assert_same(&url);
     assert_eq!(scenarios_on(stage.path()), 0);
     let output = generate(SERVER.address, &url, stage.path())
@@ -325,10 +312,7 @@ fn what_cannot_work_is_said_at_once_and_nothing_is_recorded() {
     ] {
         let stage = tempdir().unwrap();
         let began = Instant::now();
-        let output = generate(server, url, stage.path()).output().unwrap();
-        let message = said(&output);
-        assert_eq!(output.status.code(), Some(code), "{url}: {message}");
-        assert!(message.contains(words), "{url}: no {words:?} in {message}");
+        let message = generate(server, url, stage.path()).ends_with(code, &[words]);
         assert!(
             began.elapsed() < Duration::from_secs(60),
             "{url}: {message}"
@@ -347,40 +331,18 @@ fn verbs_that_work_on_folders_refuse_a_url_and_say_how_to_get_one() {
         vec!["push", url, url],
         vec!["fetch", url, "--out", url],
     ] {
-        let output = dtd(SERVER.address)
+        dtd(SERVER.address)
             .args(&arguments)
             .current_dir(folder.path())
-            .output()
-            .unwrap();
-        let message = said(&output);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-        assert!(
-            message.contains("dtd fetch s3://bucket/corpus --out FOLDER"),
-            "{arguments:?}: {message}"
-        );
+            .ends_with(2, &["dtd fetch s3://bucket/corpus --out FOLDER"]);
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-    let output = dtd(SERVER.address)
-        .args([
-            "generate",
-            "tests/data/small.toml",
-            "--keep-staged",
-            "--out",
-        ])
-        .arg(folder.path())
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
 }
 
 #[test]
 fn labels_go_back_to_the_bucket_and_another_mirror_gets_them() {
     let url = bucket("labels");
-    let run = |arguments: &[&str]| {
-        let output = dtd(SERVER.address).args(arguments).output().unwrap();
-        assert!(output.status.success(), "{arguments:?}: {}", said(&output));
-        output
-    };
+    let run = |arguments: &[&str]| dtd(SERVER.address).args(arguments).succeeds();
     let local = IN_A_FOLDER.to_str().unwrap();
     let pushed = json(&run(&["push", local, &url, "--json"]));
     assert_eq!(number(&pushed, "pushed"), SCENARIOS, "{pushed}");
@@ -467,20 +429,16 @@ fn damaged_files_of_the_whole_corpus_go_neither_way() {
         let output = dtd(SERVER.address)
             .args(["fetch", &url, "--out"])
             .arg(&other)
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+            .succeeds();
         assert!(said(&output).contains("damaged"), "{}", said(&output));
         assert!(fs::read(other.join(name)).unwrap() == good);
         // Damaged in the store, it is never downloaded; pushing an intact one repairs it.
         SERVER.put(&format!("/damaged-files/a/corpus/{name}"), "");
         let (_third, third) = copy_of(&local);
-        let output = dtd(SERVER.address)
+        dtd(SERVER.address)
             .args(["fetch", &url, "--out"])
             .arg(&third)
-            .output()
-            .unwrap();
-        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+            .ends_with(1, &[]);
         assert!(fs::read(third.join(name)).unwrap() == good);
         let output = push(&local, &url);
         assert!(output.status.success(), "{}", said(&output));
@@ -574,11 +532,9 @@ fn what_a_killed_push_left_in_the_store_is_cleared_by_the_next_one() {
 fn amazons_own_client_finds_the_files_that_the_manifest_lists() {
     let url = bucket("judged");
     let stage = tempdir().unwrap();
-    let output = generate(SERVER.address, &url, stage.path())
+    generate(SERVER.address, &url, stage.path())
         .args(["--only", "1200-clear-r1", "--keep-staged"])
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+        .succeeds();
     let scenario = stage.path().join("scenarios/1200-clear-r1");
     let manifest = fs::read_to_string(scenario.join("MANIFEST.b3")).unwrap();
     let program = "
@@ -602,9 +558,7 @@ for line in sys.argv[1].splitlines():
     let judged = judge
         .args(["-c", program, &manifest])
         .arg(&scenario)
-        .output()
-        .unwrap();
-    assert!(judged.status.success(), "{}", said(&judged));
+        .succeeds();
     assert_eq!(said(&judged).lines().count(), manifest.lines().count());
 }
 
@@ -615,22 +569,18 @@ fn a_corpus_that_is_no_stage_is_left_alone_and_detections_keep_a_scenario_on_its
     assert!(push(&corpus, &url).status.success());
     let table = detect(&corpus, 0.5);
     let before = contents(&corpus);
-    let output = generate(SERVER.address, &url, &corpus).output().unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("no stage.json"), "{}", said(&output));
+    generate(SERVER.address, &url, &corpus).ends_with(2, &["no stage.json"]);
     assert!(contents(&corpus) == before);
 
     // Detections made on a stage exist nowhere else.
     let mark = format!("{{\"corpus\": \"{url}\"}}");
     fs::write(corpus.join("stage.json"), mark).unwrap();
-    let output = generate(SERVER.address, &url, &corpus).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    let output = generate(SERVER.address, &url, &corpus).succeeds();
     assert!(said(&output).contains("dtd push"), "{}", said(&output));
     assert!(table.exists());
     assert_eq!(scenarios_on(&corpus), 1);
     assert!(push(&corpus, &url).status.success());
-    let output = generate(SERVER.address, &url, &corpus).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    generate(SERVER.address, &url, &corpus).succeeds();
     assert_eq!(scenarios_on(&corpus), 0);
 }
 
@@ -663,12 +613,9 @@ fn what_the_store_lost_or_exchanged_stays_on_the_stage_until_it_is_sent_again() 
     let url = bucket("lost");
     let stage = tempdir().unwrap();
     let run = |arguments: &[&str]| {
-        let output = generate(SERVER.address, &url, stage.path())
+        generate(SERVER.address, &url, stage.path())
             .args(arguments)
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-        output
+            .succeeds()
     };
     run(&["--keep-staged"]);
     exchange(
@@ -701,11 +648,9 @@ fn a_damaged_split_or_sweep_of_a_store_is_replaced_from_the_stage_and_never_the_
     let (store, stage) = (tempdir().unwrap(), tempdir().unwrap());
     let url = format!("file://{}", text(store.path()));
     let run = || {
-        let output = generate(SERVER.address, &url, stage.path())
+        generate(SERVER.address, &url, stage.path())
             .arg("--keep-staged")
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+            .succeeds();
     };
     run();
     for name in ["splits.json", "corpus.toml"] {
@@ -753,10 +698,9 @@ fn credentials_in_a_url_are_not_repeated() {
         vec!["generate", "tests/data/small.toml", &out],
         vec!["label", url],
     ] {
-        let output = dtd(SERVER.address).args(&arguments).output().unwrap();
-        let message = said(&output);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-        assert!(message.contains("s3://***@bucket/corpus"), "{message}");
+        let message = dtd(SERVER.address)
+            .args(&arguments)
+            .ends_with(2, &["s3://***@bucket/corpus"]);
         for secret in ["AKIDKEY", "SEC", "RET"] {
             assert!(!message.contains(secret), "{arguments:?}: {message}");
         }

@@ -6,7 +6,7 @@ use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
 use tempfile::{TempDir, tempdir};
-use testkit::command::{Dtd, said, text};
+use testkit::command::{Dtd, text};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -70,10 +70,7 @@ impl World {
         };
         let arguments: Vec<String> = verb.iter().map(fill).collect();
         let before = self.state();
-        let output = DTD.run(&arguments);
-        let message = said(&output);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-        assert!(message.contains(words), "{arguments:?}: {message}");
+        DTD.ends_with(&arguments, 2, &[words]);
         assert!(self.state() == before, "{arguments:?} changed something");
     }
 }

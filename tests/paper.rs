@@ -106,8 +106,7 @@ fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures()
     let folder = tempfile::tempdir().unwrap();
     let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
     fs::write(folder.path().join("training.toml"), TINY_TRAINING).unwrap();
-    let output = DTD.run(&arguments(&whole));
-    assert!(output.status.success(), "{}", said(&output));
+    DTD.succeeds(&arguments(&whole));
     let page = fs::read_to_string(whole.join("paper.md")).unwrap();
     for part in ["9.95", "not done, because", "100 recorded landings"] {
         assert!(page.contains(part), "no {part:?} in {page}");
@@ -126,19 +125,16 @@ fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures()
     for (words, later) in KILLED_IN {
         kill_in(&killed, words, later);
     }
-    let output = DTD.run(&arguments(&killed));
-    assert!(output.status.success(), "{}", said(&output));
+    let output = DTD.succeeds(&arguments(&killed));
     assert!(
         said(&output).contains("paper: labels: done already"),
         "{}",
         said(&output)
     );
     assert_eq!(figures(&killed), figures(&whole));
-    let other = DTD.run(&arguments_at("1", &killed));
-    assert_eq!(other.status.code(), Some(2), "{}", said(&other));
-    assert!(
-        said(&other).contains("another sweep or frame rate"),
-        "{}",
-        said(&other)
+    DTD.ends_with(
+        &arguments_at("1", &killed),
+        2,
+        &["another sweep or frame rate"],
     );
 }

@@ -8,7 +8,7 @@ use std::process::Command;
 use dataset::corpus::Corpus;
 use dataset::geometry::geodesy::Geodetic;
 use serde_json::{Value, json};
-use testkit::command::{Dtd, said, text};
+use testkit::command::{Dtd, Ending, said, text};
 use testkit::files::{contents, copy_folder};
 use testkit::sweep::THREE_VIEWS;
 use testkit::{program_of_venv, python_with_torch, repository, skipped};
@@ -98,9 +98,7 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
             .env("PYTHONFAULTHANDLER", "1")
             .env("DTD_CORPUS", &corpus)
             .env("DTD_EXPECTED", &judged)
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+            .succeeds();
         assert!(!said(&output).contains("skipped"), "{}", said(&output));
         output
     };
@@ -137,7 +135,7 @@ fn installing_the_package_leaves_nothing_in_the_checkout() {
     copy_folder(&repository().join("python"), &sources);
     let before = contents(&sources);
     let installed = folder.path().join("installed");
-    let output = Command::new(&python)
+    Command::new(&python)
         .args([
             "-m",
             "pip",
@@ -150,9 +148,7 @@ fn installing_the_package_leaves_nothing_in_the_checkout() {
         ])
         .arg(&installed)
         .arg(&sources)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+        .succeeds();
     assert!(installed.join("dtd/py.typed").is_file());
     assert!(contents(&sources) == before, "something is left");
 }

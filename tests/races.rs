@@ -13,12 +13,13 @@ use std::process::Output;
 use std::sync::LazyLock;
 use std::thread;
 use std::time::{Duration, Instant};
+use testkit::command::{Ending, said};
 
 use dataset::corpus::Corpus;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 use serde_json::Value;
-use tiny::{TOO_LONG, Tiny, said};
+use tiny::{TOO_LONG, Tiny};
 
 /// The verbs that work on a corpus, with `{store}` for an object store's URL and `{model}` for the detector.
 const VERBS: [(&str, &str); 10] = [
@@ -86,8 +87,7 @@ static START: LazyLock<Start> = LazyLock::new(|| {
 });
 
 fn must(tiny: &Tiny, arguments: &[impl AsRef<std::ffi::OsStr>]) -> Value {
-    let output = tiny.dtd(arguments).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    let output = tiny.dtd(arguments).succeeds();
     serde_json::from_slice(&output.stdout).unwrap_or_default()
 }
 

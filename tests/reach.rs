@@ -8,7 +8,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use testkit::command::{Dtd, Server, json, said, text};
+use testkit::command::{Dtd, Ending, Server, json, said, text};
 use testkit::free_udp_port;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::Relay;
@@ -37,8 +37,7 @@ fn dtd(arguments: &[&str], state: &Path) -> Command {
 }
 
 fn must(command: &mut Command) {
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    command.succeeds();
 }
 
 /// The notes of ports in use.
@@ -65,13 +64,7 @@ fn a_doctor_finds_a_simulator_that_answers_from_another_port() {
         )
         .current_dir(state.path())
         .env_remove("DISPLAY")
-        .output()
-        .unwrap();
-        assert!(
-            output.status.success(),
-            "X-Plane {generation}: {}",
-            said(&output)
-        );
+        .succeeds();
         let checks: Value = json(&output);
         let mut checks_of_udp = checks.as_array().unwrap().iter();
         let answers = checks_of_udp.any(|check| check["name"] == "udp" && check["verdict"] == "ok");
@@ -142,24 +135,6 @@ fn a_port_where_no_program_listens_is_noticed_before_any_timeout_and_a_taken_loc
         said.contains(&format!("cannot use UDP port {port} of this computer")),
         "{said}"
     );
-}
-
-#[test]
-fn a_local_port_is_for_simulators_that_run_already() {
-    let folder = tempfile::tempdir().unwrap();
-    let corpus = folder.path().join("corpus");
-    let generate = ["generate", SWEEP, "--out", text(&corpus)];
-    for (sim, port, words) in [
-        ("mock", "50000", "a simulator that runs already"),
-        ("127.0.0.1:49000,127.0.0.1:49100", "65535", "2 simulators"),
-        ("127.0.0.1:49000", "0", "--udp-port"),
-    ] {
-        let more = ["--sim", sim, "--udp-port", port];
-        let output = DTD.run(&[&generate[..], &more].concat());
-        let said = said(&output);
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(words), "{said}");
-    }
 }
 
 /// True if the simulator sends anything within a while.

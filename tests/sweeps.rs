@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
-use testkit::command::{Dtd, said};
+use testkit::command::{Dtd, said, text};
 use testkit::{program_of_venv, repository};
 
 /// A valid sweep; each case changes one line.
@@ -246,22 +246,23 @@ fn line_and_column(text: &str, words: &str) -> (usize, usize) {
 }
 
 #[test]
-fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
+fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected_and_nothing_is_written() {
     let (folder, files) = sweeps();
     let sound = folder.path().join("sound.toml");
-    let output = DTD.run(&["plan", sound.to_str().unwrap()]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    DTD.succeeds(&["plan", text(&sound)]);
     let mut wrong = String::new();
-    for ((path, text), (_, to, place, words, _)) in files.iter().zip(CASES) {
-        let output = DTD.run(&["plan", path.to_str().unwrap()]);
+    for ((path, sweep), (_, to, place, words, _)) in files.iter().zip(CASES) {
+        let output = DTD.run(&["plan", text(path)]);
         let message = said(&output);
-        let (line, column) = line_and_column(text, place);
+        let (line, column) = line_and_column(sweep, place);
         let start = format!("error: {}:{line}:{column}: ", path.display());
+        let shown = format!("{line} | ");
         let good = output.status.code() == Some(2)
             && message
                 .split_once(' ')
                 .is_some_and(|(_, said)| said.starts_with(&start))
             && message.contains(words)
+            && message.contains(&shown)
             && message.trim_end().ends_with('^');
         if !good {
             let code = output.status.code();
@@ -269,7 +270,10 @@ fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
         }
     }
     assert!(wrong.is_empty(), "\n{wrong}");
-    assert!(CASES.len() >= 20);
+    let corpus = folder.path().join("corpus");
+    let generate = ["generate", text(&files[0].0), "--out", text(&corpus)];
+    DTD.ends_with(&generate, 2, &[text(&files[0].0)]);
+    assert!(!corpus.exists(), "something was written");
 }
 
 #[test]
@@ -304,8 +308,7 @@ fn the_committed_schemas_are_what_the_command_prints() {
         ("train", "schema/train.schema.json"),
         ("estimate", "schema/estimate.schema.json"),
     ] {
-        let output = DTD.run(&["schema", of]);
-        assert!(output.status.success());
+        let output = DTD.succeeds(&["schema", of]);
         let committed = fs::read(repository().join(file)).unwrap();
         assert!(
             output.stdout == committed,

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use testkit::command::{Dtd, said, text};
+use testkit::command::{Dtd, Ending, text};
 use testkit::sweep::{SmallSweep, starting_from};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -41,8 +41,7 @@ visibility_m = 15000
 fn generate(sweep: &Path, corpus: &Path, more: &[&str], threads: &str) {
     let arguments = [&["generate", text(sweep), "--out", text(corpus)], more].concat();
     let mut command = DTD.command(&arguments);
-    let output = command.env("RAYON_NUM_THREADS", threads).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    command.env("RAYON_NUM_THREADS", threads).succeeds();
 }
 
 /// Largest of the views' median distances of the aircraft from its place, and the report.
@@ -75,8 +74,7 @@ fn a_corpus_is_the_same_bytes_however_it_was_recorded_and_its_boxes_are_found_wh
         }
     }
 
-    let output = DTD.run(&["label", text(&whole)]);
-    assert!(output.status.success(), "{}", said(&output));
+    DTD.succeeds(&["label", text(&whole)]);
     let (offset_px, report) = verified(&whole);
     assert_eq!(report["findings"], Value::Array(vec![]), "{report:#}");
     // The centre of brightness is 2 to 3 px from the centre of its box, and 4.5 px from a box that does not follow the sway.

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use testkit::command::{Dtd, said, text};
+use testkit::command::{Dtd, text};
 use testkit::sweep::{SmallSweep, starting_from};
 use verify::verify;
 
@@ -44,8 +44,7 @@ fn record(folder: &Path, faults: &str) -> Corpus {
         ][..],
         &["label", text(&root)],
     ] {
-        let output = DTD.run(arguments);
-        assert!(output.status.success(), "{arguments:?}: {}", said(&output));
+        DTD.succeeds(arguments);
     }
     stand_in.end();
     Corpus::open(&root).unwrap()

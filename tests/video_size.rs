@@ -4,7 +4,7 @@ use std::fs;
 
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::seal::seal_folder;
-use testkit::command::{Dtd, said, text};
+use testkit::command::{Dtd, Ending, text};
 use testkit::{onnx_runtime, short_corpus};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -33,21 +33,13 @@ fn videos_of_another_size_than_the_calibration_are_not_searched() {
         message.contains("has images of 480 x 320 px, expected 640 x 320 px"),
         "{message}"
     );
-    let output = DTD
-        .command(&[
-            "detect",
-            text(folder.path()),
-            "--model",
-            "models/aircraft.onnx",
-        ])
-        .env("ORT_DYLIB_PATH", onnx_runtime())
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-    assert!(
-        said(&output).contains("expected 640 x 320 px"),
-        "{}",
-        said(&output)
-    );
+    DTD.command(&[
+        "detect",
+        text(folder.path()),
+        "--model",
+        "models/aircraft.onnx",
+    ])
+    .env("ORT_DYLIB_PATH", onnx_runtime())
+    .ends_with(3, &["expected 640 x 320 px"]);
     assert!(!fs::exists(scenario.root().join("detections")).unwrap());
 }

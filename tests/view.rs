@@ -10,9 +10,9 @@ use std::net::TcpStream;
 use dataset::corpus::Corpus;
 use image::RgbImage;
 use serde_json::{Value, json};
-use testkit::command::Server;
+use testkit::command::{Ending, Server};
 use testkit::judge_in_chromium;
-use tiny::{SCENARIOS, Tiny, said};
+use tiny::{SCENARIOS, Tiny};
 
 /// A folder's server.
 struct Page {
@@ -422,8 +422,7 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
         "--only",
         unlabelled,
     ];
-    let output = tiny.dtd(&again).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    tiny.dtd(&again).succeeds();
     fs::remove_dir_all(&scenarios[0]).unwrap();
     fs::rename(tiny.path("bare/scenarios").join(unlabelled), &scenarios[0]).unwrap();
     // As a kill leaves a recording.
@@ -516,8 +515,7 @@ fn a_run_that_was_judged_on_another_corpus_with_the_same_names_shows_no_errors()
         &["generate", "sweep.toml", "--out", "corpus", "--only", id][..],
         &["label", "corpus"],
     ] {
-        let output = tiny.dtd(arguments).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+        tiny.dtd(arguments).succeeds();
     }
 
     let page = Page::of(&tiny, &["--run", "run"]);
@@ -554,21 +552,13 @@ fn what_cannot_be_shown_is_refused_before_a_port_is_opened() {
         ),
         (&["view", "s3://bucket/corpus"], "dtd fetch"),
     ] {
-        let output = tiny
-            .dtd(&[arguments, &["--no-open"]].concat())
-            .output()
-            .unwrap();
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains(words), "{}", said(&output));
+        tiny.dtd(&[arguments, &["--no-open"]].concat())
+            .ends_with(2, &[words]);
     }
     let page = Page::of(tiny, &[]);
     let port = page.server.address("address").port().to_string();
-    let output = tiny
-        .dtd(&["view", "corpus", "--no-open", "--port", &port])
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("--port 0"), "{}", said(&output));
+    tiny.dtd(&["view", "corpus", "--no-open", "--port", &port])
+        .ends_with(2, &["--port 0"]);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use testkit::command::{said, text};
+use testkit::command::{Ending, said, text};
 use testkit::files::copy_folder;
 
 use crate::distances;
@@ -141,10 +141,7 @@ fn a_run_that_is_not_what_the_training_wrote_is_refused() {
     fs::write(other.join("run.json"), described.to_string()).unwrap();
     let [left, right] = VIEWS.map(|view| format!("{view}={source}"));
     let arguments = ["estimate", text(&other), "--view", &left, "--view", &right];
-    let output = DTD.run(&arguments);
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains("other-run"), "{said}");
+    DTD.ends_with(&arguments, 2, &["other-run"]);
 }
 
 #[cfg(target_os = "linux")]
@@ -152,15 +149,11 @@ fn a_run_that_is_not_what_the_training_wrote_is_refused() {
 fn an_output_that_is_full_is_a_failure() {
     let workshop = Workshop::shared();
     let source = workshop.source();
-    let output = workshop
+    workshop
         .command([&source, &source])
         .arg("--as-fast-as-possible")
         .stdout(fs::File::create("/dev/full").unwrap())
-        .output()
-        .unwrap();
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("No space"), "{said}");
+        .ends_with(1, &["No space"]);
 }
 
 #[test]
@@ -169,13 +162,10 @@ fn a_port_in_use_is_refused() {
     let source = workshop.source();
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
-    let output = workshop
+    workshop
         .command([&source, &source])
         .args(["--metrics", &address])
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains(&address), "{}", said(&output));
+        .ends_with(2, &[&address]);
 }
 
 #[test]
@@ -189,8 +179,7 @@ fn settings_in_a_file_do_what_options_do() {
     for estimator in ["inverse_range", "inverse_range_filtered"] {
         let of_all = format!("estimator = \"{estimator}\"\n");
         fs::write(&settings, of_all + &views.concat()).unwrap();
-        let output = DTD.run(&[&arguments[..], &["--as-fast-as-possible"]].concat());
-        assert!(output.status.success(), "{}", said(&output));
+        let output = DTD.succeeds(&[&arguments[..], &["--as-fast-as-possible"]].concat());
         let lines = String::from_utf8(output.stdout).unwrap();
         let of_file: Vec<Value> = (lines.lines())
             .map(|line| serde_json::from_str(line).unwrap())
@@ -202,12 +191,10 @@ fn settings_in_a_file_do_what_options_do() {
     }
     let unknown = "[views.tower]\nsource = \"x.mp4\"\n";
     fs::write(&settings, views.concat() + unknown).unwrap();
-    let output = DTD.run(&arguments);
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(
-        said.contains("its views are left, right") && said.contains("ESTIMATE.toml"),
-        "{said}"
+    DTD.ends_with(
+        &arguments,
+        2,
+        &["its views are left, right", "ESTIMATE.toml"],
     );
 }
 
@@ -222,13 +209,9 @@ fn a_gpu_that_is_not_there_is_refused_with_what_to_do() {
         // Neither camera is there.
         let absent = "rtsp://127.0.0.1:9/x";
         let mut command = workshop.command([absent, absent]);
-        let output = command.args(["--decoder", decoder]).output().unwrap();
-        let said = said(&output);
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(
-            said.contains(decoder) && said.contains("give cpu"),
-            "{said}"
-        );
+        command
+            .args(["--decoder", decoder])
+            .ends_with(2, &[decoder, "give cpu"]);
     }
 }
 
@@ -237,11 +220,7 @@ fn a_camera_that_is_not_plugged_in_is_named_by_the_check() {
     let workshop = Workshop::shared();
     let source = workshop.source();
     let mut command = workshop.command([&source, "/dev/video97"]);
-    let output = command.arg("--check").output().unwrap();
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(
-        said.contains("/dev/video97") && said.contains("No such file"),
-        "{said}"
-    );
+    command
+        .arg("--check")
+        .ends_with(1, &["/dev/video97", "No such file"]);
 }

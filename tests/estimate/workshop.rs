@@ -9,7 +9,7 @@ use std::sync::{OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard
 use dataset::corpus::Corpus;
 use serde_json::Value;
 use testkit::TINY_TRAINING;
-use testkit::command::{Dtd, said, text};
+use testkit::command::{Dtd, Ending, text};
 use testkit::sweep::{SmallSweep, starting_from};
 
 pub(crate) const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -137,8 +137,7 @@ impl Workshop {
     }
 
     pub(crate) fn lines(&self, sources: [&str; 2], more: &[&str]) -> Vec<Value> {
-        let output = self.command(sources).args(more).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+        let output = self.command(sources).args(more).succeeds();
         let lines = String::from_utf8(output.stdout).unwrap();
         let lines = lines.lines();
         lines
@@ -148,8 +147,7 @@ impl Workshop {
 }
 
 fn done(arguments: &[&str]) {
-    let output = DTD.run(arguments);
-    assert!(output.status.success(), "{}", said(&output));
+    DTD.succeeds(arguments);
 }
 
 /// Videos of the first scenario.
@@ -162,10 +160,8 @@ pub(crate) fn videos(corpus: &Path) -> [PathBuf; 2] {
 }
 
 pub(crate) fn ffmpeg(arguments: &[&str]) {
-    let output = Command::new("ffmpeg")
+    Command::new("ffmpeg")
         .args(["-loglevel", "error", "-y"])
         .args(arguments)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+        .succeeds();
 }

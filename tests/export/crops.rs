@@ -9,27 +9,14 @@ use std::time::Instant;
 use dataset::corpus::Corpus;
 use dataset::corpus::detections::choose;
 use serde_json::Value;
-use testkit::command::said;
+use testkit::command::Ending;
 use testkit::files::assert_same_contents;
 use testkit::{program_of_venv, repository};
 
 use crate::tiny::Tiny;
 use crate::{json_of, refused};
 
-const EXPORT: [&str; 8] = [
-    "export",
-    "corpus",
-    "--to",
-    "crops",
-    "--out",
-    "crops",
-    "--crop-px",
-    "96x64",
-];
-
-fn export(more: &[&'static str]) -> Vec<&'static str> {
-    [&EXPORT[..], more].concat()
-}
+const EXPORT: &str = "export corpus --to crops --out crops --crop-px 96x64";
 
 /// Samples that the judge read, by shard.
 fn read(tiny: &Tiny) -> BTreeMap<String, Vec<Value>> {
@@ -38,9 +25,7 @@ fn read(tiny: &Tiny) -> BTreeMap<String, Vec<Value>> {
         .args(["crops", "coco/images", "corpus"].map(|name| tiny.path(name)))
         .env("PYTHONPATH", repository().join("python"))
         .env("PYTHONDONTWRITEBYTECODE", "1")
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+        .succeeds();
     serde_json::from_value(testkit::command::json(&output)).unwrap()
 }
 
@@ -59,13 +44,8 @@ fn in_picture(of_view: &Value, corners: &Value) -> [f64; 4] {
 #[test]
 fn crops_show_the_aircraft_where_their_boxes_say_and_webdataset_reads_them_mixed_by_side() {
     let tiny = Tiny::made().copy();
-    json_of(
-        &tiny,
-        &[
-            "export", "corpus", "--to", "coco", "--out", "coco", "--json",
-        ],
-    );
-    let counts = json_of(&tiny, &export(&["--json"]));
+    json_of(&tiny, "export corpus --to coco --out coco");
+    let counts = json_of(&tiny, EXPORT);
     let shards = read(&tiny);
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let splits = corpus.splits().unwrap();
@@ -134,23 +114,15 @@ fn crops_show_the_aircraft_where_their_boxes_say_and_webdataset_reads_them_mixed
         "validation-000000.tar",
     ];
     assert!(shards.keys().eq(sides), "{:?}", shards.keys());
-    assert_eq!(json_of(&tiny, &export(&["--json"]))["unchanged"], true);
-    refused(&tiny, &export(&["--seed", "1"]), "other options");
+    assert_eq!(json_of(&tiny, EXPORT)["unchanged"], true);
+    refused(&tiny, &format!("{EXPORT} --seed 1"), "other options");
 }
 
 #[test]
 fn crops_around_detections_are_around_the_best_one_and_have_the_true_boxes_as_well() {
     let tiny = Tiny::made().copy();
-    let counts = json_of(
-        &tiny,
-        &export(&[
-            "--boxes",
-            "detections",
-            "--detections",
-            "aircraft.onnx",
-            "--json",
-        ]),
-    );
+    let boxes = "--boxes detections --detections aircraft.onnx";
+    let counts = json_of(&tiny, &format!("{EXPORT} {boxes}"));
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
     let folders = corpus.scenarios().unwrap();
     let model = choose(&folders, None).unwrap().unwrap().hash;
@@ -213,13 +185,13 @@ fn crops_around_detections_are_around_the_best_one_and_have_the_true_boxes_as_we
 #[test]
 fn an_export_of_crops_that_is_killed_again_and_again_ends_with_the_bytes_of_an_undisturbed_one() {
     let tiny = Tiny::made().copy();
-    let straight = [&EXPORT[..5], &["straight"], &EXPORT[6..]].concat();
     let began = Instant::now();
-    json_of(&tiny, &[&straight[..], &["--json"]].concat());
+    let straight = EXPORT.replace("--out crops", "--out straight");
+    json_of(&tiny, &straight);
     let whole = began.elapsed();
     const KILLS: u32 = 12;
     for kill in 1..=KILLS {
-        let mut command = tiny.dtd(&EXPORT);
+        let mut command = tiny.line(EXPORT);
         let silent = command.stdout(Stdio::null()).stderr(Stdio::null());
         let mut process = silent.spawn().unwrap();
         thread::sleep(whole * kill / KILLS);
@@ -231,34 +203,7 @@ fn an_export_of_crops_that_is_killed_again_and_again_ends_with_the_bytes_of_an_u
             let _ = fs::remove_dir_all(tiny.path("crops.partial"));
         }
     }
-    json_of(&tiny, &export(&["--json"]));
+    json_of(&tiny, EXPORT);
     assert_same_contents(&tiny.path("crops"), &tiny.path("straight"));
     assert!(!tiny.path("crops.partial").exists());
-}
-
-#[test]
-fn crops_that_cannot_be_cut_are_refused_and_write_nothing() {
-    let tiny = Tiny::made().copy();
-    let common = ["export", "corpus", "--out", "out", "--to"];
-    let with = |more: &[&'static str]| [&common[..], more].concat();
-    for (more, words) in [
-        (
-            &["crops", "--crop-px", "481x64"][..],
-            "a crop of 481x64 px does not fit into images of 480x320 px",
-        ),
-        (&["crops", "--crop-px", "0x64"], "is not a size"),
-        (&["coco", "--crop-px", "96x64"], "no use for --crop-px"),
-        (&["webdataset", "--seed", "1"], "no use for --seed"),
-        (&["crops", "--rate", "1"], "no use for --rate"),
-        (&["crops", "--run", "run"], "no use for --run"),
-        (&["crops", "--detections", "other"], "aircraft.onnx"),
-    ] {
-        refused(&tiny, &with(more), words);
-    }
-    for scenario in tiny.scenarios() {
-        fs::remove_dir_all(scenario.join("detections")).unwrap();
-        fs::remove_dir_all(scenario.join("registrations")).unwrap();
-    }
-    let around = ["crops", "--boxes", "detections"];
-    refused(&tiny, &with(&around), "have no detections");
 }

@@ -117,16 +117,6 @@ fn a_truncated_video_costs_an_export_its_scenario_only() {
 }
 
 #[test]
-fn an_empty_corpus_is_not_sound_and_a_table_is_not_named_csv() {
-    let tiny = Tiny::made().copy();
-    fs::create_dir_all(tiny.path("empty/scenarios")).unwrap();
-    let words = ["contains no complete scenario"];
-    assert_says(&tiny, &["verify", "empty"], 2, &words);
-    let predict = testkit::command::words("predict run --corpus corpus --out new.csv");
-    assert_says(&tiny, &predict, 2, &["ends in .parquet"]);
-}
-
-#[test]
 fn verify_names_each_missing_scenario() {
     let tiny = Tiny::made().copy();
     let folders = tiny.scenarios();

@@ -2,7 +2,8 @@
 
 use std::os::unix::process::ExitStatusExt;
 
-use crate::tiny::{self, TOO_LONG, Tiny, said};
+use crate::tiny::{self, TOO_LONG, Tiny};
+use testkit::command::said;
 
 const TWO_GIB_KIB: u64 = 2 << 20;
 

@@ -30,10 +30,7 @@ impl Store {
     /// Runs a verb that must end with this exit code; returns what it says.
     fn run(&self, arguments: &[&str], code: i32) -> String {
         let mut command = dtd(SERVER.address);
-        let output = command.args(arguments).output().unwrap();
-        let said = said(&output);
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
-        said
+        command.args(arguments).ends_with(code, &[])
     }
 
     fn push(&self, corpus: &Path, code: i32) -> String {

@@ -14,8 +14,7 @@ use std::time::{Duration, Instant};
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::seal::seal_folder;
 use dataset::tables::frames::Frames;
-use testkit::command::Dtd;
-pub(crate) use testkit::command::said;
+use testkit::command::{Dtd, Ending};
 use testkit::files::copy_folder;
 use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit::{MadeOnce, TINY_TRAINING, onnx_runtime};
@@ -72,23 +71,15 @@ fn make(folder: &Path) {
     let few = TINY_TRAINING.replace("steps = 60, batch_size = 64", "steps = 10, batch_size = 16");
     fs::write(folder.join("training.toml"), few).unwrap();
     let tiny = Tiny::at(folder);
-    for arguments in [
-        &["generate", "sweep.toml", "--out", "corpus"][..],
-        &["label", "corpus"],
-        &["detect", "corpus", "--model", MODEL],
-        &[
-            "train",
-            "corpus",
-            "--out",
-            "run",
-            "--config",
-            "training.toml",
-        ],
-        &["evaluate", "run", "--corpus", "corpus"],
-        &["verify", "corpus", "--complete"],
+    for line in [
+        "generate sweep.toml --out corpus",
+        "label corpus",
+        "detect corpus --model {model}",
+        "train corpus --out run --config training.toml",
+        "evaluate run --corpus corpus",
+        "verify corpus --complete",
     ] {
-        let output = tiny.dtd(arguments).output().unwrap();
-        assert!(output.status.success(), "{arguments:?}: {}", said(&output));
+        tiny.line(line).succeeds();
     }
 }
 
@@ -155,11 +146,14 @@ impl Tiny {
         line.split_whitespace().map(fill).collect()
     }
 
+    /// The command with the words of a line, as [`Tiny::arguments`] reads them.
+    pub(crate) fn line(&self, line: &str) -> Command {
+        self.dtd(&self.arguments(line))
+    }
+
     /// Uploads the corpus and removes a scenario here, so that only the store has it.
     pub(crate) fn leave_to_store(&self, scenario: &Path) {
-        let push = self.arguments("push corpus {store}");
-        let output = self.dtd(&push).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+        self.line("push corpus {store}").succeeds();
         fs::remove_dir_all(scenario).unwrap();
     }
 

@@ -46,15 +46,19 @@ impl Dtd {
         self.command(arguments).output().unwrap()
     }
 
+    /// Runs a verb that must succeed.
+    pub fn succeeds(self, arguments: &[impl AsRef<OsStr>]) -> Output {
+        self.command(arguments).succeeds()
+    }
+
+    /// Runs a verb that must end with this exit code and print all of these words; returns everything that it printed.
+    pub fn ends_with(self, arguments: &[impl AsRef<OsStr>], code: i32, words: &[&str]) -> String {
+        self.command(arguments).ends_with(code, words)
+    }
+
     /// Runs a verb that must succeed and returns what it prints as JSON.
-    pub fn json(self, arguments: &[&str]) -> Value {
-        let output = self.run(arguments);
-        assert!(
-            output.status.success(),
-            "{arguments:?}: {}",
-            String::from_utf8_lossy(&output.stderr)
-        );
-        json(&output)
+    pub fn json(self, arguments: &[impl AsRef<OsStr>]) -> Value {
+        json(&self.succeeds(arguments))
     }
 
     /// A folder with a sweep (`sweep.toml`, beside the recorded flights in `flights/`) and its recorded and labelled `corpus/`.
@@ -67,9 +71,9 @@ impl Dtd {
             &["generate", "sweep.toml", "--out", "corpus"][..],
             &["label", "corpus"],
         ] {
-            let mut command = self.command(arguments);
-            let output = command.current_dir(folder.path()).output().unwrap();
-            assert!(output.status.success(), "{arguments:?}: {}", said(&output));
+            self.command(arguments)
+                .current_dir(folder.path())
+                .succeeds();
         }
         folder
     }
@@ -81,7 +85,37 @@ impl Dtd {
     }
 }
 
-/// What a process printed.
+/// Runs a command to its end, which is checked.
+pub trait Ending {
+    /// Output of the command, which must succeed.
+    fn succeeds(&mut self) -> Output;
+
+    /// Everything that the command printed, which must end with this exit code and print all of these words: bad input, of exit code 2, is
+    /// explained on standard error.
+    fn ends_with(&mut self, code: i32, words: &[&str]) -> String;
+}
+
+impl Ending for Command {
+    fn succeeds(&mut self) -> Output {
+        let output = self.output().unwrap();
+        assert!(output.status.success(), "{self:?}: {}", said(&output));
+        output
+    }
+
+    fn ends_with(&mut self, code: i32, words: &[&str]) -> String {
+        let output = self.output().unwrap();
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(code), "{self:?}: {said}");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let place = if code == 2 { &*errors } else { &*said };
+        for word in words {
+            assert!(place.contains(word), "{self:?}: no {word:?} in {said}");
+        }
+        said
+    }
+}
+
+/// Standard output and standard error of a process, in this order.
 pub fn said(output: &Output) -> String {
     format!(
         "{}{}",

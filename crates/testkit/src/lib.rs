@@ -12,6 +12,7 @@ mod chromium;
 pub mod command;
 pub mod files;
 mod free_port;
+mod judge;
 mod made_once;
 pub mod miscalibrated;
 pub mod peak;
@@ -31,6 +32,7 @@ pub mod watch;
 
 pub use chromium::judge_in_chromium;
 pub use free_port::free_udp_port;
+pub use judge::judged;
 pub use made_once::MadeOnce;
 pub use repository::{
     onnx_runtime, onnx_runtime_with_openvino, program_of_venv, python_with_torch, repository,
