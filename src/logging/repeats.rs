@@ -1,11 +1,11 @@
 //! Lines that repeat: the first is written, the others are counted, so that neither a flood of bad datagrams nor a store that is away for a
-//! night fills a log. The same line after a minute says how many were left out, or else the end of the process does.
+//! night fills a log. Counts are written when their minute is over, and before the process ends.
 
 use std::collections::HashMap;
 use std::net::IpAddr;
-use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::{LazyLock, Mutex, Once, PoisonError};
 use std::time::{Duration, Instant};
-use std::{fmt, mem};
+use std::{fmt, mem, thread};
 
 use tracing::callsite::Identifier;
 
@@ -15,6 +15,8 @@ use crate::logging::stderr::{self, Level};
 const PERIOD: Duration = Duration::from_secs(60);
 /// Maximum number of remembered lines.
 const MAX_REMEMBERED: usize = 1_024;
+/// Interval for looking for counts whose minute is over.
+const COUNT_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Identity of a log line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -44,26 +46,37 @@ impl fmt::Display for Repeated {
 
 /// Admits a line with this text, unless the same one was written a moment ago.
 pub(crate) fn admit(source: Source, level: Level, text: &str) -> Option<Repeated> {
-    lock().admit(source, level, text, Instant::now())
+    let admitted = lock().admit(source, level, text, Instant::now());
+    if admitted.is_none() {
+        count_in_background();
+    }
+    admitted
 }
 
 /// Writes the counts that no later line has; call it before the process ends.
 pub(crate) fn write_counts() {
-    let counts = lock().counts();
-    for Count {
-        text,
-        source,
-        level,
-    } in counts
-    {
-        match source {
-            Source::Line(_) => stderr::say(level, "", &text),
-            _ => stderr::log(level, &text),
-        }
-    }
+    let counts = lock().counts(Instant::now(), Duration::ZERO);
+    counts.iter().for_each(Count::write);
 }
 
-fn lock() -> MutexGuard<'static, Repeats> {
+fn count_in_background() {
+    static STARTED: Once = Once::new();
+    STARTED.call_once(|| {
+        let counting = || {
+            loop {
+                thread::sleep(COUNT_INTERVAL);
+                let counts = lock().counts(Instant::now(), PERIOD);
+                counts.iter().for_each(Count::write);
+            }
+        };
+        // Without it the counts are written at the end.
+        let _ = thread::Builder::new()
+            .name("repeats".into())
+            .spawn(counting);
+    });
+}
+
+fn lock() -> std::sync::MutexGuard<'static, Repeats> {
     static REPEATS: LazyLock<Mutex<Repeats>> = LazyLock::new(Mutex::default);
     REPEATS.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -86,11 +99,21 @@ struct Written {
 }
 
 /// A line that says how many were left out.
-#[derive(Debug)]
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Count {
     text: String,
-    source: Source,
+    is_event: bool,
     level: Level,
+}
+
+impl Count {
+    fn write(&self) {
+        if self.is_event {
+            stderr::log(self.level, &self.text);
+        } else {
+            stderr::say(self.level, "", &self.text);
+        }
+    }
 }
 
 impl Repeats {
@@ -101,8 +124,9 @@ impl Repeats {
         text: &str,
         now: Instant,
     ) -> Option<Repeated> {
+        let is_recent = |written: Instant| now.saturating_duration_since(written) < PERIOD;
         if let Some(written) = self.lines.get_mut(&source) {
-            if now.saturating_duration_since(written.at) < PERIOD {
+            if is_recent(written.at) {
                 written.left_out += 1;
                 return None;
             }
@@ -110,7 +134,11 @@ impl Repeats {
             return Some(Repeated(mem::take(&mut written.left_out)));
         }
         if self.lines.len() >= MAX_REMEMBERED {
-            self.forgotten = self.counts();
+            self.forget(|written| is_recent(written.at));
+        }
+        // More different ones than that within a minute: those that are forgotten may be written again.
+        if self.lines.len() >= MAX_REMEMBERED {
+            self.forget(|_| false);
         }
         let written = Written {
             at: now,
@@ -122,20 +150,44 @@ impl Repeats {
         Some(Repeated(0))
     }
 
-    /// Forgets all lines and returns the counts of those that were left out, in the order of their texts.
-    fn counts(&mut self) -> Vec<Count> {
+    /// Forgets all lines but some; their counts stay.
+    fn forget(&mut self, is_kept: impl Fn(&Written) -> bool) {
+        let forgotten = self.lines.extract_if(|_, written| !is_kept(written));
+        self.forgotten
+            .extend(forgotten.filter_map(|(source, mut written)| written.count(&source)));
+    }
+
+    /// Counts of lines left out at least `period` ago, each once.
+    fn counts(&mut self, now: Instant, period: Duration) -> Vec<Count> {
+        let is_over = |since: Instant| now.saturating_duration_since(since) >= period;
         let mut counts = mem::take(&mut self.forgotten);
-        for (source, written) in self.lines.drain() {
-            if written.left_out > 0 && !matches!(source, Source::LastOfStep(_)) {
-                counts.push(Count {
-                    text: format!("{}{}", written.text, Repeated(written.left_out)),
-                    source,
-                    level: written.level,
-                });
+        for (source, written) in &mut self.lines {
+            if is_over(written.at)
+                && let Some(count) = written.count(source)
+            {
+                written.at = now;
+                counts.push(count);
             }
         }
-        counts.sort_by(|one, other| one.text.cmp(&other.text));
+        counts.sort();
         counts
+    }
+}
+
+impl Written {
+    /// The line that states its count, which is reset.
+    fn count(&mut self, source: &Source) -> Option<Count> {
+        let left_out = Some(mem::take(&mut self.left_out)).filter(|count| *count > 0)?;
+        let is_event = match source {
+            Source::Peer(..) | Source::Event(..) => true,
+            Source::Line(_) => false,
+            Source::LastOfStep(_) => return None,
+        };
+        Some(Count {
+            text: format!("{}{}", self.text, Repeated(left_out)),
+            is_event,
+            level: self.level,
+        })
     }
 }
 
@@ -172,15 +224,25 @@ mod tests {
     }
 
     #[test]
-    fn what_was_left_out_is_counted_at_the_end() {
+    fn what_was_left_out_is_counted_when_its_minute_is_over_or_at_the_end() {
         let mut repeats = Repeats::default();
         let begin = Instant::now();
         for _ in 0..=5 {
             admit(&mut repeats, "away", begin);
         }
+        assert!(repeats.counts(begin + PERIOD / 2, PERIOD).is_empty());
         let counted = ["away (5 more of these since the last one)"];
-        assert_eq!(texts(repeats.counts()), counted);
-        assert!(repeats.counts().is_empty());
+        assert_eq!(texts(repeats.counts(begin + PERIOD, PERIOD)), counted);
+        assert!(
+            repeats
+                .counts(begin + 2 * PERIOD, Duration::ZERO)
+                .is_empty()
+        );
+        // The count was a line as well.
+        let soon = begin + PERIOD + PERIOD / 2;
+        assert!(admit(&mut repeats, "away", soon).is_none());
+        let counted = ["away (1 more of these since the last one)"];
+        assert_eq!(texts(repeats.counts(soon, Duration::ZERO)), counted);
     }
 
     #[test]
@@ -194,7 +256,7 @@ mod tests {
         assert!(admit(&mut repeats, "one more", now).is_some());
         assert!(repeats.lines.len() <= MAX_REMEMBERED);
         let counted = ["0 (1 more of these since the last one)"];
-        assert_eq!(texts(repeats.counts()), counted);
+        assert_eq!(texts(repeats.counts(now, Duration::ZERO)), counted);
     }
 
     #[test]
