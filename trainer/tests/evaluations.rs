@@ -355,3 +355,21 @@ fn a_calibration_that_is_wrong_by_half_a_degree_changes_neither_the_boxes_that_c
     assert!(after_pct < 1.2 * before_pct);
     assert!((before.coverage.unwrap() - after.coverage.unwrap()).abs() < 0.02);
 }
+
+#[test]
+fn a_copied_run_predicts_what_the_original_does() {
+    let trained = new();
+    let predictions = |run: &RunFolder| {
+        judged(run, &trained.corpus());
+        let table = Table::read(&run.predictions_path(), u64::MAX).unwrap();
+        table.optional_f64("paper_lstm_dtd_m").unwrap()
+    };
+    let before = predictions(&trained.run);
+    let copy = RunFolder::at(&trained.path("copy"));
+    fs::create_dir(copy.root()).unwrap();
+    for entry in fs::read_dir(trained.run.root()).unwrap() {
+        let entry = entry.unwrap();
+        fs::copy(entry.path(), copy.root().join(entry.file_name())).unwrap();
+    }
+    assert_eq!(predictions(&copy), before);
+}

@@ -18,3 +18,19 @@ pub(super) fn probable_unit(median_ratio: f64) -> Option<(&'static str, f64)> {
     let is_near = |(_, meters): &(&str, f64)| (median_ratio * meters - 1.0).abs() < TOLERANCE;
     UNITS.into_iter().find(is_near)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn miles_kilometres_and_feet_are_recognised_and_bad_estimates_are_none() {
+        let unit = |median_ratio| probable_unit(median_ratio).map(|(unit, _)| unit);
+        assert_eq!(unit(1.05 / 1_852.0), Some("nautical miles"));
+        assert_eq!(unit(0.95e-3), Some("kilometres"));
+        assert_eq!(unit(3.3), Some("feet"));
+        for ratio in [0.0, 0.5, 1.0, 1.4, 2.5, -1e-3] {
+            assert_eq!(unit(ratio), None, "{ratio}");
+        }
+    }
+}

@@ -48,11 +48,19 @@ type Edit = fn(&ScenarioFolder, &ScenarioFolder);
 
 #[test]
 fn files_that_are_not_what_they_were_are_refused_by_name() {
-    let cases: [(&[&str], Edit); 5] = [
+    let cases: [(&[&str], Edit); 6] = [
         (
             &["0000/frames.parquet: does not match its seal"],
             |folder, other| {
                 fs::copy(other.frames_path(), folder.frames_path()).unwrap();
+            },
+        ),
+        (
+            &["calibration.json: does not match its seal"],
+            |folder, _| {
+                let path = folder.calibration_path();
+                let text = fs::read_to_string(&path).unwrap();
+                fs::write(path, text.replacen("1920", "1921", 1)).unwrap();
             },
         ),
         (
