@@ -75,19 +75,18 @@ fn a_fresh_corpus_has_no_faults_and_one_picture_per_tick_and_view() {
     }
 }
 
+fn generated_again(corpus: &Path) -> Value {
+    let sweep = "tests/data/recorded.toml";
+    DTD.json(&["generate", sweep, "--out", text(corpus), "--json"])
+}
+
 #[test]
 fn generating_and_labelling_again_changes_no_byte() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = folder.path().join("corpus");
     copy_folder(&recorded(), &corpus);
     let before = contents(&corpus);
-    let again = DTD.json(&[
-        "generate",
-        "tests/data/recorded.toml",
-        "--out",
-        text(&corpus),
-        "--json",
-    ]);
+    let again = generated_again(&corpus);
     assert_eq!(again["skipped"].as_array().unwrap().len(), 6, "{again}");
     assert_eq!(again["committed"], serde_json::json!([]));
     let again = DTD.json(&["label", text(&corpus), "--json"]);
@@ -104,13 +103,7 @@ fn a_scenario_that_is_made_again_has_the_same_bytes_in_its_tables() {
     let frames = fs::read(scenario.join("frames.parquet")).unwrap();
     let boxes = fs::read(scenario.join("boxes_truth.parquet")).unwrap();
     fs::remove_dir_all(&scenario).unwrap();
-    let again = DTD.json(&[
-        "generate",
-        "tests/data/recorded.toml",
-        "--out",
-        text(&corpus),
-        "--json",
-    ]);
+    let again = generated_again(&corpus);
     assert_eq!(again["committed"], serde_json::json!(["1200-clear-r3"]));
     DTD.json(&["label", text(&corpus), "--json"]);
     assert!(

@@ -50,6 +50,13 @@ fn replayed(folder: &Path, tape: &Path, only: &[&str]) -> PathBuf {
     corpus
 }
 
+/// The command that generates some scenarios from a tape.
+fn from_tape(tape: &str, sweep: &Path, corpus: &Path, only: &str) -> Vec<String> {
+    let (sweep, out) = (text(sweep), text(corpus));
+    let line = format!("generate {sweep} --out {out} --sim tape:{tape} --only {only}");
+    line.split(' ').map(str::to_owned).collect()
+}
+
 fn same_scenario(id: &str, one: &Path, other: &Path) {
     for file in [
         "frames.parquet",
@@ -80,18 +87,8 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
         .replace("../flights", text(&flights));
     fs::write(&other, sweep).unwrap();
     let corpus = folder.path().join("corpus");
-    let said = DTD.ends_with(
-        &[
-            "generate",
-            text(&other),
-            "--out",
-            text(&corpus),
-            "--sim",
-            &format!("tape:{TAPE}"),
-        ],
-        3,
-        &["height_px was", "and is 96 now"],
-    );
+    let words = &["height_px was", "and is 96 now"];
+    let said = DTD.ends_with(&from_tape(TAPE, &other, &corpus, &IDS.join(",")), 3, words);
     for words in ["again in", "retr", "another plugin"] {
         assert!(!said.to_lowercase().contains(words), "{words}: {said}");
     }
@@ -118,7 +115,6 @@ fn four_weathers_recorded(folder: &Path) -> (PathBuf, PathBuf, PathBuf) {
 fn an_unchanged_tape_of_four_weathers_is_replayed_in_any_order_without_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let (sweep, corpus, tape) = four_weathers_recorded(folder.path());
-    let simulator = format!("tape:{}", text(&tape));
     let all = ["clear", "cloudy", "foggy", "stormy"];
     for (name, weathers) in [("all", &all[..]), ("storm", &all[3..]), ("fog", &all[2..3])] {
         let again = folder.path().join(name);
@@ -127,16 +123,7 @@ fn an_unchanged_tape_of_four_weathers_is_replayed_in_any_order_without_a_warning
             .map(|weather| format!("1200-{weather}-r1"))
             .collect();
         let said = DTD.ends_with(
-            &[
-                "generate",
-                text(&sweep),
-                "--out",
-                text(&again),
-                "--sim",
-                &simulator,
-                "--only",
-                &ids.join(","),
-            ],
+            &from_tape(text(&tape), &sweep, &again, &ids.join(",")),
             0,
             &[],
         );
@@ -156,25 +143,10 @@ fn a_changed_weather_is_named_by_what_was_written_then() {
     let changed = fs::read_to_string(&sweep).unwrap();
     let changed = changed.replace("visibility_m = 80000", "visibility_m = 40233.6");
     fs::write(&sweep, changed).unwrap();
-    let said = DTD.ends_with(
-        &[
-            "generate",
-            text(&sweep),
-            "--out",
-            text(&folder.path().join("again")),
-            "--sim",
-            &format!("tape:{}", text(&tape)),
-            "--only",
-            "1200-clear-r1",
-        ],
-        3,
-        &[],
-    );
     // 80 km and 40.2336 km in statute miles.
-    assert!(
-        said.contains("visibility_reported_sm was 49.7") && said.contains("then, and is 25 now"),
-        "{said}"
-    );
+    let words = &["visibility_reported_sm was 49.7", "then, and is 25 now"];
+    let again = folder.path().join("again");
+    DTD.ends_with(&from_tape(text(&tape), &sweep, &again, IDS[0]), 3, words);
 }
 
 #[test]
@@ -248,25 +220,8 @@ fn what_the_tape_does_not_have_fails_and_says_so() {
     let other = folder.path().join("other.toml");
     fs::write(&other, sweep).unwrap();
     let corpus = folder.path().join("corpus");
-    let simulator = format!("tape:{TAPE}");
-    let generate = [
-        "generate",
-        text(&other),
-        "--out",
-        text(&corpus),
-        "--sim",
-        &simulator,
-        "--only",
-        IDS[1],
-    ];
-    let output = DTD.run(&generate);
-    let said = String::from_utf8_lossy(&output.stdout).into_owned()
-        + &String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(3), "{said}");
-    assert!(
-        said.contains("the tape has no capture of tick 0, view 1 like this: camera.latitude_deg"),
-        "{said}"
-    );
+    let words = &["the tape has no capture of tick 0, view 1 like this: camera.latitude_deg"];
+    DTD.ends_with(&from_tape(TAPE, &other, &corpus, IDS[1]), 3, words);
 }
 
 #[test]

@@ -4,6 +4,7 @@
 mod small_corpus;
 
 use std::fs::{self, File};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -12,6 +13,7 @@ use std::time::Duration;
 use dataset::conditions::Weather;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use generator::generate::{Event, Patience, Remote, SimulatorTarget, Simulators, Stopped};
+use generator::sweep::Sweep;
 use mock_xplane::server::{BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting};
 use store::CorpusStore;
 use tempfile::tempdir;
@@ -185,10 +187,8 @@ async fn a_simulator_that_freezes_is_noticed_and_its_scenario_made_again() {
     same_tables(corpus.path(), undisturbed().await);
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_scenario_that_can_never_be_flown_is_set_aside_after_one_attempt_and_tried_by_the_next_run()
- {
-    let corpus = tempdir().unwrap();
+/// A sweep whose last flight a simulator loses in the fog.
+async fn lost_in_fog() -> (Sweep, Arc<Faulty>, SocketAddr) {
     let sweep = sweep_of(&sweep_toml().replace(
         "weathers = [\"foggy\"]\n\n[weather",
         "repeats = [1]\n\n[weather",
@@ -196,6 +196,14 @@ async fn a_scenario_that_can_never_be_flown_is_set_aside_after_one_attempt_and_t
     let faults = Arc::new(Faulty::default());
     faults.lost_in_fog.store(true, Ordering::SeqCst);
     let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults.clone()))).await;
+    (sweep, faults, address)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scenario_that_can_never_be_flown_is_set_aside_after_one_attempt_and_tried_by_the_next_run()
+ {
+    let corpus = tempdir().unwrap();
+    let (sweep, faults, address) = lost_in_fog().await;
     let options = options(SimulatorTarget::Address(address), &[]);
     let foggy = IDS[3];
 
@@ -225,13 +233,7 @@ async fn a_scenario_that_can_never_be_flown_is_set_aside_after_one_attempt_and_t
 
 #[tokio::test(flavor = "multi_thread")]
 async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_stage() {
-    let sweep = sweep_of(&sweep_toml().replace(
-        "weathers = [\"foggy\"]\n\n[weather",
-        "repeats = [1]\n\n[weather",
-    ));
-    let faults = Arc::new(Faulty::default());
-    faults.lost_in_fog.store(true, Ordering::SeqCst);
-    let (address, _) = stand_in_with(Arc::new(FaultyEngine(faults.clone()))).await;
+    let (sweep, faults, address) = lost_in_fog().await;
     let bucket = tempdir().unwrap();
     let url = format!("file://{}", bucket.path().display());
     let foggy = IDS[3];

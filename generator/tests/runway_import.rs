@@ -68,16 +68,24 @@ fn imported(files: &[PathBuf]) -> Imported {
     import("ZZZZ", "07", files, &[]).unwrap()
 }
 
+/// From X-Plane's table with the far end moved sideways, OurAirports', and localizers.
+fn from_three_tables(
+    folder: &Path,
+    far_right_m: f64,
+    localizers: fn(&Path) -> PathBuf,
+) -> Imported {
+    imported(&[
+        apt_dat(folder, far_right_m),
+        our_airports(folder),
+        localizers(folder),
+    ])
+}
+
 #[test]
 fn a_runway_has_the_course_between_its_ends_the_displaced_threshold_and_the_origin_of_its_glide_path()
  {
     let folder = tempfile::tempdir().unwrap();
-    let files = [
-        apt_dat(folder.path(), 0.0),
-        our_airports(folder.path()),
-        earth_nav(folder.path()),
-    ];
-    let found = imported(&files);
+    let found = from_three_tables(folder.path(), 0.0, earth_nav);
     let runway = &found.runway;
     assert_eq!(found.conflicts, []);
     let threshold = along(START, 200.0, 0.0);
@@ -101,12 +109,7 @@ fn a_runway_has_the_course_between_its_ends_the_displaced_threshold_and_the_orig
 #[test]
 fn tables_that_differ_are_named_and_the_one_on_the_localizers_axis_is_recommended() {
     let folder = tempfile::tempdir().unwrap();
-    let files = [
-        apt_dat(folder.path(), 12.0),
-        our_airports(folder.path()),
-        earth_nav(folder.path()),
-    ];
-    let found = imported(&files);
+    let found = from_three_tables(folder.path(), 12.0, earth_nav);
     let [conflict] = &found.conflicts[..] else {
         panic!("{:?}", found.conflicts);
     };
@@ -145,12 +148,7 @@ fn what_is_missing_is_named() {
 #[test]
 fn a_table_that_is_far_from_the_localizer_is_never_recommended_and_the_output_is_a_sweeps_table() {
     let folder = tempfile::tempdir().unwrap();
-    let files = [
-        apt_dat(folder.path(), 160.0),
-        our_airports(folder.path()),
-        earth_nav(folder.path()),
-    ];
-    let found = imported(&files);
+    let found = from_three_tables(folder.path(), 160.0, earth_nav);
     assert!((found.runway.course_true_deg - COURSE_DEG).abs() < 0.01);
     let file = write(folder.path(), "runway.toml", found.toml());
     assert_eq!(in_file(&file, "ZZZZ", "07").unwrap(), found.runway);
@@ -186,12 +184,7 @@ fn aside(from: LatLon) -> LatLon {
 fn ends_that_all_miss_the_localizers_are_moved_onto_the_axis_of_both() {
     let folder = tempfile::tempdir().unwrap();
     // Both tables are beside the localizers, and differ from each other.
-    let files = [
-        apt_dat(folder.path(), 12.0),
-        our_airports(folder.path()),
-        localizers_aside(folder.path()),
-    ];
-    let found = imported(&files);
+    let found = from_three_tables(folder.path(), 12.0, localizers_aside);
     let threshold = aside(along(START, 200.0, 0.0));
     let off_m = threshold.distance_m(found.runway.threshold.lat_lon());
     assert!(off_m < 0.5, "{off_m} m: {found:?}");
@@ -205,12 +198,7 @@ fn ends_that_all_miss_the_localizers_are_moved_onto_the_axis_of_both() {
 #[test]
 fn localizers_beside_a_runway_do_not_move_one_on_which_two_tables_agree() {
     let folder = tempfile::tempdir().unwrap();
-    let files = [
-        apt_dat(folder.path(), 0.0),
-        our_airports(folder.path()),
-        localizers_aside(folder.path()),
-    ];
-    let found = imported(&files);
+    let found = from_three_tables(folder.path(), 0.0, localizers_aside);
     let off_m = along(START, 200.0, 0.0).distance_m(found.runway.threshold.lat_lon());
     assert!(off_m < 0.5, "{off_m} m: {found:?}");
     let [conflict] = &found.conflicts[..] else {

@@ -126,6 +126,18 @@ async fn fetch_detections(store: &CorpusStore, folder: &ScenarioFolder) -> Mirro
     fetched.map(|()| report).unwrap()
 }
 
+async fn push_all(store: &CorpusStore, corpus: &Corpus) -> MirrorReport {
+    let mut report = MirrorReport::default();
+    let pushed = at(store).push(corpus, &NoSweeps, &mut report).await;
+    pushed.map(|()| report).unwrap()
+}
+
+async fn fetch_all(store: &CorpusStore, folder: &Path) -> MirrorReport {
+    let mut report = MirrorReport::default();
+    let fetched = at(store).fetch(folder, &[], &NoSweeps, &mut report).await;
+    fetched.map(|()| report).unwrap()
+}
+
 /// A store in memory, and the corpus whose scenario it has.
 async fn pushed() -> (CorpusStore, TempDir, Corpus) {
     let store = in_memory();

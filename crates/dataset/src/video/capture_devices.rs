@@ -3,6 +3,7 @@
 //! Their library, libavdevice, brings eighty others. Linked to it, `dtd` takes twice as long to start.
 #![allow(unsafe_code)]
 
+use std::error::Error as _;
 use std::ffi::CString;
 use std::mem;
 use std::sync::OnceLock;
@@ -23,7 +24,9 @@ pub fn load_capture_devices() -> Result<(), String> {
         // Both libraries have the same major version.
         let major = ffi::LIBAVFORMAT_VERSION_MAJOR;
         register(&library_name(major)).map_err(|error| {
-            format!("FFmpeg's drivers for cameras and screens cannot be loaded: {error}; install libavdevice {major} and start again")
+            // The system's reason, with the library's name.
+            let why = error.source().map_or_else(|| error.to_string(), ToString::to_string);
+            format!("FFmpeg's drivers for cameras and screens cannot be loaded: {why}; install libavdevice {major} and start again")
         })
     });
     loaded.clone()
@@ -77,8 +80,9 @@ mod tests {
 
     #[test]
     fn a_missing_library_or_driver_is_named() {
-        let error = register("libavdevice.so.0").unwrap_err().to_string();
-        assert!(error.contains("libavdevice.so.0"), "{error}");
+        let error = register("libavdevice.so.0").unwrap_err();
+        let why = error.source().unwrap().to_string();
+        assert!(why.contains("libavdevice.so.0"), "{why}");
         let error = capture_device("telepathy").err().unwrap();
         assert!(error.contains("telepathy"), "{error}");
     }

@@ -81,20 +81,13 @@ async fn a_storm_of_503_is_waited_for_and_an_outage_ends_in_time() {
                 ..Faults::NONE
             },
         );
-        let mut report = MirrorReport::default();
-        at(&store)
-            .push(&ours, &NoSweeps, &mut report)
-            .await
-            .unwrap();
+        let report = push_all(&store, &ours).await;
         assert_eq!(
             (report.moved, report.detections.len()),
             (vec![ID.to_owned()], 1)
         );
         let folder = tempfile::tempdir().unwrap();
-        let mut report = MirrorReport::default();
-        let connection = at(&store);
-        let fetched = connection.fetch(folder.path(), &[], &NoSweeps, &mut report);
-        fetched.await.unwrap();
+        let report = fetch_all(&store, folder.path()).await;
         assert_eq!(
             (report.moved, report.detections.len()),
             (vec![ID.to_owned()], 1)
@@ -143,11 +136,7 @@ async fn a_store_without_conditions_and_a_folder_without_hard_links_are_written(
     fs::write(ours.splits_path(), SPLIT).unwrap();
     detect(&ours, 0.5);
     for store in [in_folder, over(FaultyStore::new(faults))] {
-        let mut report = MirrorReport::default();
-        at(&store)
-            .push(&ours, &NoSweeps, &mut report)
-            .await
-            .unwrap();
+        let report = push_all(&store, &ours).await;
         assert_eq!(
             (report.moved, report.refused),
             (vec![ID.to_owned()], vec![])
@@ -313,10 +302,7 @@ async fn one_damaged_scenario_stops_no_other() {
     )
     .await;
     let folder = tempfile::tempdir().unwrap();
-    let mut report = MirrorReport::default();
-    let connection = at(&store);
-    let fetched = connection.fetch(folder.path(), &[], &NoSweeps, &mut report);
-    fetched.await.unwrap();
+    let report = fetch_all(&store, folder.path()).await;
     assert_eq!(report.moved, [ID]);
     let refused: Vec<&str> = report
         .refused
@@ -326,21 +312,14 @@ async fn one_damaged_scenario_stops_no_other() {
     assert_eq!(refused[2..], ["broken", "lost"], "{refused:?}");
     let done = folder.path().join("scenarios").join(ID).join(DONE);
     fs::write(done, "{").unwrap();
-    let mut report = MirrorReport::default();
-    let connection = at(&store);
-    let fetched = connection.fetch(folder.path(), &[], &NoSweeps, &mut report);
-    fetched.await.unwrap();
+    let report = fetch_all(&store, folder.path()).await;
     assert!(report.refused.iter().any(|(what, _)| what == ID));
     // In the folder alike.
     let copy = ours.scenario("copy");
     fs::create_dir_all(copy.root()).unwrap();
     fs::write(copy.root().join(DONE), "{").unwrap();
     fs::write(copy.root().join(MANIFEST), "").unwrap();
-    let mut report = MirrorReport::default();
-    at(&store)
-        .push(&ours, &NoSweeps, &mut report)
-        .await
-        .unwrap();
+    let report = push_all(&store, &ours).await;
     assert_eq!(
         (report.unchanged, report.refused.len()),
         (vec![ID.to_owned()], 1)

@@ -145,10 +145,10 @@ fn auto_searches_the_whole_picture_while_an_aircraft_moves_by_more_than_its_leng
         let fast = tick.min(8);
         Some([100 + 60 * fast + 4 * (tick - fast), 300])
     };
-    let corpus = flight(temporary.path(), LIVE, 20, &[brakes]);
+    let corpus = flight(temporary.path(), EACH_SECOND, 20, &[brakes]);
     let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto);
     let modes = modes_of(&found, 20);
-    assert!(modes.ends_with("ttttt"), "{modes}");
+    assert!(modes.contains("tttt"), "{modes}");
     assert!(modes[..8].chars().all(|mode| mode == 'f'), "{modes}");
     assert!(found.detections.boxes.iter().all(|found| found.confirmed));
 }
