@@ -18,7 +18,9 @@ use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::detections::{self, Detection, NewTables};
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::seal::{self, DONE, MANIFEST, seal_folder};
+use dataset::corpus::splits::{Leak, Splits};
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::plan::Plan;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::{Silent, Watch};
 use object_store::memory::InMemory;
@@ -124,6 +126,23 @@ async fn fetch_detections(store: &CorpusStore, folder: &ScenarioFolder) -> Mirro
     let mut report = MirrorReport::default();
     let fetched = at(store).fetch_detections(folder, &mut report).await;
     fetched.map(|()| report).unwrap()
+}
+
+/// Splits are files that need no sweep.
+struct NoSweeps;
+
+impl SweepLanguage for NoSweeps {
+    fn fault(&self, _: &[u8]) -> Option<String> {
+        None
+    }
+
+    fn other_corpus(&self, _: &[u8], _: &Plan) -> Option<String> {
+        None
+    }
+
+    fn split(&self, _: &[u8], _: &Plan) -> Option<std::result::Result<Splits, Leak>> {
+        None
+    }
 }
 
 async fn push_all(store: &CorpusStore, corpus: &Corpus) -> MirrorReport {

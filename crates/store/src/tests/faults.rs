@@ -4,31 +4,12 @@ use super::copies::LocalCopy;
 use super::faulty_store::{Faults, FaultyStore};
 use super::*;
 use crate::corpus_files::CorpusFiles;
-use dataset::corpus::splits::{Leak, Splits};
-use dataset::plan::Plan;
 use object_store::local::LocalFileSystem;
 use tokio::time::Instant;
 
 /// A store whose content is kept apart, so that others can be put in front of it.
 fn behind(inner: &Arc<InMemory>, faults: Faults) -> CorpusStore {
     over(FaultyStore::over(inner.clone(), faults))
-}
-
-/// Splits are files that need no sweep.
-struct NoSweeps;
-
-impl SweepLanguage for NoSweeps {
-    fn fault(&self, _: &[u8]) -> Option<String> {
-        None
-    }
-
-    fn other_corpus(&self, _: &[u8], _: &Plan) -> Option<String> {
-        None
-    }
-
-    fn split(&self, _: &[u8], _: &Plan) -> Option<std::result::Result<Splits, Leak>> {
-        None
-    }
 }
 
 const SPLIT: &str =
