@@ -1,4 +1,4 @@
-"""Processor time of the verbs against a build that optimises every crate: the cost of the levels in Cargo.toml.
+"""Processor time of the verbs against a build with all dependencies at level 3: the cost of the levels in Cargo.toml.
 
     python3 benches/build_levels.py [ROUNDS [PROGRAM]]        (default: 3; a build of this tree at level 3)
 

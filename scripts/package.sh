@@ -69,7 +69,7 @@ END
 
 if [ -n "$with_ffmpeg" ]; then
     mkdir "$licences/debian"
-    # `dtd` loads the drivers of cameras only with a camera: they are beside libavformat, with its number.
+    # `dtd` loads libavdevice, the drivers of cameras and screens, only when it needs them: `ldd` does not list it. It is beside libavformat.
     drivers=$(ldd "$program" | awk '$1 ~ /^libavformat/ { sub("avformat", "avdevice", $3); print $3 }')
     {
         ldd "$program" "$drivers" | awk '$2 == "=>" { print $1, $3 }'

@@ -68,7 +68,7 @@ fn imported(files: &[PathBuf]) -> Imported {
     import("ZZZZ", "07", files, &[]).unwrap()
 }
 
-/// From X-Plane's table with the far end moved sideways, OurAirports', and localizers.
+/// The runway from three tables: X-Plane's with the far end moved sideways, OurAirports', and localizers.
 fn from_three_tables(
     folder: &Path,
     far_right_m: f64,

@@ -39,14 +39,14 @@ pub fn load_capture_devices() -> Result<(), String> {
 pub fn capture_device(name: &str) -> Result<Format, String> {
     load_capture_devices()?;
     let c_name = CString::new(name).map_err(|error| error.to_string())?;
-    // SAFETY: FFmpeg compares the name with those of its formats, and returns one that lives as long as the process, or null.
+    // SAFETY: the name ends with a zero byte; FFmpeg returns null or a format that is never freed.
     let found = unsafe { ffi::av_find_input_format(c_name.as_ptr()) };
     if found.is_null() {
         return Err(format!(
             "the FFmpeg of this machine was built without its input device {name}; install one that has it"
         ));
     }
-    // SAFETY: the pointer is valid and nobody writes through it; FFmpeg 4 declares it without `const`.
+    // SAFETY: the format is never freed, and `Input` only reads it.
     Ok(Format::Input(unsafe {
         format::Input::wrap(found.cast_mut())
     }))
@@ -63,7 +63,7 @@ fn library_name(major: i32) -> String {
 }
 
 fn register(library: &str) -> Result<(), libloading::Error> {
-    // SAFETY: the library's initialisers concern nothing but itself, and FFmpeg's others, in the same version, are part of this process.
+    // SAFETY: loading runs the library's initialisers; it has the version of the FFmpeg libraries in this process.
     let library = unsafe { Library::new(library) }?;
     // SAFETY: FFmpeg declares `void avdevice_register_all(void)`. The drivers stay valid, because the library is never unloaded.
     unsafe {
