@@ -38,12 +38,12 @@ pub enum Error {
         r#source: Box<mcap::McapError>,
     },
     /// An image cannot be encoded.
-    #[error("cannot encode {}: {source}", path.display())]
+    #[error("cannot encode {}: {cause}", path.display())]
     Encode {
         /// The file.
         path: PathBuf,
         /// Cause.
-        r#source: image::ImageError,
+        cause: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The caller stopped it.
     #[error(transparent)]

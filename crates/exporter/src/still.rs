@@ -4,15 +4,17 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
 /// Quality of JPEG images, of 100: 40x3 px of aircraft stay within two grey levels.
 const JPEG_QUALITY: u8 = 95;
+/// Colours at half the columns and rows, as the videos have them.
+const JPEG_COLOURS: SamplingFactor = SamplingFactor::R_4_2_0;
 
 /// The form of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -50,16 +52,22 @@ impl StillFormat {
         rgb: &[u8],
         [width, height]: [u32; 2],
     ) -> Result<()> {
-        let color = ExtendedColorType::Rgb8;
-        let encoded = match self {
-            Self::Png => PngEncoder::new_with_quality(to, CompressionType::Fast, FilterType::Up)
-                .write_image(rgb, width, height, color),
-            Self::Jpeg => JpegEncoder::new_with_quality(to, JPEG_QUALITY)
-                .write_image(rgb, width, height, color),
-        };
-        encoded.map_err(|source| Error::Encode {
+        let failed = |cause| Error::Encode {
             path: path.to_owned(),
-            source,
-        })
+            cause,
+        };
+        match self {
+            Self::Png => PngEncoder::new_with_quality(to, CompressionType::Fast, FilterType::Up)
+                .write_image(rgb, width, height, ExtendedColorType::Rgb8)
+                .map_err(|e| failed(e.into())),
+            Self::Jpeg => {
+                let side = |pixels: u32| u16::try_from(pixels).map_err(|e| failed(e.into()));
+                let mut encoder = Encoder::new(to, JPEG_QUALITY);
+                encoder.set_sampling_factor(JPEG_COLOURS);
+                encoder
+                    .encode(rgb, side(width)?, side(height)?, ColorType::Rgb)
+                    .map_err(|e| failed(e.into()))
+            }
+        }
     }
 }

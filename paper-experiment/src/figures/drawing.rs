@@ -1,12 +1,7 @@
-//! Lines and boxes on an image, and its JPEG.
+//! Lines and boxes on an image.
 
-use image::codecs::jpeg::JpegEncoder;
 use image::{Rgb, RgbImage};
 
-use crate::error::{Error, Result};
-
-/// JPEG quality.
-const QUALITY: u8 = 85;
 /// Ground-truth colour.
 pub(super) const TRUE: Rgb<u8> = Rgb([0, 200, 90]);
 /// Detection colour.
@@ -58,15 +53,6 @@ pub(super) fn outline(
         [left, top],
     ];
     line(picture, &corners, width, colour);
-}
-
-/// The image as JPEG. `what` names it in errors.
-pub(super) fn jpeg(picture: &RgbImage, what: &'static str) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
-        .encode_image(picture)
-        .map_err(|cause| Error::Picture { what, cause })?;
-    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -5,7 +5,6 @@
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};
-use std::io::Cursor;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
@@ -15,9 +14,8 @@ use dataset::corpus::detections::models_of;
 use dataset::corpus::seal::Seal;
 use dataset::tables::frames::TickRow;
 use dataset::tables::pixel_box::PixelBox;
-use image::codecs::jpeg::JpegEncoder;
 use image::imageops::thumbnail;
-use report_page::crop::Part;
+use report_page::crop::{Part, jpeg};
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 
@@ -33,8 +31,6 @@ const KEPT_BYTES: usize = 16 << 20;
 const MAX_COLUMNS: u32 = 480;
 /// Visible part from which on an aircraft counts as whole.
 const WHOLE: f64 = 0.99;
-/// JPEG quality, 1 to 100.
-const QUALITY: u8 = 85;
 
 /// The thumbnails that were made last.
 pub(crate) struct Thumbnails {
@@ -137,11 +133,7 @@ fn make(opened: &Opened, models: &[String]) -> Result<Bytes, Refusal> {
         let rows = shown.height() * MAX_COLUMNS / shown.width();
         shown = thumbnail(&shown, MAX_COLUMNS, rows.max(1));
     }
-    let mut jpeg = Cursor::new(Vec::new());
-    shown
-        .write_with_encoder(JpegEncoder::new_with_quality(&mut jpeg, QUALITY))
-        .map_err(failed)?;
-    Ok(jpeg.into_inner().into())
+    Ok(jpeg(&shown).map_err(failed)?.into())
 }
 
 /// The moment with the nearest aircraft well in sight, else the last one in the first view.
