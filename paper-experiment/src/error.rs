@@ -9,9 +9,6 @@ pub enum Error {
     /// A run cannot be read.
     #[error(transparent)]
     Run(#[from] trainer::Error),
-    /// An image cannot be encoded.
-    #[error(transparent)]
-    Picture(#[from] report_page::Error),
     /// No tick of the corpus can be shown.
     #[error(
         "no scenario of the corpus shows the aircraft near {dtd_nm} NM, so there is no image of it"

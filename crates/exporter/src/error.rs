@@ -25,12 +25,12 @@ pub enum Error {
         r#source: Box<mcap::McapError>,
     },
     /// An image cannot be encoded.
-    #[error("cannot encode {}: {cause}", path.display())]
+    #[error("cannot encode {}: {source}", path.display())]
     Encode {
         /// The file.
         path: PathBuf,
         /// Cause.
-        cause: Box<dyn std::error::Error + Send + Sync>,
+        r#source: image::ImageError,
     },
     /// The caller stopped it.
     #[error(transparent)]

@@ -4,17 +4,12 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use dataset::video::jpeg;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-
-/// Quality of JPEG images, of 100: 40x3 px of aircraft stay within two grey levels.
-const JPEG_QUALITY: u8 = 95;
-/// Colours at half the columns and rows, as the videos have them.
-const JPEG_COLOURS: SamplingFactor = SamplingFactor::R_4_2_0;
 
 /// The form of images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -52,21 +47,18 @@ impl StillFormat {
         rgb: &[u8],
         [width, height]: [u32; 2],
     ) -> Result<()> {
-        let failed = |cause| Error::Encode {
-            path: path.to_owned(),
-            cause,
-        };
         match self {
             Self::Png => PngEncoder::new_with_quality(to, CompressionType::Fast, FilterType::Up)
                 .write_image(rgb, width, height, ExtendedColorType::Rgb8)
-                .map_err(|e| failed(e.into())),
+                .map_err(|source| Error::Encode {
+                    path: path.to_owned(),
+                    source,
+                }),
             Self::Jpeg => {
-                let side = |pixels: u32| u16::try_from(pixels).map_err(|e| failed(e.into()));
-                let mut encoder = Encoder::new(to, JPEG_QUALITY);
-                encoder.set_sampling_factor(JPEG_COLOURS);
-                encoder
-                    .encode(rgb, side(width)?, side(height)?, ColorType::Rgb)
-                    .map_err(|e| failed(e.into()))
+                let bytes = jpeg(path, rgb, [width, height])?;
+                Ok(to
+                    .write_all(&bytes)
+                    .map_err(dataset::Error::io("write", path))?)
             }
         }
     }

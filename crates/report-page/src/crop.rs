@@ -6,7 +6,6 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dataset::tables::pixel_box::PixelBox;
 use image::{ImageFormat, RgbImage};
-use jpeg_encoder::{ColorType, Encoder};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
@@ -19,9 +18,6 @@ const MIN_WIDTH_PX: f64 = 96.0;
 const SURROUNDINGS: f64 = 2.5;
 /// Distance between a box and the line around it, over the width of the crop: a line on the box would cover a small aircraft.
 const GAP: f64 = 0.015;
-
-/// JPEG quality, 1 to 100.
-const JPEG_QUALITY: u8 = 85;
 
 /// An image region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,17 +62,6 @@ impl Part {
             image::Rgb([rgb[pixel], rgb[pixel + 1], rgb[pixel + 2]])
         })
     }
-}
-
-/// An image as JPEG, for figures and thumbnails.
-pub fn jpeg(picture: &RgbImage) -> Result<Vec<u8>> {
-    let side = |pixels: u32| u16::try_from(pixels).map_err(|e| Error::Jpeg(e.into()));
-    let (width, height) = (side(picture.width())?, side(picture.height())?);
-    let mut bytes = Vec::new();
-    Encoder::new(&mut bytes, JPEG_QUALITY)
-        .encode(picture, width, height, ColorType::Rgb)
-        .map_err(|e| Error::Jpeg(e.into()))?;
-    Ok(bytes)
 }
 
 /// The image around a box.

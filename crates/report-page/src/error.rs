@@ -6,9 +6,6 @@ pub enum Error {
     /// An image crop.
     #[error("report: cannot encode a part of an image: {0}")]
     Crop(image::ImageError),
-    /// An image.
-    #[error("report: cannot encode an image as JPEG: {0}")]
-    Jpeg(Box<dyn std::error::Error + Send + Sync>),
     /// The page itself.
     #[error("report: cannot draw the page: {0:#}")]
     Page(minijinja::Error),

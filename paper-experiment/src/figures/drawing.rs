@@ -1,6 +1,11 @@
-//! Lines and boxes on an image.
+//! Lines and boxes on an image, and its JPEG.
 
+use std::path::Path;
+
+use dataset::video;
 use image::{Rgb, RgbImage};
+
+use crate::error::Result;
 
 /// Ground-truth colour.
 pub(super) const TRUE: Rgb<u8> = Rgb([0, 200, 90]);
@@ -53,6 +58,12 @@ pub(super) fn outline(
         [left, top],
     ];
     line(picture, &corners, width, colour);
+}
+
+/// The image as JPEG. `what` names it in errors.
+pub(super) fn jpeg(picture: &RgbImage, what: &str) -> Result<Vec<u8>> {
+    let (width, height) = picture.dimensions();
+    Ok(video::jpeg(Path::new(what), picture, [width, height])?)
 }
 
 #[cfg(test)]

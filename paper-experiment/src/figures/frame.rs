@@ -8,9 +8,8 @@ use dataset::tables::frames::TickRow;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
-use report_page::crop::jpeg;
 
-use super::drawing::{FOUND, TILE, TRUE, line, outline};
+use super::drawing::{FOUND, TILE, TRUE, jpeg, line, outline};
 use crate::error::{Error, Result};
 
 /// Distance shown in the paper, NM.
@@ -104,7 +103,7 @@ impl Shown {
             line(&mut picture, part, 2, TRUE);
         }
         outline(&mut picture, [left, top, right, bottom], 2, TRUE);
-        Ok(jpeg(&smaller(&picture))?)
+        jpeg(&smaller(&picture), "the image at 6 NM")
     }
 
     /// The image with the tiles of the first pass, and beside it the window of the second pass with the box that it found.
@@ -139,7 +138,7 @@ impl Shown {
         let mut both = RgbImage::from_pixel(left + height, height, Rgb([255; 3]));
         imageops::replace(&mut both, &picture, 0, 0);
         imageops::replace(&mut both, &window, i64::from(left), 0);
-        Ok(jpeg(&both)?)
+        jpeg(&both, "the image of the search")
     }
 }
 

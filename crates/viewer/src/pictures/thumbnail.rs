@@ -5,6 +5,7 @@
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
@@ -14,8 +15,9 @@ use dataset::corpus::detections::models_of;
 use dataset::corpus::seal::Seal;
 use dataset::tables::frames::TickRow;
 use dataset::tables::pixel_box::PixelBox;
+use dataset::video::jpeg;
 use image::imageops::thumbnail;
-use report_page::crop::{Part, jpeg};
+use report_page::crop::Part;
 use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 
@@ -133,7 +135,8 @@ fn make(opened: &Opened, models: &[String]) -> Result<Bytes, Refusal> {
         let rows = shown.height() * MAX_COLUMNS / shown.width();
         shown = thumbnail(&shown, MAX_COLUMNS, rows.max(1));
     }
-    Ok(jpeg(&shown).map_err(failed)?.into())
+    let (width, height) = shown.dimensions();
+    Ok(jpeg(Path::new("the thumbnail"), &shown, [width, height])?.into())
 }
 
 /// The moment with the nearest aircraft well in sight, else the last one in the first view.
