@@ -19,7 +19,6 @@ use dataset::corpus::claim::Claim;
 use dataset::corpus::detections::Detections;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::workshop;
-use dataset::error::FolderFault;
 use dataset::files::json_file::{read_json, write_json};
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::{own_path, resolved};
@@ -60,8 +59,7 @@ impl SearchStore {
     pub(crate) fn take(root: &Path, corpus: &Path) -> Result<Self> {
         let (place, judged) = (workshop::resolve(root)?, resolved(corpus)?);
         if place.starts_with(&judged) {
-            let fault = FolderFault::InCorpus { own: judged };
-            return Err(dataset::Error::folder(root, fault).into());
+            return Err(workshop::reserved(root, &judged).into());
         }
         // The report is written last but one: alone, it belongs to a different evaluation.
         let has_own = [SEARCHED, EVALUATION].map(|own| root.join(own).exists());

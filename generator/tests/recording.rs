@@ -174,7 +174,7 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
     assert!(
         error
             .to_string()
-            .contains("visibility was 30000 m, now 20000 m"),
+            .contains("visibility_m was 30000.0, now 20000.0"),
         "{error}"
     );
     assert_eq!(
@@ -188,7 +188,7 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
     assert_eq!(changed.standings[0], Standing::Changed);
     assert_eq!(
         changed.difference.changed[0].what,
-        "weather visibility was 30000 m, now 20000 m"
+        "parameters.conditions.weather.visibility_m was 30000.0, now 20000.0"
     );
 
     let more = sweep_of(&one.replace("repeats = 1", "repeats = 2"));

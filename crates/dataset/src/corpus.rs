@@ -34,9 +34,8 @@ use crate::corpus::seal::{MANIFEST, Seal};
 use crate::corpus::splits::Splits;
 use crate::error::{Error, Result};
 use crate::files::corpus_names;
-use crate::files::corpus_names::{
-    CALIBRATION, DETECTIONS, HEALTH, REGISTRATIONS, SCENARIOS, WHOLE_CORPUS,
-};
+use crate::files::corpus_names::{CALIBRATION, DETECTIONS, SCENARIOS, WHOLE_CORPUS};
+use crate::files::folder;
 use crate::files::own_path::{own_path, refuse_link};
 use crate::video::VideoCodec;
 
@@ -230,10 +229,8 @@ impl Corpus {
     pub fn folders(&self) -> Result<Vec<ScenarioFolder>> {
         let folder = own_path(&self.root, SCENARIOS)?;
         let mut found = Vec::new();
-        for entry in fs::read_dir(&folder).map_err(Error::io("list", &folder))? {
-            let name = entry.map_err(Error::io("list", &folder))?.file_name();
-            let scenario = self.folder(&name.to_string_lossy());
-            let id = scenario.id();
+        for id in folder::names(&folder)? {
+            let scenario = self.folder(&id);
             if !id.ends_with(PARTIAL_SUFFIX)
                 && scenario.root.is_dir()
                 && !self.left_out.contains(&id)
@@ -322,21 +319,9 @@ impl ScenarioFolder {
 
     /// Path of the model's detections.
     pub fn detections_path(&self, model_hash: &str) -> PathBuf {
-        self.table_path(DETECTIONS, model_hash)
-    }
-
-    /// Path of the registrations that belong to the model's detections.
-    pub fn registrations_path(&self, model_hash: &str) -> PathBuf {
-        self.table_path(REGISTRATIONS, model_hash)
-    }
-
-    /// Path of the table of the cameras' health that belongs to the model's detections.
-    pub fn health_path(&self, model_hash: &str) -> PathBuf {
-        self.table_path(HEALTH, model_hash)
-    }
-
-    fn table_path(&self, parent: &str, model_hash: &str) -> PathBuf {
-        self.root.join(parent).join(format!("{model_hash}.parquet"))
+        self.root
+            .join(DETECTIONS)
+            .join(format!("{model_hash}.parquet"))
     }
 
     /// A scenario's files except videos, detections with their tables, and seal.

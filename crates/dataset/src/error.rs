@@ -97,13 +97,14 @@ pub enum Error {
         /// Time waited.
         waited: Duration,
     },
-    /// No folder can be made or changed at a path.
-    #[error("{}: {fault}", shown(path))]
-    Folder {
-        /// The path.
+    /// Something appeared in the place of a new folder.
+    #[error(
+        "{}: was made by something else meanwhile and is not replaced; move it away and run the same command again, or name another folder",
+        shown(path)
+    )]
+    Taken {
+        /// The folder.
         path: PathBuf,
-        /// Fault and remedy.
-        fault: FolderFault,
     },
     /// A different process kept changing a scenario while it was read.
     #[error(
@@ -133,46 +134,6 @@ pub enum Error {
     },
 }
 
-/// Reasons why no folder can be made or changed at a path.
-#[derive(Debug, thiserror::Error)]
-#[expect(
-    missing_docs,
-    reason = "the fields are described by the messages that show them"
-)]
-pub enum FolderFault {
-    /// A place among a corpus's files.
-    #[error(
-        "lies in {}, which is reserved for files of the corpus; name a folder outside",
-        shown(own)
-    )]
-    InCorpus { own: PathBuf },
-    /// A path without a last part.
-    #[error("is the root folder; name a new folder in it")]
-    NoName,
-    /// Something other than a folder.
-    #[error("is {found}, not a folder; expected a folder, or the name of a new one")]
-    NotAFolder { found: &'static str },
-    /// A folder that cannot be replaced.
-    #[error(
-        "is the top of a file system, which cannot be replaced as a whole; name a folder in it"
-    )]
-    MountPoint,
-    /// A folder with foreign content.
-    #[error("{what} it holds {}; move that away, or choose another place", names.join(", "))]
-    Strangers {
-        what: &'static str,
-        names: Vec<String>,
-    },
-    /// Something appeared in the place of the new folder.
-    #[error(
-        "was made by something else meanwhile and is not replaced; move it away and run the same command again, or name another folder"
-    )]
-    Taken,
-    /// The operating system does not allow it.
-    #[error("cannot be made there: {0}; name another folder")]
-    NotMade(std::io::Error),
-}
-
 fn in_use_by(holder: &str, waited: Duration) -> String {
     if waited.is_zero() {
         format!("is in use by {holder}; try again when it has finished")
@@ -199,6 +160,14 @@ impl Error {
             action,
             path,
             source,
+        }
+    }
+
+    /// The result, or `None` if the file or folder is missing.
+    pub fn if_there<T>(found: Result<T>) -> Result<Option<T>> {
+        match found {
+            Err(error) if error.is_not_found() => Ok(None),
+            found => found.map(Some),
         }
     }
 
@@ -265,7 +234,7 @@ impl Error {
             Self::Json { .. }
                 | Self::NotACorpus { .. }
                 | Self::Corpus { .. }
-                | Self::Folder { .. }
+                | Self::Taken { .. }
                 | Self::NotRegular { .. }
                 | Self::TooLarge { .. }
                 | Self::Table { .. }
@@ -305,14 +274,6 @@ impl Error {
         Self::Table {
             path: path.to_owned(),
             message: message.to_string(),
-        }
-    }
-
-    /// A path where no folder can be made or changed.
-    pub fn folder(path: &Path, fault: FolderFault) -> Self {
-        Self::Folder {
-            path: path.to_owned(),
-            fault,
         }
     }
 

@@ -134,11 +134,7 @@ impl Plan {
     /// It cannot be read, or is not a plan of this version.
     pub fn of_corpus(corpus: &Corpus) -> Result<Option<Self>> {
         let path = own_path(corpus.root(), Corpus::PLAN)?;
-        match outside_file::read(&path, FileKind::PLAN.unlinked()) {
-            Ok(text) => Self::parse(&text, &path).map(Some),
-            Err(error) if error.is_not_found() => Ok(None),
-            Err(error) => Err(error),
-        }
+        Error::if_there(Self::read(&path))
     }
 
     /// Reads a `plan.json`.

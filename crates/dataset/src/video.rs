@@ -22,6 +22,7 @@ mod writer;
 use std::path::Path;
 use std::sync::Once;
 
+use ffmpeg_next::codec::threading;
 use ffmpeg_next::{format, media};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
@@ -165,6 +166,15 @@ pub fn start_ffmpeg() {
         // Errors are returned as values; FFmpeg's own lines on stderr would disrupt progress bars.
         ffmpeg_next::log::set_level(ffmpeg_next::log::Level::Fatal);
     });
+}
+
+/// Threads that divide each image: then none is held back.
+fn slice_threads(count: usize) -> threading::Config {
+    threading::Config {
+        kind: threading::Type::Slice,
+        count,
+        ..Default::default()
+    }
 }
 
 /// A path as FFmpeg expects it. Without the prefix it reads `a:b/x.mp4` as a file in a protocol called `a`.

@@ -62,15 +62,6 @@ impl About {
         self.models.extend(model.map(str::to_owned));
     }
 
-    /// The content in a sentence.
-    fn description(&self) -> String {
-        format!(
-            "{}: landing approaches of an aircraft, seen by synchronised, calibrated cameras, with its pose, its boxes in the images and \
-             its distance to touchdown at every tick.",
-            self.name
-        )
-    }
-
     /// Licence line for a dataset card.
     pub(crate) fn card_license(&self) -> String {
         match &self.license {
@@ -82,33 +73,23 @@ impl About {
         }
     }
 
-    /// Opening text for a dataset card.
+    /// Opening text for a dataset card: content, recording, and origin of the labels.
     pub(crate) fn introduction(&self) -> String {
-        let Self { name, .. } = self;
-        let (what, how, labels) = (self.description(), self.collection(), self.annotation());
-        format!("# {name}\n\n{what}\n\n{how} {labels}")
-    }
-
-    /// Description of the recording.
-    fn collection(&self) -> String {
-        let simulators: Vec<&str> = self.simulators.iter().map(String::as_str).collect();
-        format!(
-            "Recorded by dtd from the simulator {}, in lockstep: each image was drawn for the pose and the camera of its tick. The splits \
-             are by trajectory: no flown path is in two of them.",
-            simulators.join(", ")
-        )
-    }
-
-    /// Description of the labels' origin.
-    fn annotation(&self) -> String {
-        let mut text = "Distances and ground-truth boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; \
-                        nobody drew them."
-            .to_owned();
+        let joined = |names: &BTreeSet<String>| {
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            names.join(", ")
+        };
+        let (name, simulators) = (&self.name, joined(&self.simulators));
+        let mut text = format!(
+            "# {name}\n\n{name}: landing approaches of an aircraft, seen by synchronised, calibrated cameras, with its pose, its boxes in the \
+             images and its distance to touchdown at every tick.\n\nRecorded by dtd from the simulator {simulators}, in lockstep: each image \
+             was drawn for the pose and the camera of its tick. The splits are by trajectory: no flown path is in two of them. Distances \
+             and ground-truth boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; nobody drew \
+             them."
+        );
         if !self.models.is_empty() {
-            let models: Vec<&str> = self.models.iter().map(String::as_str).collect();
-            text.push_str(" Detections were made by the model ");
-            text.push_str(&models.join(", "));
-            text.push('.');
+            let models = joined(&self.models);
+            text.push_str(&format!(" Detections were made by the model {models}."));
         }
         text
     }

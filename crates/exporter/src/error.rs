@@ -14,21 +14,8 @@ pub enum Error {
     #[error("{0}")]
     Request(String),
     /// A video lacks images.
-    #[error(
-        "scenario {scenario}, view {view}: at tick {tick} expected an image with timestamp {expected}, found {found}; generate it again"
-    )]
-    Video {
-        /// The scenario.
-        scenario: String,
-        /// The view.
-        view: String,
-        /// The tick.
-        tick: u32,
-        /// Expected timestamp.
-        expected: i64,
-        /// The image found in the video.
-        found: String,
-    },
+    #[error("{0}")]
+    Video(String),
     /// An MCAP file cannot be written.
     #[error("cannot write {}: {source}", path.display())]
     Mcap {
@@ -66,7 +53,7 @@ impl Error {
         match self {
             Self::Dataset(dataset::Error::Memory(_)) => false,
             Self::Dataset(error) => error.is_bad_content(),
-            Self::Video { .. } => true,
+            Self::Video(_) => true,
             _ => false,
         }
     }

@@ -1,7 +1,7 @@
 //! Downloads one scenario into a folder, atomically, as `dtd generate` writes it: next to its destination, then renamed.
 
-use std::fs;
-use std::io::{ErrorKind, Write};
+use std::fs::{self, DirEntry};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use dataset::corpus::claim::Claim;
@@ -9,6 +9,7 @@ use dataset::corpus::open_scenario::check_identity;
 use dataset::corpus::seal::{self, DONE, MANIFEST, Seal, SealedFile};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::files::file_name;
+use dataset::files::folder;
 use dataset::files::json_file::{write_atomically, write_json};
 use dataset::files::new_file::{NewFile, clear_leftovers};
 use dataset::files::outside_file::{self, FileKind};
@@ -209,14 +210,8 @@ fn clear_others(partial: &Path, files: &[SealedFile]) -> Result<()> {
 /// Folder entries without leftovers from killed writers; none if the folder is missing.
 fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
     clear_leftovers(folder);
-    let entries = match fs::read_dir(folder) {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.and_then(|entries| {
-            let paths = entries.map(|entry| entry.map(|entry| entry.path()));
-            paths.collect()
-        }),
-    };
-    Ok(entries.map_err(dataset::Error::io("list", folder))?)
+    let entries = dataset::Error::if_there(folder::entries(folder))?.unwrap_or_default();
+    Ok(entries.iter().map(DirEntry::path).collect())
 }
 
 /// Scenario claim for writing; waits for other writers.

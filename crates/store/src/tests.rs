@@ -33,11 +33,11 @@ use crate::client::scenario_file;
 use crate::stored::file_name;
 
 const ID: &str = "1200-clear-r1";
-/// Its detections of the model `abc`.
+/// Name of the detections of the model `abc` in reports.
 const MODEL: &str = "1200-clear-r1/abc";
-/// Of the record.
+/// Hash of the parameters in `tests/scenario.json`.
 const CONFIG_HASH: &str = "985970a59798a068db8bc453403b79e51b260fdbb0b466acfa8fb960a5b84abb";
-/// More than one part.
+/// Bytes of a file that is sent in more than one part.
 const LARGE: usize = 9 << 20;
 
 /// A corpus with a sealed scenario of a small file and a large one.
@@ -53,7 +53,7 @@ fn corpus_with(table: &str) -> (TempDir, Corpus) {
     (folder, corpus)
 }
 
-/// The same with a record, as needed by readers of detections.
+/// A corpus whose scenario has a record too, which readers of detections need.
 fn corpus_with_record() -> (TempDir, Corpus) {
     let (folder, corpus) = corpus_with("table");
     let root = corpus.scenario(ID).root().to_owned();
@@ -69,10 +69,9 @@ fn empty() -> (TempDir, Corpus) {
     (folder, corpus)
 }
 
-/// Timeout of the stores.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A corpus in this store.
+/// A corpus in a store with this client.
 fn over(client: Arc<dyn ObjectStore>) -> CorpusStore {
     CorpusStore {
         client,
@@ -88,7 +87,7 @@ fn in_memory() -> CorpusStore {
     over(Arc::new(InMemory::new()))
 }
 
-/// One store of each kind, and the folder that must outlive the second.
+/// A store in memory and one in a folder, which is deleted with the first value.
 fn stores() -> (TempDir, [CorpusStore; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let url = format!("file://{}/a bucket", folder.path().display());
@@ -96,7 +95,7 @@ fn stores() -> (TempDir, [CorpusStore; 2]) {
     (folder, [in_memory(), in_folder])
 }
 
-/// The store with no watch.
+/// A connection that nobody watches.
 fn at(store: &CorpusStore) -> Connection<'_> {
     store.watched(&Silent)
 }
@@ -157,7 +156,7 @@ async fn fetch_all(store: &CorpusStore, folder: &Path) -> MirrorReport {
     fetched.map(|()| report).unwrap()
 }
 
-/// A store in memory, and the corpus whose scenario it has.
+/// A store in memory that has the scenario of this corpus.
 async fn pushed() -> (CorpusStore, TempDir, Corpus) {
     let store = in_memory();
     let (folder, ours) = corpus_with("table");
@@ -422,14 +421,15 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
             let fetched = fetch_detections(&store, &there).await;
             assert_eq!(fetched.detections, expected);
         }
-        for path in [
-            ScenarioFolder::detections_path,
-            |folder: &ScenarioFolder, model: &str| detections::record_path(folder, model),
-            ScenarioFolder::registrations_path,
-            ScenarioFolder::health_path,
+        for name in [
+            "detections/abc.parquet",
+            "detections/abc.json",
+            "registrations/abc.parquet",
+            "health/abc.parquet",
         ] {
-            let [a, b] = [&folder, &there].map(|folder| fs::read(path(folder, "abc")).unwrap());
-            assert!(a == b);
+            let [a, b] =
+                [&folder, &there].map(|folder| fs::read(folder.root().join(name)).unwrap());
+            assert!(a == b, "{name}");
         }
         assert!(seal::faults(there.root()).unwrap().is_empty());
         // Half of them counts as none.

@@ -3,16 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
-use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written};
-use super::planned_cameras::PlannedCameras;
-use super::{VerifyOptions, VerifyReport};
+use serde::Serialize;
+use serde_json::json;
+
+use super::{VerifyOptions, VerifyReport, planned_cameras};
 use crate::faults::Faults;
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal;
 use dataset::corpus::splits::Splits;
 use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
-use dataset::files::json_file::read_json;
+use dataset::plan::{Plan, PlannedScenario, plan_hash};
 
 const PLAN: &str = Corpus::PLAN;
 const SPLITS: &str = Corpus::SPLITS;
@@ -43,7 +44,7 @@ pub(super) fn check(
             "whether the scenarios are complete and as planned: there is no {PLAN}"
         ));
     } else {
-        let plan = faults.keep(PLAN, read_json(&corpus.plan_path(), "plan"));
+        let plan = faults.keep(PLAN, Plan::read(&corpus.plan_path()));
         report.missing = plan.map_or_else(Vec::new, |plan| check_plan(&plan, found, faults));
     }
     if options.complete {
@@ -62,26 +63,25 @@ pub(super) fn check(
 }
 
 /// Checks the plan, and that every scenario matches it; returns the planned scenarios that are missing.
-fn check_plan(plan: &PlanAsWritten, found: &ReadScenarios<'_>, faults: &mut Faults) -> Vec<String> {
-    let again = plan.hash_again();
-    if plan.plan_hash.value() != Some(&again) {
+fn check_plan(plan: &Plan, found: &ReadScenarios<'_>, faults: &mut Faults) -> Vec<String> {
+    let hashes = plan
+        .scenarios
+        .iter()
+        .map(|scenario| (&*scenario.id, &*scenario.config_hash));
+    let again = plan_hash(hashes);
+    if plan.plan_hash != again {
         let message = format!(
-            "plan_hash is {}, its scenarios give {again}",
+            "plan_hash is {:?}, its scenarios give {again}",
             plan.plan_hash
         );
         faults.file(PLAN, message);
     }
-    if let Err(unreadable) = plan.sweep_blake3.read("sweep_blake3") {
-        let message = format!(
-            "{unreadable}; expected the BLAKE3 hash of {}",
-            Corpus::SWEEP
-        );
-        faults.file(PLAN, message);
-    }
-    let planned = plan.scenarios();
+    let planned: BTreeMap<&str, &PlannedScenario> = (plan.scenarios.iter())
+        .map(|scenario| (&*scenario.id, scenario))
+        .collect();
     for (id, record) in found.records {
         match planned.get(id.as_str()) {
-            Some(scenario) => check_scenario(id, record, (plan, scenario), found, faults),
+            Some(scenario) => check_scenario(record, (plan, scenario), found, faults),
             None => faults.of(id, PLAN, "in the corpus, but not in the plan"),
         }
     }
@@ -92,48 +92,44 @@ fn check_plan(plan: &PlanAsWritten, found: &ReadScenarios<'_>, faults: &mut Faul
 
 /// A scenario is as planned.
 fn check_scenario(
-    id: &str,
     record: &ScenarioRecord,
-    (plan, scenario): (&PlanAsWritten, &ScenarioAsWritten),
+    (plan, scenario): (&Plan, &PlannedScenario),
     found: &ReadScenarios<'_>,
     faults: &mut Faults,
 ) {
-    let parameters = &scenario.parameters;
-    let common = &plan.common;
-    // Images and cameras that cannot be read are reported with the calibration.
-    let frame_rate = common.picture.value().map(|picture| {
-        let planned = Written::Value(picture.frame_rate.to_string());
-        planned.other_than("frame_rate", &record.frame_rate.to_string())
-    });
-    let views = common.cameras.value().map(|cameras| {
-        let ids = cameras.iter().map(|camera| camera.id.clone());
-        Written::Value(ids.collect()).other_than("views", &record.views)
-    });
+    let (id, common, parameters) = (&scenario.id, &plan.common, &scenario.parameters);
+    let frame_rates = [common.picture.frame_rate, record.frame_rate].map(|rate| rate.to_string());
+    let views = (common.cameras.iter())
+        .map(|camera| camera.id.clone())
+        .collect();
     let differences = [
-        (scenario.config_hash).other_than("config_hash", &record.config_hash),
-        scenario.seed.other_than("seed", &record.seed),
-        (scenario.trajectory).other_than("trajectory", &record.trajectory),
-        (parameters.conditions).other_than("conditions", &record.conditions),
-        common.aircraft.other_than("aircraft", &record.aircraft),
-        common.runway.other_than("runway", &record.runway),
-        parameters.flight.other_than("flight", &record.flight),
-        common.rig.other_than("rig", &record.rig),
-        frame_rate.flatten(),
-        views.flatten(),
+        other_than("config_hash", &scenario.config_hash, &record.config_hash),
+        other_than("seed", &scenario.seed, &record.seed),
+        other_than("trajectory", &scenario.trajectory, &record.trajectory),
+        other_than("conditions", &parameters.conditions, &record.conditions),
+        other_than("aircraft", &common.aircraft, &record.aircraft),
+        other_than("runway", &common.runway, &record.runway),
+        other_than("flight", &parameters.flight, &record.flight),
+        other_than("rig", &common.rig, &record.rig),
+        other_than("frame_rate", &frame_rates[0], &frame_rates[1]),
+        other_than("views", &views, &record.views),
     ];
     for difference in differences.into_iter().flatten() {
         faults.of(id, RECORD, difference);
     }
     if let Some(calibration) = found.calibrations.get(id) {
-        match PlannedCameras::read(common, parameters) {
-            Ok(cameras) => cameras.check(id, calibration, faults),
-            Err(error) => faults.of(
-                id,
-                PLAN,
-                format!("its cameras cannot be compared with calibration.json: {error}"),
-            ),
-        }
+        planned_cameras::check(id, &parameters.cameras(common), calibration, faults);
     }
+}
+
+fn other_than<T: PartialEq + Serialize>(what: &str, planned: &T, recorded: &T) -> Option<String> {
+    (planned != recorded).then(|| {
+        format!(
+            "{what} was planned as {} (plan.json), but recorded as {}",
+            json!(planned),
+            json!(recorded)
+        )
+    })
 }
 
 /// No trajectory is on two sides, and every scenario is on the side of the trajectory that it actually flew.

@@ -215,17 +215,16 @@ fn check_registration_counts(
     faults: &mut Faults,
 ) {
     let answered = rows.iter().filter(|row| row.result.is_ok()).count();
-    for (what, found, expected) in [
-        ("pairs", said.pairs, rows.len()),
-        ("answered", said.answered, answered),
-    ] {
-        if let Some(found) = found
-            && found != expected as u64
-        {
-            let message = format!("registration.{what} is {found}, expected {expected}");
-            faults.file(file, message);
-        }
-    }
+    let counts = [
+        ("registration.pairs", said.pairs, Some(rows.len())),
+        ("registration.answered", said.answered, Some(answered)),
+    ];
+    check_numbers(
+        file,
+        &counts,
+        ("registration.seconds", said.seconds),
+        faults,
+    );
     if let Some(reference) = &said.reference
         && let Some(other) = rows.iter().find(|row| row.reference != *reference)
     {
@@ -235,12 +234,24 @@ fn check_registration_counts(
         );
         faults.file(file, message);
     }
-    if let Some(seconds) = said
-        .seconds
-        .filter(|seconds| !(0.0..=1e10).contains(seconds))
-    {
-        let message =
-            format!("registration.seconds is {seconds:e}, expected a time from 0 to 1e10");
+}
+
+/// Compares the counts in a record with those of its table, and its time with possible ones.
+fn check_numbers(
+    file: &str,
+    counts: &[(&str, Option<u64>, Option<usize>)],
+    (name, seconds): (&str, Option<f64>),
+    faults: &mut Faults,
+) {
+    for (what, found, expected) in counts {
+        if let (Some(found), Some(expected)) = (found, expected)
+            && *found != *expected as u64
+        {
+            faults.file(file, format!("{what} is {found}, expected {expected}"));
+        }
+    }
+    if let Some(seconds) = seconds.filter(|seconds| !(0.0..=1e10).contains(seconds)) {
+        let message = format!("{name} is {seconds:e}, expected a time from 0 to 1e10");
         faults.file(file, message);
     }
 }
@@ -280,31 +291,13 @@ fn check_counts(
     faults: &mut Faults,
 ) {
     let boxes = rows.iter().filter(|row| matches!(row, Row::Box(_))).count();
-    let expected = [
-        (
-            "pictures",
-            counts.pictures,
-            record.map(ScenarioRecord::pictures),
-        ),
-        ("detections", counts.detections, Some(boxes as u64)),
-        ("misses", counts.misses, Some((rows.len() - boxes) as u64)),
+    let pictures = record.map(|record| record.pictures() as usize);
+    let numbers = [
+        ("pictures", counts.pictures, pictures),
+        ("detections", counts.detections, Some(boxes)),
+        ("misses", counts.misses, Some(rows.len() - boxes)),
     ];
-    for (what, found, expected) in expected {
-        if let (Some(found), Some(expected)) = (found, expected)
-            && found != expected
-        {
-            faults.file(file, format!("{what} is {found}, expected {expected}"));
-        }
-    }
-    if let Some(seconds) = counts
-        .seconds
-        .filter(|seconds| !(0.0..=1e10).contains(seconds))
-    {
-        faults.file(
-            file,
-            format!("seconds is {seconds:e}, expected a time from 0 to 1e10"),
-        );
-    }
+    check_numbers(file, &numbers, ("seconds", counts.seconds), faults);
     check_scores(file, counts, rows, faults);
     for (name, limits) in [
         ("tile_score", limits::RATIO),

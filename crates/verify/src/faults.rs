@@ -18,7 +18,7 @@ pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-10;
 /// Maximum number of listed rows per kind of fault; the others are counted.
 pub(crate) const ROWS_LISTED: usize = 3;
 
-/// One fault.
+/// A fault that verification found.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// Identifier of the scenario; missing if the fault concerns the whole corpus.
@@ -88,7 +88,7 @@ impl Faults {
         self.add(Some(scenario), file, None, None, message.to_string());
     }
 
-    /// The same for one view.
+    /// A fault of one view of a scenario.
     pub(crate) fn of_view(
         &mut self,
         scenario: &str,
@@ -147,7 +147,7 @@ impl Faults {
         read.map_err(|error| self.error(file, &error)).ok()
     }
 
-    /// The same for a record that was read with the fields outside their limits.
+    /// A record that was read, with the fields outside their limits as faults.
     pub(crate) fn keep_with<T>(
         &mut self,
         file: &str,
@@ -158,7 +158,7 @@ impl Faults {
         Some(value)
     }
 
-    /// The same for a table with numbers outside their limits.
+    /// A table that was read, with the numbers outside their limits as faults.
     pub(crate) fn keep_table<T>(
         &mut self,
         file: &str,

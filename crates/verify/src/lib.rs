@@ -14,7 +14,6 @@ mod faults;
 mod frames;
 mod labels;
 pub mod pixels;
-mod plan_as_written;
 mod planned_cameras;
 mod record;
 mod videos;

@@ -15,6 +15,7 @@ use dataset::corpus::splits::{Side, Splits};
 use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
 use dataset::error::Error;
 use dataset::files::file_name;
+use dataset::files::folder;
 use dataset::files::own_path::own_path;
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::video::recorded_pictures;
@@ -216,14 +217,10 @@ fn sealed(folder: &ScenarioFolder) -> dataset::Result<Row> {
 /// Identifiers of the folders that are being filled.
 fn partial_ids(corpus: &Corpus) -> dataset::Result<BTreeSet<String>> {
     let folder = own_path(corpus.root(), "scenarios")?;
-    let mut ids = BTreeSet::new();
-    for entry in fs::read_dir(&folder).map_err(Error::io("list", &folder))? {
-        let name = entry.map_err(Error::io("list", &folder))?.file_name();
-        if let Some(id) = name.to_string_lossy().strip_suffix(PARTIAL_SUFFIX) {
-            ids.insert(id.to_owned());
-        }
-    }
-    Ok(ids)
+    let names = folder::names(&folder)?.into_iter();
+    Ok(names
+        .filter_map(|name| Some(name.strip_suffix(PARTIAL_SUFFIX)?.to_owned()))
+        .collect())
 }
 
 fn unfinished(corpus: &Corpus, id: &str, is_begun: bool) -> Row {

@@ -7,7 +7,7 @@ use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use dataset::corpus::scenario::other_flight::OtherFlight;
+use dataset::corpus::scenario::other_flight::other_flight;
 use dataset::corpus::seal::sealed::Sealed;
 use dataset::files::json_file::read_json;
 use dataset::tables::columns::Table;
@@ -109,9 +109,9 @@ impl Run {
         let mut problems = answers.problems.clone();
         let mut named_alike = answers.flights.iter();
         let first = named_alike.find_map(|(id, flight)| Some((id, flight, flown(id)?)));
-        let other = first.and_then(|(id, flight, flown)| Some((id, flight.other_than(&flown)?)));
-        if let Some((id, other)) = other {
-            problems.push(other.words(id));
+        let other = first.and_then(|(id, flight, flown)| flight.other_than(id, &flown));
+        if let Some(other) = other {
+            problems.push(other);
             return Summary {
                 name: &self.name,
                 metrics: None,
@@ -210,10 +210,11 @@ fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
 
 impl Flight {
     /// Evidence that these predictions belong to a different flight.
-    pub(crate) fn other_than(&self, flown: &[TickRow]) -> Option<OtherFlight> {
+    pub(crate) fn other_than(&self, scenario: &str, flown: &[TickRow]) -> Option<String> {
         let truth_m = self.dtd_m.iter().copied().map(Some);
         let truth_m = truth_m.chain(iter::repeat(None));
-        OtherFlight::find(self.tick.iter().copied().zip(truth_m), flown)
+        let answered = self.tick.iter().copied().zip(truth_m);
+        other_flight(scenario, answered, flown)
     }
 
     fn errors(&self) -> BTreeMap<&str, Errors> {

@@ -138,12 +138,10 @@ pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables,
     for run in &library.runs {
         let flight = run.answers().flights.get(&id);
         let both = flight.zip(flown.as_deref());
-        match both.and_then(|(flight, flown)| flight.other_than(flown)) {
+        match both.and_then(|(flight, flown)| flight.other_than(&id, flown)) {
             None => runs.push(flight.cloned()),
             Some(other) => {
-                problems
-                    .0
-                    .push(format!("run {} {}", run.name, other.words(&id)));
+                problems.0.push(format!("run {} {other}", run.name));
                 runs.push(None);
             }
         }

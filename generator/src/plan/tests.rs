@@ -165,7 +165,7 @@ fn more_repeats_only_add_and_other_changes_are_named() {
     let wider = expand(&sweep_of(&SMALL.replace("width_px = 96", "width_px = 128")));
     let message = conflict(&wider, &plan).unwrap();
     assert!(
-        message.contains("picture width was 96 px, now 128 px") && message.contains("5 more"),
+        message.contains("picture.width_px was 96, now 128") && message.contains("5 more"),
         "{message}"
     );
 }

@@ -108,7 +108,7 @@ pub(super) fn check_lenses(
         for (index, camera) in rig.cameras.iter().enumerate() {
             let half_hfov = ((camera.hfov_deg + widest) / 2.0).to_radians();
             let corner = half_hfov.tan() * width.hypot(height) / width;
-            if let Some(Err(bad_lens)) = camera.distortion.map(|lens| lens.check(corner)) {
+            if let Some(bad_lens) = camera.distortion.and_then(|lens| lens.fault(corner)) {
                 return fault(
                     format!("rig.{name}.cameras.{index}.distortion"),
                     format!("camera {:?}: {bad_lens}", camera.id),

@@ -539,7 +539,7 @@ fn registrations_that_are_damaged_are_refused_and_made_again() {
     detect(&corpus, &two_workers());
     let folder = corpus.scenario("0001-a");
     let before = registered(&folder);
-    let table = folder.registrations_path(MODEL);
+    let table = folder.root().join(format!("registrations/{MODEL}.parquet"));
     let cut = fs::read(&table).unwrap().len() as u64 - 5;
     fs::OpenOptions::new()
         .write(true)

@@ -133,8 +133,7 @@ impl CameraEntry {
                 self.distortion.len()
             ));
         };
-        let bad_lens = lens.check(self.camera().corner()).err();
-        bad_lens.map(|bad_lens| bad_lens.to_string())
+        lens.fault(self.camera().corner())
     }
 
     /// Checks for numbers outside their limits.

@@ -24,6 +24,7 @@ use crate::corpus::open_scenario::OpenScenario;
 use crate::corpus::seal::sealed::{ATTEMPTS, FileState, find};
 use crate::corpus::seal::{SealedFile, hash_file, with_new_suffix};
 use crate::error::{Error, Result};
+use crate::files::folder;
 use crate::files::json_file::write_json;
 use crate::files::new_file::{clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
@@ -128,14 +129,9 @@ pub fn record_path(folder: &ScenarioFolder, model: &str) -> PathBuf {
 /// The models with detections in this scenario, by the names of their files; sorted.
 pub fn models_of(folder: &ScenarioFolder) -> Result<Vec<String>> {
     let path = own_path(folder.root(), FOLDER)?;
-    let entries = match fs::read_dir(&path) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(Error::io("list", &path)(error)),
-    };
     let mut models = Vec::new();
-    for entry in entries {
-        let name = PathBuf::from(entry.map_err(Error::io("list", &path))?.file_name());
+    for name in Error::if_there(folder::names(&path))?.unwrap_or_default() {
+        let name = Path::new(&name);
         let ending = name.extension().and_then(|ending| ending.to_str());
         if let (Some("parquet" | "json"), Some(model)) = (ending, name.file_stem()) {
             models.push(model.to_string_lossy().into_owned());
@@ -339,11 +335,8 @@ fn record(folder: &ScenarioFolder, model: &str) -> Result<Option<Vec<u8>>> {
         folder.root(),
         Path::new(FOLDER).join(format!("{model}.json")),
     )?;
-    match outside_file::read(&path, FileKind::json("record of detections").unlinked()) {
-        Ok(bytes) => Ok(Some(bytes)),
-        Err(error) if error.is_not_found() => Ok(None),
-        Err(error) => Err(error),
-    }
+    let kind = FileKind::json("record of detections").unlinked();
+    Error::if_there(outside_file::read(&path, kind))
 }
 
 fn parse(bytes: &[u8], folder: &ScenarioFolder, model: &str) -> Result<Provenance> {

@@ -21,6 +21,7 @@ use crate::corpus::claim::Claim;
 use crate::error::{Error, Result};
 use crate::files::corpus_names::{FILES, MODEL_FOLDERS};
 use crate::files::file_name;
+use crate::files::folder;
 use crate::files::json_file::{read_json, write_atomically, write_json};
 use crate::files::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
@@ -58,47 +59,10 @@ pub struct SealedFile {
     pub blake3: String,
 }
 
-/// Reasons why a manifest cannot be used.
+/// Reason why a manifest cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum BadManifest {
-    /// Its hash differs from the seal.
-    #[error("{MANIFEST} does not match the hash in {DONE}")]
-    OtherHash,
-    /// It becomes a path under the folder, and may come from anyone.
-    #[error("{MANIFEST} names a file outside of the folder: {name}")]
-    Outside {
-        /// The name.
-        name: String,
-    },
-    /// A line that is not in the format of `b3sum`.
-    #[error("{MANIFEST} has a line that is not `hash  name`: {line}")]
-    BadLine {
-        /// The line.
-        line: String,
-    },
-    /// A file with two hashes.
-    #[error("{MANIFEST} has two lines for {name}, expected one")]
-    TwoLines {
-        /// The file.
-        name: String,
-    },
-    /// Something else among the videos.
-    #[error("{MANIFEST} names {name}, expected only videos there: {VIDEOS}VIEW.mp4 or .mov")]
-    NoVideo {
-        /// The file.
-        name: String,
-    },
-    /// A view with two videos.
-    #[error("{MANIFEST} names two videos of view {view}, {one} and {other}; expected one")]
-    TwoVideos {
-        /// The view.
-        view: String,
-        /// A video.
-        one: String,
-        /// The second one.
-        other: String,
-    },
-}
+#[error("{MANIFEST} {0}")]
+pub struct BadManifest(String);
 
 /// The files that a manifest lists, if it matches `seal`.
 pub fn sealed_files(
@@ -106,44 +70,44 @@ pub fn sealed_files(
     seal: &Seal,
 ) -> std::result::Result<Vec<SealedFile>, BadManifest> {
     if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
-        return Err(BadManifest::OtherHash);
+        return Err(BadManifest(format!("does not match the hash in {DONE}")));
     }
     files_in(manifest)
 }
 
 /// The files that a manifest lists. Each has one line, and each view one video; the folder of the videos contains no other files.
 fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest> {
-    let file = |line: &str| match line.split_once("  ") {
-        Some((blake3, name)) if is_within(Path::new(name)) => Ok(SealedFile {
-            name: name.into(),
-            blake3: blake3.into(),
-        }),
-        Some((_, name)) => Err(BadManifest::Outside { name: name.into() }),
-        None => Err(BadManifest::BadLine { line: line.into() }),
-    };
-    let files: Vec<SealedFile> = manifest
-        .lines()
-        .map(file)
-        .collect::<std::result::Result<_, _>>()?;
+    let mut files = Vec::new();
     let mut names = BTreeSet::new();
     let mut views = BTreeMap::new();
-    for SealedFile { name, .. } in &files {
-        if !names.insert(name) {
-            return Err(BadManifest::TwoLines { name: name.clone() });
-        }
-        if !name.starts_with(VIDEOS) {
-            continue;
-        }
-        let Some(view) = view_of(name) else {
-            return Err(BadManifest::NoVideo { name: name.clone() });
+    for line in manifest.lines() {
+        let bad = |fault: String| Err(BadManifest(fault));
+        let Some((blake3, name)) = line.split_once("  ") else {
+            return bad(format!("has a line that is not `hash  name`: {line}"));
         };
-        if let Some(other) = views.insert(view, name) {
-            return Err(BadManifest::TwoVideos {
-                view: view.to_owned(),
-                one: other.clone(),
-                other: name.clone(),
-            });
+        // It becomes a path under the folder, and may come from anyone.
+        if !is_within(Path::new(name)) {
+            return bad(format!("names a file outside of the folder: {name}"));
         }
+        if !names.insert(name) {
+            return bad(format!("has two lines for {name}, expected one"));
+        }
+        if name.starts_with(VIDEOS) {
+            let Some(view) = view_of(name) else {
+                return bad(format!(
+                    "names {name}, expected only videos there: {VIDEOS}VIEW.mp4 or .mov"
+                ));
+            };
+            if let Some(other) = views.insert(view, name) {
+                return bad(format!(
+                    "names two videos of view {view}, {other} and {name}; expected one"
+                ));
+            }
+        }
+        files.push(SealedFile {
+            name: name.into(),
+            blake3: blake3.into(),
+        });
     }
     Ok(files)
 }
@@ -248,10 +212,8 @@ pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     // In this order: the first is renamed to the second.
     for path in [decision(folder), folder.join(DONE)] {
         refuse_link(&path)?;
-        match read_json(&path, "seal") {
-            Ok(seal) => return Ok(Some(seal)),
-            Err(error) if error.is_not_found() => {}
-            Err(error) => return Err(error),
+        if let Some(seal) = Error::if_there(read_json(&path, "seal"))? {
+            return Ok(Some(seal));
         }
     }
     Ok(None)
@@ -501,8 +463,7 @@ fn manifest_with(sealed: &Sealed, replaced: &[&str]) -> Result<String> {
 /// Files that the seal covers, relative, with forward slashes, sorted.
 fn files_of(folder: &Path) -> Result<Vec<String>> {
     fn walk(folder: &Path, prefix: &str, names: &mut Vec<String>) -> Result<()> {
-        for entry in fs::read_dir(folder).map_err(Error::io("list", folder))? {
-            let entry = entry.map_err(Error::io("list", folder))?;
+        for entry in folder::entries(folder)? {
             let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
             if entry.path().is_dir() {
                 // Tables of models are written by later steps and versioned separately.

@@ -3,13 +3,13 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::ErrorKind;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 use crate::corpus::Corpus;
 use crate::error::{Error, Result};
+use crate::files::folder;
 use crate::files::json_file::{read_json, write_atomically, write_json};
 use crate::files::outside_file::{self, FileKind};
 use crate::files::own_path::own_path;
@@ -48,16 +48,9 @@ impl SetAside {
     /// The folder cannot be listed.
     pub fn all(corpus: &Corpus) -> Result<BTreeMap<String, Self>> {
         let folder = own_path(corpus.root(), FOLDER)?;
-        let entries = match fs::read_dir(&folder) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeMap::new()),
-            Err(error) => return Err(Error::io("list", &folder)(error)),
-        };
         let mut records = BTreeMap::new();
-        for entry in entries {
-            let name = entry.map_err(Error::io("list", &folder))?.file_name();
-            let id = name.to_str().and_then(|name| name.strip_suffix(".json"));
-            if let Some(id) = id
+        for name in Error::if_there(folder::names(&folder))?.unwrap_or_default() {
+            if let Some(id) = name.strip_suffix(".json")
                 && let Some(record) = Self::read(corpus, id)
             {
                 records.insert(id.to_owned(), record);

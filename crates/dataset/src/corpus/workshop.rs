@@ -21,10 +21,12 @@ use std::time::Duration;
 
 use crate::corpus::claim::Claim;
 use crate::corpus::{PARTIAL_SUFFIX, own_folder_around};
-use crate::error::{Error, FolderFault, Result};
+use crate::error::{Error, Result};
+use crate::files::folder;
 use crate::files::new_file::{clear_leftovers, is_temporary, sync};
 use crate::files::outside_file::name_of;
 use crate::files::own_path::resolved;
+use crate::plain::shown;
 
 /// Name of the file that locks a folder.
 pub const CLAIM: &str = "claim";
@@ -117,7 +119,7 @@ impl Workshop {
     /// Moves the new folder, whose files are synced, into its vacant place.
     ///
     /// # Errors
-    /// Something else is there by now ([`FolderFault::Taken`]), or the disk fails.
+    /// Something else is there by now ([`Error::Taken`]), or the disk fails.
     pub fn put_in_place(&self) -> Result<()> {
         // Not every file system renames over an empty folder.
         missing_is_fine(fs::remove_dir(&self.place))
@@ -125,7 +127,8 @@ impl Workshop {
             .and_then(|()| rename(&self.path(NEW), &self.place))
             .map_err(|error| match error {
                 Error::Io { source, .. } if TAKEN.contains(&source.kind()) => {
-                    Error::folder(&self.place, FolderFault::Taken)
+                    let path = self.place.clone();
+                    Error::Taken { path }
                 }
                 error => error,
             })
@@ -147,7 +150,10 @@ pub fn rename(from: &Path, to: &Path) -> Result<()> {
 pub fn lock(folder: &Path, place: &Path, patience: Duration) -> Result<Claim> {
     match Claim::wait_in(folder, CLAIM, place, patience) {
         Err(error) if error.is_of_disk() => Err(error),
-        Err(Error::Io { source, .. }) => Err(Error::folder(place, FolderFault::NotMade(source))),
+        Err(Error::Io { source, .. }) => Err(Error::corpus(
+            place,
+            format!("cannot be made there: {source}; name another folder"),
+        )),
         locked => locked,
     }
 }
@@ -167,17 +173,22 @@ pub fn resolve(path: &Path) -> Result<PathBuf> {
     let real = resolved(&named)?;
     refuse_other_than_folder(&real)?;
     if real.file_name().is_none() {
-        return Err(Error::folder(&real, FolderFault::NoName));
+        let fault = "is the root folder; name a new folder in it";
+        return Err(Error::corpus(&real, fault));
     }
     match own_folder_around(&real) {
-        Some(own) => Err(Error::folder(
-            &real,
-            FolderFault::InCorpus {
-                own: own.to_owned(),
-            },
-        )),
+        Some(own) => Err(reserved(&real, own)),
         None => Ok(real),
     }
+}
+
+/// The error for a place among the files of a corpus.
+pub fn reserved(place: &Path, own: &Path) -> Error {
+    let own = shown(own);
+    Error::corpus(
+        place,
+        format!("lies in {own}, which is reserved for files of the corpus; name a folder outside"),
+    )
 }
 
 /// True if a folder does not exist or is empty.
@@ -190,22 +201,22 @@ pub fn is_vacant(folder: &Path) -> bool {
 
 /// Rejects a folder with anything but entries of the maker's, which may be missing; links are foreign. `what` begins the message: "is not
 /// a run:".
-pub fn refuse_strangers(
-    folder: &Path,
-    what: &'static str,
-    is_own: impl Fn(&str) -> bool,
-) -> Result<()> {
+pub fn refuse_strangers(folder: &Path, what: &str, is_own: impl Fn(&str) -> bool) -> Result<()> {
     refuse_other_than_folder(folder)?;
-    let entries = match fs::read_dir(folder) {
+    let entries = match folder::entries(folder) {
         // What cannot be made there is reported by who makes it.
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+        Err(Error::Io { source, .. })
+            if matches!(
+                source.kind(),
+                ErrorKind::NotFound | ErrorKind::NotADirectory
+            ) =>
+        {
             return Ok(());
         }
-        entries => entries.map_err(Error::io("list", folder))?,
+        entries => entries?,
     };
     let mut strangers = Vec::new();
     for entry in entries {
-        let entry = entry.map_err(Error::io("list", folder))?;
         let name = entry.file_name().to_string_lossy().into_owned();
         if entry.file_type().is_ok_and(|kind| kind.is_symlink()) || !is_own(&name) {
             strangers.push(name);
@@ -215,11 +226,7 @@ pub fn refuse_strangers(
 }
 
 /// Rejects foreign entries that the maker has found itself.
-pub(crate) fn refuse_named(
-    folder: &Path,
-    what: &'static str,
-    mut names: Vec<String>,
-) -> Result<()> {
+pub(crate) fn refuse_named(folder: &Path, what: &str, mut names: Vec<String>) -> Result<()> {
     if names.is_empty() {
         return Ok(());
     }
@@ -228,9 +235,10 @@ pub(crate) fn refuse_named(
         names.truncate(MAX_NAMED);
         names.push(format!("and {more} more"));
     }
-    Err(Error::folder(
+    let names = names.join(", ");
+    Err(Error::corpus(
         folder,
-        FolderFault::Strangers { what, names },
+        format!("{what} it holds {names}; move that away, or choose another place"),
     ))
 }
 
@@ -253,7 +261,10 @@ fn refuse_other_than_folder(path: &Path) -> Result<()> {
     match fs::symlink_metadata(path) {
         Ok(found) if !found.is_dir() => {
             let found = name_of(found.file_type());
-            Err(Error::folder(path, FolderFault::NotAFolder { found }))
+            Err(Error::corpus(
+                path,
+                format!("is {found}, not a folder; expected a folder, or the name of a new one"),
+            ))
         }
         _ => Ok(()),
     }
@@ -262,9 +273,10 @@ fn refuse_other_than_folder(path: &Path) -> Result<()> {
 fn refuse_mount_point(place: &Path) -> Result<()> {
     let (found, parent) = (fs::metadata(place), fs::metadata(parent_of(place)));
     match (found, parent) {
-        (Ok(found), Ok(parent)) if found.dev() != parent.dev() => {
-            Err(Error::folder(place, FolderFault::MountPoint))
-        }
+        (Ok(found), Ok(parent)) if found.dev() != parent.dev() => Err(Error::corpus(
+            place,
+            "is the top of a file system, which cannot be replaced as a whole; name a folder in it",
+        )),
         _ => Ok(()),
     }
 }
@@ -286,11 +298,9 @@ mod tests {
 
     use super::*;
 
-    fn fault_of<T>(result: Result<T>) -> FolderFault {
-        match result.err().unwrap() {
-            Error::Folder { fault, .. } => fault,
-            error => panic!("{error}"),
-        }
+    fn assert_refused<T>(result: Result<T>, words: &str) {
+        let message = result.err().unwrap().to_string();
+        assert!(message.contains(words), "{message}");
     }
 
     #[test]
@@ -314,7 +324,7 @@ mod tests {
                 moved.unwrap();
                 assert!(place.join("a").is_file() && !workshop.path(NEW).exists());
             } else {
-                assert!(matches!(fault_of(moved), FolderFault::Taken), "{name}");
+                assert!(matches!(moved, Err(Error::Taken { .. })), "{name}");
                 workshop.remove_files(NEW, &["a"]).unwrap();
             }
             drop(workshop);
@@ -330,14 +340,12 @@ mod tests {
         let place = folder.path().join("place");
         let enter = || Workshop::enter(&place, &[], Duration::ZERO);
         let held = enter().unwrap();
-        let message = enter().unwrap_err().to_string();
-        assert!(message.contains("is in use by process "), "{message}");
+        assert_refused(enter(), "is in use by process ");
         drop(held);
         symlink(folder.path(), Workshop::beside(&place)).unwrap();
-        let fault = fault_of(enter());
-        assert!(matches!(fault, FolderFault::NotAFolder { .. }), "{fault}");
-        let fault = fault_of(Workshop::enter(Path::new("/proc"), &[], Duration::ZERO));
-        assert!(matches!(fault, FolderFault::MountPoint), "{fault}");
+        assert_refused(enter(), "is a symbolic link, not a folder");
+        let top = Workshop::enter(Path::new("/proc"), &[], Duration::ZERO);
+        assert_refused(top, "is the top of a file system");
     }
 
     #[test]
@@ -346,7 +354,6 @@ mod tests {
         let root = fs::canonicalize(folder.path()).unwrap();
         symlink("place", root.join("link")).unwrap();
         assert_eq!(resolve(&root.join("link/")).unwrap(), root.join("place"));
-        let fault = fault_of(resolve(Path::new("/")));
-        assert!(matches!(fault, FolderFault::NoName), "{fault}");
+        assert_refused(resolve(Path::new("/")), "is the root folder");
     }
 }

@@ -5,8 +5,6 @@
 //! is the rounding of those floats with a margin, and far less than a pixel: at a field of view of 10 degrees on 1920 pixels, 0.0002
 //! degrees are 0.04 pixels. The next tick is metres away and never within tolerance.
 
-use std::fmt;
-
 use crate::geometry::camera::CameraPose;
 use crate::geometry::pose::Pose;
 
@@ -17,85 +15,29 @@ pub(crate) const AIRCRAFT_ANGLE_TOLERANCE_DEG: f64 = 0.001;
 /// Maximum error of the camera's heading, pitch, roll or field of view, degrees.
 pub(crate) const CAMERA_ANGLE_TOLERANCE_DEG: f64 = 0.0002;
 
-/// The first echoed value that differs from the request.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum EchoMismatch {
-    /// A different position.
-    Position {
-        /// Pose that was drawn.
-        drawn: Pose,
-        /// Expected pose.
-        expected: Pose,
-        /// Distance between the two, metres.
-        off_m: f64,
-    },
-    /// A different orientation or field of view.
-    Angle {
-        /// Name of the angle.
-        name: &'static str,
-        /// The angle that was drawn, degrees.
-        drawn_deg: f64,
-        /// The expected angle, degrees.
-        expected_deg: f64,
-        /// The tolerance, degrees.
-        tolerance_deg: f64,
-    },
-}
-
-impl fmt::Display for EchoMismatch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Position {
-                drawn,
-                expected,
-                off_m,
-            } => write!(
-                f,
-                "position {} {} {}, expected {} {} {} (latitude, longitude, metres): {off_m:.4} m apart, at most \
-                 {POSITION_TOLERANCE_M} m",
-                drawn.latitude_deg,
-                drawn.longitude_deg,
-                drawn.altitude_msl_m,
-                expected.latitude_deg,
-                expected.longitude_deg,
-                expected.altitude_msl_m
-            ),
-            Self::Angle {
-                name,
-                drawn_deg,
-                expected_deg,
-                tolerance_deg,
-            } => write!(
-                f,
-                "{name} {drawn_deg}, expected {expected_deg} within {tolerance_deg}"
-            ),
-        }
-    }
-}
-
-/// Compares the drawn pose of the aircraft with the requested one.
-pub fn aircraft_mismatch(drawn: &Pose, expected: &Pose) -> Option<EchoMismatch> {
+/// The first value of the drawn pose of the aircraft that differs from the requested one, in words.
+pub fn aircraft_mismatch(drawn: &Pose, expected: &Pose) -> Option<String> {
     pose_mismatch(drawn, expected, AIRCRAFT_ANGLE_TOLERANCE_DEG)
 }
 
-/// Compares the camera that an image was taken with and the requested one.
-pub fn camera_mismatch(drawn: &CameraPose, expected: &CameraPose) -> Option<EchoMismatch> {
-    pose_mismatch(&drawn.pose, &expected.pose, CAMERA_ANGLE_TOLERANCE_DEG).or_else(|| {
-        angle_mismatch(
-            ("hfov_deg", drawn.hfov_deg, expected.hfov_deg),
-            CAMERA_ANGLE_TOLERANCE_DEG,
-        )
-    })
+/// The first value of the camera that an image was taken with that differs from the requested one, in words.
+pub fn camera_mismatch(drawn: &CameraPose, expected: &CameraPose) -> Option<String> {
+    let hfov = ("hfov_deg", drawn.hfov_deg, expected.hfov_deg);
+    pose_mismatch(&drawn.pose, &expected.pose, CAMERA_ANGLE_TOLERANCE_DEG)
+        .or_else(|| angle_mismatch(hfov, CAMERA_ANGLE_TOLERANCE_DEG))
 }
 
-fn pose_mismatch(drawn: &Pose, expected: &Pose, tolerance_deg: f64) -> Option<EchoMismatch> {
-    let off_m = (drawn.position().to_ecef()).distance(expected.position().to_ecef());
+fn pose_mismatch(drawn: &Pose, expected: &Pose, tolerance_deg: f64) -> Option<String> {
+    let [found, asked] = [drawn, expected].map(Pose::position);
+    let off_m = found.to_ecef().distance(asked.to_ecef());
     if !within(off_m, POSITION_TOLERANCE_M) {
-        return Some(EchoMismatch::Position {
-            drawn: *drawn,
-            expected: *expected,
-            off_m,
+        let [found, asked] = [found, asked].map(|at| {
+            let (latitude_deg, longitude_deg) = (at.latitude_deg, at.longitude_deg);
+            format!("{latitude_deg} {longitude_deg} {}", at.altitude_msl_m)
         });
+        return Some(format!(
+            "position {found}, expected {asked} (latitude, longitude, metres): {off_m:.4} m apart, at most {POSITION_TOLERANCE_M} m"
+        ));
     }
     [
         (
@@ -111,17 +53,13 @@ fn pose_mismatch(drawn: &Pose, expected: &Pose, tolerance_deg: f64) -> Option<Ec
 }
 
 fn angle_mismatch(
-    (name, drawn_deg, expected_deg): (&'static str, f64, f64),
+    (name, drawn_deg, expected_deg): (&str, f64, f64),
     tolerance_deg: f64,
-) -> Option<EchoMismatch> {
+) -> Option<String> {
     // 359.9999 and 0.0001 are neighbours.
     let off_deg = (drawn_deg - expected_deg + 180.0).rem_euclid(360.0) - 180.0;
-    (!within(off_deg.abs(), tolerance_deg)).then_some(EchoMismatch::Angle {
-        name,
-        drawn_deg,
-        expected_deg,
-        tolerance_deg,
-    })
+    (!within(off_deg.abs(), tolerance_deg))
+        .then(|| format!("{name} {drawn_deg}, expected {expected_deg} within {tolerance_deg}"))
 }
 
 /// False for NaN.
@@ -175,7 +113,7 @@ mod tests {
         for (name, change) in cases {
             let mut drawn = camera();
             change(&mut drawn);
-            let found = camera_mismatch(&drawn, &camera()).unwrap().to_string();
+            let found = camera_mismatch(&drawn, &camera()).unwrap();
             assert!(found.starts_with(name), "{name}: {found}");
         }
         let mut nowhere = camera();

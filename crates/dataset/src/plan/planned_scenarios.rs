@@ -37,11 +37,7 @@ impl PlannedScenarios {
     /// It cannot be read, or is not a plan.
     pub fn read(corpus: &Corpus) -> Result<Self> {
         let plan = own_path(corpus.root(), Corpus::PLAN)?;
-        let content = match outside_file::read(&plan, FileKind::PLAN.unlinked()) {
-            Ok(content) => Some(content),
-            Err(error) if error.is_not_found() => None,
-            Err(error) => return Err(error),
-        };
+        let content = Error::if_there(outside_file::read(&plan, FileKind::PLAN.unlinked()))?;
         let parsed = content.map(|content| parse_json::<Plan>(&content, &plan, super::WHAT));
         let scenarios = parsed.transpose()?.map(|plan| plan.scenarios);
         let by_id = |planned: Planned| (planned.id, planned.config_hash);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use schemars::JsonSchema;
+use serde::Serialize;
 
 use crate::error::Result;
 use crate::geometry::camera::CameraPose;
@@ -30,7 +31,7 @@ pub struct ViewStamp {
 }
 
 /// Tick labels.
-#[derive(Debug, Clone, Copy, PartialEq, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct TickLabels {
     /// **Distance to touchdown** (DTD): geodesic distance over ground from the centre of gravity to the touchdown target, metres.
     pub dtd_m: f64,

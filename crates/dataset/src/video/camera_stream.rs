@@ -9,14 +9,13 @@
 
 use std::path::{Path, PathBuf};
 
-use ffmpeg_next::codec::{self, context, threading};
+use ffmpeg_next::codec::{self, context};
 use ffmpeg_next::format::Pixel;
-use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, decoder, encoder, frame};
 
 use super::conversion::Conversion;
-use super::conversion::scaler::{Matrix, PaddedEnd, Scaler};
-use super::{fault, start_ffmpeg};
+use super::conversion::scaler::Scaler;
+use super::{fault, slice_threads, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::geometry::imaging::Stream;
 use crate::numbers::frame_rate::FrameRate;
@@ -30,7 +29,7 @@ const CAMERA_RATE: FrameRate = FrameRate {
 const KEY_FRAME_S: f64 = 2.0;
 /// About as good as encoders in cameras.
 const PRESET: &str = "veryfast";
-const LIMITED_RANGE: bool = false;
+const FULL_RANGE: bool = false;
 
 /// A camera's stream.
 pub struct CameraStream {
@@ -39,7 +38,6 @@ pub struct CameraStream {
     encoder: encoder::Video,
     decoder: decoder::Video,
     to_coded: Scaler,
-    end: PaddedEnd,
     coded: frame::Video,
     decoded: frame::Video,
     from_coded: Conversion,
@@ -73,7 +71,7 @@ impl CameraStream {
         };
         let per_s = Rational(rate.numerator as i32, rate.denominator as i32);
         let mut context = context::Context::new_with_codec(named);
-        context.set_threading(one_thread());
+        context.set_threading(slice_threads(1));
         let mut video = context
             .encoder()
             .video()
@@ -96,29 +94,19 @@ impl CameraStream {
         let decoder = decoder::find(codec::Id::H264)
             .ok_or_else(|| failed("read the camera's stream", &"there is no decoder of H.264"))?;
         let mut context = context::Context::new_with_codec(decoder);
-        context.set_threading(one_thread());
+        context.set_threading(slice_threads(1));
         context.set_flags(codec::Flags::LOW_DELAY);
         let decoder = context
             .decoder()
             .video()
             .map_err(|e| failed("start the decoder of the camera's stream", &e))?;
-        let flags =
-            Flags::BILINEAR | Flags::ACCURATE_RND | Flags::FULL_CHR_H_INT | Flags::FULL_CHR_H_INP;
-        let to_coded = Scaler::new(
-            (Pixel::RGB24, Pixel::YUV420P),
-            width_px,
-            height_px,
-            flags,
-            Matrix::Bt709,
-            LIMITED_RANGE,
-        )
-        .map_err(|e| failed("prepare the colours of the camera's stream", &e))?;
+        let to_coded = Scaler::from_rgb(Pixel::YUV420P, width_px, height_px, FULL_RANGE)
+            .map_err(|e| failed("prepare the colours of the camera's stream", &e))?;
         Ok(Self {
             path: path.to_owned(),
             encoder,
             decoder,
             to_coded,
-            end: PaddedEnd::default(),
             coded: frame::Video::new(Pixel::YUV420P, width_px, height_px),
             decoded: frame::Video::empty(),
             from_coded: Conversion::default(),
@@ -146,7 +134,7 @@ impl CameraStream {
 
     fn code(&mut self, rgb: &[u8]) -> std::result::Result<usize, ffmpeg_next::Error> {
         Scaler::make_writable(&mut self.coded)?;
-        self.to_coded.run_rgb(rgb, &mut self.end, &mut self.coded)?;
+        self.to_coded.run_rgb(rgb, &mut self.coded)?;
         self.coded.set_pts(Some(self.pictures));
         self.pictures += 1;
         self.encoder.send_frame(&self.coded)?;
@@ -159,14 +147,6 @@ impl CameraStream {
 
     fn fault(&self, action: &str, cause: impl std::fmt::Display) -> Error {
         fault(&self.path, action, cause)
-    }
-}
-
-fn one_thread() -> threading::Config {
-    threading::Config {
-        kind: threading::Type::Slice,
-        count: 1,
-        ..Default::default()
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::frame;
 
-use super::conversion::{Conversion, PicturePart, has_planes_of_bytes};
+use super::conversion::{Conversion, PicturePart};
 use super::{Luma, fault};
 use crate::error::Result;
 
@@ -27,12 +27,7 @@ impl DecodedImage {
 
     /// Brightness of the image; `None` if it is not coded in planes of bytes.
     pub fn luma(&self) -> Option<Luma<'_>> {
-        has_planes_of_bytes(self.coded.format()).then(|| Luma {
-            levels: self.coded.data(0),
-            stride: self.coded.stride(0),
-            width_px: self.coded.width() as usize,
-            height_px: self.coded.height() as usize,
-        })
+        Luma::of_frame(&self.coded)
     }
 
     fn form(&self) -> (Pixel, [u32; 2]) {

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use ffmpeg_next::codec::{self, threading};
+use ffmpeg_next::codec;
 use ffmpeg_next::{Packet, decoder, format, frame};
 
 use super::conversion::luma::Luma;
-use super::conversion::{self, Conversion, PicturePart, has_planes_of_bytes};
-use super::{BYTES_PER_PIXEL, TimeBase, fault, open_stream};
+use super::conversion::{self, Conversion, PicturePart};
+use super::{BYTES_PER_PIXEL, TimeBase, fault, open_stream, slice_threads};
 use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
 use crate::numbers::limits::PICTURE_SIDE_PX;
@@ -67,11 +67,7 @@ impl VideoReader {
         let frames_announced = u64::try_from(stream.frames()).unwrap_or(0);
         let mut context = codec::context::Context::from_parameters(stream.parameters())
             .map_err(|e| fault(path, "find a decoder", e))?;
-        context.set_threading(threading::Config {
-            kind: threading::Type::Slice,
-            count: 1,
-            ..Default::default()
-        });
+        context.set_threading(slice_threads(1));
         let decoder = context
             .decoder()
             .video()
@@ -205,15 +201,8 @@ impl VideoReader {
     }
 
     fn luma_of<'a>(&self, coded: &'a frame::Video) -> Option<Luma<'a>> {
-        let size_px = (coded.width(), coded.height());
-        (has_planes_of_bytes(coded.format()) && size_px == (self.width_px, self.height_px)).then(
-            || Luma {
-                levels: coded.data(0),
-                stride: coded.stride(0),
-                width_px: coded.width() as usize,
-                height_px: coded.height() as usize,
-            },
-        )
+        let is_of_size = (coded.width(), coded.height()) == (self.width_px, self.height_px);
+        Luma::of_frame(coded).filter(|_| is_of_size)
     }
 
     /// The image's planes before conversion, one after the other without gaps: brightness, then two of colour with half the columns and

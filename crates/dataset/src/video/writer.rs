@@ -5,16 +5,14 @@
 
 use std::path::{Path, PathBuf};
 
-use ffmpeg_next::codec::threading;
 use ffmpeg_next::format::{self, Pixel};
-use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
 
-use super::conversion::scaler::{Matrix, PaddedEnd, Scaler};
+use super::conversion::scaler::Scaler;
 use super::video_encoder::uploaded_frames::UploadedFrames;
 use super::{
     BYTES_PER_PIXEL, VideoCodec, VideoEncoder, VideoSettings, fault, ffmpeg_path, index,
-    start_ffmpeg,
+    slice_threads, start_ffmpeg,
 };
 use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
@@ -39,17 +37,12 @@ pub struct VideoWriter {
     /// The encoder's pixel format.
     coded: frame::Video,
     /// Absent if the encoder takes RGB.
-    conversion: Option<Conversion>,
+    conversion: Option<Scaler>,
     /// Present if the encoder takes frames in a GPU's memory only.
     uploaded: Option<UploadedFrames>,
     packet: Packet,
     frame_rate: FrameRate,
     ticks: u32,
-}
-
-struct Conversion {
-    scaler: Scaler,
-    end: PaddedEnd,
 }
 
 impl VideoWriter {
@@ -118,11 +111,7 @@ impl VideoWriter {
         let mut output = format::output_as(&ffmpeg_path(path)?, codec.extension())
             .map_err(|e| fault(path, "create it", e))?;
         let mut context = ffmpeg_next::codec::context::Context::new_with_codec(named);
-        context.set_threading(threading::Config {
-            kind: threading::Type::Slice,
-            count: settings.threads as usize,
-            ..Default::default()
-        });
+        context.set_threading(slice_threads(settings.threads as usize));
         if output
             .format()
             .flags()
@@ -178,23 +167,8 @@ impl VideoWriter {
         let conversion = if pixel == Pixel::RGB24 {
             None
         } else {
-            let flags = Flags::BILINEAR
-                | Flags::ACCURATE_RND
-                | Flags::FULL_CHR_H_INT
-                | Flags::FULL_CHR_H_INP;
-            let scaler = Scaler::new(
-                (Pixel::RGB24, pixel),
-                width_px,
-                height_px,
-                flags,
-                Matrix::Bt709,
-                FULL_RANGE,
-            )
-            .map_err(|e| fault(path, "prepare the colour conversion", e))?;
-            Some(Conversion {
-                scaler,
-                end: PaddedEnd::default(),
-            })
+            let scaler = Scaler::from_rgb(pixel, width_px, height_px, FULL_RANGE);
+            Some(scaler.map_err(|e| fault(path, "prepare the colour conversion", e))?)
         };
         Ok(Self {
             path: path.to_owned(),
@@ -226,8 +200,8 @@ impl VideoWriter {
         }
         Scaler::make_writable(coded).map_err(|e| fault(path, "hold an image", e))?;
         match conversion {
-            Some(Conversion { scaler, end }) => scaler
-                .run_rgb(rgb, end, coded)
+            Some(scaler) => scaler
+                .run_rgb(rgb, coded)
                 .map_err(|e| fault(path, "convert an image", e))?,
             None => copy_rows(rgb, row_bytes, coded),
         }

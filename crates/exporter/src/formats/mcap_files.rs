@@ -49,11 +49,8 @@ const ORANGE: Color = Color {
 /// Values that `/labels` plots.
 #[derive(Serialize)]
 struct Labels {
-    dtd_m: f64,
-    along_track_m: f64,
-    cross_track_m: f64,
-    height_over_target_m: f64,
-    time_to_touchdown_s: Option<f64>,
+    #[serde(flatten)]
+    labels: TickLabels,
     true_airspeed_mps: f64,
 }
 
@@ -103,7 +100,7 @@ impl FileFormat for Mcap {
                 file.cameras(&views, &world, time)?;
             }
             file.aircraft(row, &world, time)?;
-            if let Some(labels) = &row.labels {
+            if let Some(labels) = row.labels {
                 file.labels(row, labels, time)?;
             }
             for view in &mut views {
@@ -111,15 +108,9 @@ impl FileFormat for Mcap {
                 let expected = row.views[view.index].pts;
                 let picture = view.packets.next_picture()?;
                 let found = picture.as_ref().map(|picture| picture.pts);
-                let Some(picture) = picture.filter(|picture| picture.pts == expected) else {
-                    return Err(Error::Video {
-                        scenario: source.record.id.clone(),
-                        view: view.name.to_owned(),
-                        tick: row.tick,
-                        expected,
-                        found: found.map_or("the end of the video".into(), |pts| pts.to_string()),
-                    });
-                };
+                let picture = picture.filter(|picture| picture.pts == expected);
+                let picture = picture
+                    .ok_or_else(|| source.lost_picture(view.name, row.tick, expected, found))?;
                 let video = CompressedVideo {
                     timestamp: Some(time.stamp()),
                     frame_id: view.name.to_owned(),
@@ -309,10 +300,8 @@ fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotati
 struct McapFile {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
-    /// Schemas by name.
-    schemas: BTreeMap<&'static str, u16>,
-    /// Channels and their next numbers, by topic.
-    channels: BTreeMap<String, (u16, u32)>,
+    /// Messages that were sent, by channel.
+    sent: BTreeMap<u16, u32>,
 }
 
 impl McapFile {
@@ -326,8 +315,7 @@ impl McapFile {
         Ok(Self {
             writer: writer.map_err(failed(path))?,
             path: path.to_owned(),
-            schemas: BTreeMap::new(),
-            channels: BTreeMap::new(),
+            sent: BTreeMap::new(),
         })
     }
 
@@ -390,88 +378,50 @@ impl McapFile {
         self.send("/aircraft/location", time, &location)
     }
 
-    fn labels(&mut self, row: &TickRow, labels: &TickLabels, time: Time) -> Result<()> {
-        let channel = match self.channels.get("/labels") {
-            Some((channel, _)) => *channel,
-            None => {
-                let number = json!({"type": "number"});
-                let schema = json!({
-                    "$schema": "https://json-schema.org/draft/2020-12/schema",
-                    "title": "dtd.Labels",
-                    "description": "Where the aircraft is relative to the touchdown target, as in the corpus's frames.parquet.",
-                    "type": "object",
-                    "properties": {
-                        "dtd_m": number,
-                        "along_track_m": number,
-                        "cross_track_m": number,
-                        "height_over_target_m": number,
-                        "time_to_touchdown_s": {"type": ["number", "null"]},
-                        "true_airspeed_mps": number,
-                    },
-                });
-                let schema = schema.to_string();
-                let schema = self
-                    .writer
-                    .add_schema("dtd.Labels", "jsonschema", schema.as_bytes());
-                let schema = schema.map_err(failed(&self.path))?;
-                self.add_channel("/labels", schema, "json")?
-            }
-        };
+    fn labels(&mut self, row: &TickRow, labels: TickLabels, time: Time) -> Result<()> {
         let labels = Labels {
-            dtd_m: labels.dtd_m,
-            along_track_m: labels.along_track_m,
-            cross_track_m: labels.cross_track_m,
-            height_over_target_m: labels.height_over_target_m,
-            time_to_touchdown_s: labels.time_to_touchdown_s,
+            labels,
             true_airspeed_mps: row.true_airspeed_mps,
         };
         let bytes = serde_json::to_vec(&labels)
             .map_err(|e| dataset::Error::io("write", &self.path)(e.into()))?;
-        self.write("/labels", channel, time, &bytes)
+        let schema = schema_of_labels().to_string();
+        let schema = ("dtd.Labels", "jsonschema", schema.as_bytes());
+        self.write("/labels", schema, "json", time, &bytes)
     }
 
     /// Writes a message of Foxglove's.
     fn send<M: Named>(&mut self, topic: &str, time: Time, message: &M) -> Result<()> {
-        let channel = match self.channels.get(topic) {
-            Some((channel, _)) => *channel,
-            None => {
-                let schema = match self.schemas.get(M::SCHEMA) {
-                    Some(schema) => *schema,
-                    None => {
-                        let added = self.writer.add_schema(M::SCHEMA, "protobuf", SCHEMAS);
-                        let added = added.map_err(failed(&self.path))?;
-                        self.schemas.insert(M::SCHEMA, added);
-                        added
-                    }
-                };
-                self.add_channel(topic, schema, "protobuf")?
-            }
-        };
-        self.write(topic, channel, time, &message.encode_to_vec())
+        let schema = (M::SCHEMA, "protobuf", SCHEMAS);
+        self.write(topic, schema, "protobuf", time, &message.encode_to_vec())
     }
 
-    fn add_channel(&mut self, topic: &str, schema: u16, encoding: &str) -> Result<u16> {
-        let added = self
-            .writer
-            .add_channel(schema, topic, encoding, &BTreeMap::new());
-        let channel = added.map_err(failed(&self.path))?;
-        self.channels.insert(topic.to_owned(), (channel, 0));
-        Ok(channel)
-    }
-
-    fn write(&mut self, topic: &str, channel_id: u16, time: Time, data: &[u8]) -> Result<()> {
-        let Some((_, number)) = self.channels.get_mut(topic) else {
-            unreachable!("a channel of a topic is noted when it is added");
-        };
+    /// Writes a message; `schema` is its name, encoding and text.
+    fn write(
+        &mut self,
+        topic: &str,
+        schema: (&str, &str, &[u8]),
+        encoding: &str,
+        time: Time,
+        data: &[u8],
+    ) -> Result<()> {
+        let failed = failed(&self.path);
+        // A schema and a channel are written when they are added for the first time.
+        let (name, schema_encoding, text) = schema;
+        let added = self.writer.add_schema(name, schema_encoding, text);
+        let schema = added.map_err(&failed)?;
+        let added = (self.writer).add_channel(schema, topic, encoding, &BTreeMap::new());
+        let channel_id = added.map_err(&failed)?;
+        let sent = self.sent.entry(channel_id).or_default();
         let header = MessageHeader {
             channel_id,
-            sequence: *number,
+            sequence: *sent,
             log_time: time.ns,
             publish_time: time.ns,
         };
-        *number += 1;
+        *sent += 1;
         let written = self.writer.write_to_known_channel(&header, data);
-        written.map_err(failed(&self.path))
+        written.map_err(failed)
     }
 
     fn finish(mut self) -> Result<()> {
@@ -480,6 +430,24 @@ impl McapFile {
         ended.map_err(|e| dataset::Error::io("write", &self.path)(e.into_error()))?;
         Ok(())
     }
+}
+
+fn schema_of_labels() -> Value {
+    let number = json!({"type": "number"});
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "dtd.Labels",
+        "description": "Where the aircraft is relative to the touchdown target, as in the corpus's frames.parquet.",
+        "type": "object",
+        "properties": {
+            "dtd_m": number,
+            "along_track_m": number,
+            "cross_track_m": number,
+            "height_over_target_m": number,
+            "time_to_touchdown_s": {"type": ["number", "null"]},
+            "true_airspeed_mps": number,
+        },
+    })
 }
 
 fn failed(path: &Path) -> impl Fn(McapError) -> Error {

@@ -23,46 +23,21 @@ use dataset::corpus::calibration::CameraEntry;
 use serde::Serialize;
 use serde_json::Value;
 
-use self::samples::{Decoded, LabelledCorners, Showing, each_sample};
+use self::samples::{LabelledCorners, each_sample};
 use crate::about::split_of;
 use crate::error::Result;
 use crate::file_format::{FileFormat, Writing, Written};
 use crate::request::Abilities;
-use crate::scenarios::Source;
 
 /// A shard is closed before the sample that would make it larger than this; readers want some hundred megabytes at a time.
 const MAX_BYTES: u64 = 1_000_000_000;
 /// Shards of scenarios, before they are numbered.
 const UNNUMBERED: &str = "unnumbered";
 
-/// Whole images.
-struct Whole<'a> {
-    source: &'a Source<'a>,
-}
-
 #[derive(Serialize)]
 struct View<'a> {
     boxes: Vec<LabelledCorners>,
     calibration: &'a CameraEntry,
-}
-
-impl<'a> Showing for Whole<'a> {
-    type View = View<'a>;
-
-    fn show<'p>(
-        &'p mut self,
-        view: &str,
-        tick: u32,
-        picture: Decoded<'p>,
-    ) -> Result<(Decoded<'p>, View<'a>)> {
-        let boxes = self.source.boxes_of(view, tick).iter();
-        let boxes = boxes.map(|labelled| LabelledCorners::within([0, 0], labelled));
-        let known = View {
-            boxes: boxes.collect(),
-            calibration: self.source.view(view)?.1,
-        };
-        Ok((picture, known))
-    }
 }
 
 /// The format, with whole images.
@@ -80,8 +55,16 @@ impl FileFormat for WebDataset {
         let source = &scenario.source;
         let mut shards = Shards::new(parent, &source.record.id, MAX_BYTES);
         let path = shards.path();
+        let show = |view: &str, tick, _: &mut _| {
+            let boxes = source.boxes_of(view, tick).iter();
+            let boxes = boxes.map(|labelled| LabelledCorners::within([0, 0], labelled));
+            Ok(View {
+                boxes: boxes.collect(),
+                calibration: source.view(view)?.1,
+            })
+        };
         let append = |_, entries: Vec<u8>| shards.append(&entries);
-        each_sample(scenario, &path, Whole { source }, append)?;
+        each_sample(scenario, &path, show, append)?;
         scenario.part(&shards.finish()?)
     }
 

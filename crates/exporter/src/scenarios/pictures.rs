@@ -4,11 +4,11 @@ use dataset::tables::frames::TickRow;
 use dataset::video::VideoReader;
 
 use super::source::Source;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// A video that is being decoded.
 pub(crate) struct ViewPictures<'a> {
-    scenario: &'a str,
+    source: &'a Source<'a>,
     view: &'a str,
     /// Place of the view in the rows of the table.
     index: usize,
@@ -17,10 +17,10 @@ pub(crate) struct ViewPictures<'a> {
 
 impl<'a> ViewPictures<'a> {
     /// Opens a view's video after checking it against the seal.
-    pub(crate) fn open(source: &'a Source<'_>, view: &'a str) -> Result<Self> {
+    pub(crate) fn open(source: &'a Source<'a>, view: &'a str) -> Result<Self> {
         let (index, _) = source.view(view)?;
         Ok(Self {
-            scenario: &source.record.id,
+            source,
             view,
             index,
             reader: source.scenario.open_video(view)?,
@@ -39,13 +39,9 @@ impl<'a> ViewPictures<'a> {
         if found == Some(expected) {
             return Ok(());
         }
-        Err(Error::Video {
-            scenario: self.scenario.to_owned(),
-            view: self.view.to_owned(),
-            tick: row.tick,
-            expected,
-            found: found.map_or("the end of the video".into(), |pts| pts.to_string()),
-        })
+        Err(self
+            .source
+            .lost_picture(self.view, row.tick, expected, found))
     }
 
     /// The image that was decoded last, as RGB.

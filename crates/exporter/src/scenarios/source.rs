@@ -195,6 +195,21 @@ impl<'a> Source<'a> {
             Error::unknown("view", view, &known)
         })
     }
+
+    /// The error for a video that does not have the image of a tick where it is expected.
+    pub(crate) fn lost_picture(
+        &self,
+        view: &str,
+        tick: u32,
+        expected: i64,
+        found: Option<i64>,
+    ) -> Error {
+        let scenario = &self.record.id;
+        let found = found.map_or("the end of the video".into(), |pts| pts.to_string());
+        Error::Video(format!(
+            "scenario {scenario}, view {view}: at tick {tick} expected an image with timestamp {expected}, found {found}; generate it again"
+        ))
+    }
 }
 
 /// Images of ticks at which some view has no box to crop around.

@@ -8,6 +8,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use dataset::geometry::camera::Camera;
+use dataset::geometry::distortion::Distortion;
 use dataset::numbers::limits::Check;
 use dataset::numbers::units::SimTime;
 use glam::DVec2;
@@ -409,8 +410,8 @@ impl CaptureService {
             }
             let imaging = world.imaging(request.view);
             let camera = Camera::from_pose(&request.camera, request.width_px, request.height_px);
-            if let Some(Err(bad_lens)) = imaging.distortion.map(|lens| lens.check(camera.corner()))
-            {
+            let bad_lens = |lens: Distortion| lens.fault(camera.corner());
+            if let Some(bad_lens) = imaging.distortion.and_then(bad_lens) {
                 return refusal(format!("view {}: {bad_lens}", request.view));
             }
             let key = SceneKey {

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::ID;
 
-/// A copy in a separate folder.
+/// A copy of the scenario in a corpus of its own.
 pub(super) struct LocalCopy {
     _folder: TempDir,
     pub(super) corpus: Corpus,

@@ -53,7 +53,7 @@ impl Faults {
     };
 }
 
-/// Requests so far.
+/// Numbers of requests.
 #[derive(Debug, Default)]
 pub(super) struct Requests {
     pub(super) lists: AtomicU32,
@@ -62,7 +62,7 @@ pub(super) struct Requests {
     pub(super) puts: AtomicU32,
 }
 
-/// The store.
+/// A store that behaves as its faults say.
 #[derive(Debug)]
 pub(super) struct FaultyStore {
     inner: Arc<dyn ObjectStore>,
@@ -72,7 +72,7 @@ pub(super) struct FaultyStore {
     pub(super) requests: Requests,
 }
 
-/// Numbers by a seed (SplitMix64).
+/// Pseudo-random numbers (SplitMix64).
 #[derive(Debug)]
 pub(super) struct Random(Mutex<u64>);
 

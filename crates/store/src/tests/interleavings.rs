@@ -11,7 +11,7 @@ use super::faulty_store::{Faults, FaultyStore, Random};
 use super::*;
 
 const ROUNDS: u64 = 2_000;
-/// One of this number of rounds is downloaded into a folder, which takes longer than the round.
+/// Every fiftieth round is downloaded into a folder, which takes longer than the round.
 const DOWNLOADED: u64 = 50;
 
 async fn push_copy(store: &CorpusStore, copy: &LocalCopy) -> Pushed {

@@ -20,7 +20,7 @@ enum Loss {
     Emptied,
     Cut,
     Flipped,
-    /// With the metadata of the object before.
+    /// Replaced by other bytes of the same size, with the metadata kept.
     Exchanged,
 }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A plan as far as its form shows it.
+/// The least that is recognized as a plan.
 const PLAN: &str = r#"{"plan_hash": "0", "scenarios": []}"#;
 
 #[tokio::test]

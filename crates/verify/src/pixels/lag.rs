@@ -85,7 +85,7 @@ pub(crate) fn judge_lags(
                 lag_ms: difference.lag_s * 1e3,
                 lag_error_ms: difference.error_s() * 1e3,
             });
-            if let Some(message) = difference.fault(other.view)
+            if let Some(message) = difference.fault_beside(other.view)
                 && !is_late[index]
                 && !is_late[other_index]
             {
@@ -135,10 +135,10 @@ impl Offset {
     }
 }
 
-/// A view's lag.
+/// The lag of a view behind the tables, or behind a second view.
 #[derive(Debug, Clone)]
 pub(super) struct Lag {
-    /// Lag of the images behind the tables, seconds.
+    /// Lag of the images, seconds.
     pub(super) lag_s: f64,
     /// Standard error of the lag, as far as it changes from block to block, seconds.
     scatter_s: f64,
@@ -214,79 +214,70 @@ impl Lag {
     }
 
     /// The lag of this view behind a second one.
-    pub(super) fn behind(&self, other: &Self) -> Difference {
+    pub(super) fn behind(&self, other: &Self) -> Self {
         let mut blocks = self.blocks.clone();
         for (block, error_s) in &other.blocks {
             *blocks.entry(*block).or_insert(0.0) -= error_s;
         }
         let least_s = self.least_scatter_s.hypot(other.least_scatter_s);
-        Difference {
+        Self {
             lag_s: self.lag_s - other.lag_s,
-            scatter_s: error_of(blocks.into_values()).max(least_s),
+            scatter_s: error_of(blocks.values().copied()).max(least_s),
             bound_s: self.bound_s + other.bound_s,
             freedom: self.freedom.min(other.freedom),
             speed_mps: (self.speed_mps + other.speed_mps) / 2.0,
+            ticks: self.ticks.min(other.ticks),
+            least_scatter_s: least_s,
+            blocks,
         }
     }
 
     /// Standard error of the lag, seconds.
     pub(super) fn error_s(&self) -> f64 {
-        standard_error(self.scatter_s, self.bound_s)
+        // Any common error within the bound is equally likely.
+        self.scatter_s.hypot(self.bound_s / 3_f64.sqrt())
     }
 
-    /// The sentence about a lag that is a fault.
+    /// Way of the aircraft during the lag, metres.
+    fn way_m(&self) -> f64 {
+        self.lag_s * self.speed_mps
+    }
+
+    /// True if the lag is certain, and the aircraft goes far during it.
+    fn is_fault(&self) -> bool {
+        let least_s = self.bound_s + sure(self.freedom) * self.scatter_s;
+        self.lag_s.abs() >= least_s && self.way_m().abs() >= MIN_WAY_M
+    }
+
+    /// The sentence about a view's lag that is a fault.
     pub(super) fn fault(&self, period_s: f64) -> Option<String> {
         let (lag_s, error_s, ticks) = (self.lag_s, self.error_s(), self.ticks);
-        let way_m = lag_s * self.speed_mps;
-        is_fault(lag_s, self.bound_s + sure(self.freedom) * self.scatter_s, way_m).then(|| {
+        self.is_fault().then(|| {
             format!(
                 "shows the aircraft {}, {:.1} m {} along its track ({:.0} standard errors, measured in {ticks} ticks of {:.0} ms); expected \
                  0 ms, at most {MIN_WAY_M} m: look at the clock and the delay of this camera, and for lost images",
                 in_words(lag_s, error_s),
-                way_m.abs(),
+                self.way_m().abs(),
                 if lag_s > 0.0 { "back" } else { "ahead" },
                 (lag_s / error_s).abs(),
                 period_s * 1e3,
             )
         })
     }
-}
 
-/// The lag between two views.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Difference {
-    /// Lag of the first view, seconds.
-    pub(super) lag_s: f64,
-    scatter_s: f64,
-    bound_s: f64,
-    freedom: f64,
-    speed_mps: f64,
-}
-
-impl Difference {
-    /// Standard error of the lag, seconds.
-    pub(super) fn error_s(&self) -> f64 {
-        standard_error(self.scatter_s, self.bound_s)
-    }
-
-    /// The sentence about a difference that is a fault, compared with the other view.
-    pub(super) fn fault(&self, other: &str) -> Option<String> {
+    /// The sentence about a lag behind another view that is a fault.
+    pub(super) fn fault_beside(&self, other: &str) -> Option<String> {
         let (lag_s, error_s) = (self.lag_s, self.error_s());
-        let way_m = lag_s * self.speed_mps;
-        is_fault(lag_s, self.bound_s + sure(self.freedom) * self.scatter_s, way_m).then(|| {
+        self.is_fault().then(|| {
             format!(
                 "shows the aircraft {} of view {other}, {:.1} m along its track ({:.0} standard errors); expected 0 ms, at most \
                  {MIN_WAY_M} m: look at the clocks and delays of both cameras",
                 in_words(lag_s, error_s),
-                way_m.abs(),
+                self.way_m().abs(),
                 (lag_s / error_s).abs(),
             )
         })
     }
-}
-
-fn is_fault(lag_s: f64, least_s: f64, way_m: f64) -> bool {
-    lag_s.abs() >= least_s && way_m.abs() >= MIN_WAY_M
 }
 
 /// The quantile of Student's t that is as rare as [`MIN_STANDARD_ERRORS`] of the normal distribution (Abramowitz and Stegun 1964, 26.7.5).
@@ -296,11 +287,6 @@ fn sure(freedom: f64) -> f64 {
         + 16.0 * MIN_STANDARD_ERRORS.powi(3)
         + 3.0 * MIN_STANDARD_ERRORS;
     MIN_STANDARD_ERRORS + cubic / (4.0 * freedom) + quintic / (96.0 * freedom.powi(2))
-}
-
-/// Anything within the bound is equally likely.
-fn standard_error(scatter_s: f64, bound_s: f64) -> f64 {
-    scatter_s.hypot(bound_s / 3_f64.sqrt())
 }
 
 fn in_words(lag_s: f64, error_s: f64) -> String {
@@ -440,8 +426,8 @@ mod tests {
         let (left, right) = (lag(0.15), lag(0.15));
         let same = right.behind(&left);
         assert!(same.lag_s.abs() < 1e-9);
-        assert_eq!(same.fault("left"), None);
-        let message = lag(0.4).behind(&left).fault("left").unwrap();
+        assert_eq!(same.fault_beside("left"), None);
+        let message = lag(0.4).behind(&left).fault_beside("left").unwrap();
         assert!(message.contains("250 ms late (+-"), "{message}");
         assert!(message.contains("of view left"), "{message}");
     }

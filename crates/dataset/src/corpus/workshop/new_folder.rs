@@ -10,7 +10,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::corpus::workshop::{CLAIM, NEW, Workshop, lock, refuse_named, resolve};
-use crate::error::{Error, FolderFault, Result};
+use crate::error::{Error, Result};
+use crate::files::folder;
 use crate::files::json_file::write_atomically;
 use crate::files::new_file::{clear_leftovers, sync};
 
@@ -45,11 +46,7 @@ fn make(workshop: &Workshop, files: &Files<'_>) -> Result<()> {
         write_atomically(&new.join(name), content)?;
     }
     workshop.put_in_place().inspect_err(|error| {
-        if let Error::Folder {
-            fault: FolderFault::Taken,
-            ..
-        } = error
-        {
+        if matches!(error, Error::Taken { .. }) {
             // If that fails as well, the first error is still the one to report.
             let _ = workshop.remove(NEW);
         }
@@ -64,7 +61,7 @@ fn fill(folder: &Path, files: &Files<'_>) -> Result<()> {
     let _claim = lock(folder, folder, PATIENCE)?.in_existing_folder();
     clear_leftovers(folder);
     let mut others = Vec::new();
-    for name in names_in(folder)? {
+    for name in folder::names(folder)? {
         let is_own = match files.iter().find(|(own, _)| *own == name) {
             Some((_, content)) => has_content(&folder.join(&name), content)?,
             None => name == CLAIM,
@@ -80,15 +77,6 @@ fn fill(folder: &Path, files: &Files<'_>) -> Result<()> {
     sync(folder)
 }
 
-fn names_in(folder: &Path) -> Result<Vec<String>> {
-    fs::read_dir(folder)
-        .and_then(|entries| {
-            let name = |entry: fs::DirEntry| entry.file_name().to_string_lossy().into_owned();
-            entries.map(|entry| entry.map(name)).collect()
-        })
-        .map_err(Error::io("list", folder))
-}
-
 /// Returns true for a folder with exactly these files, unchanged.
 fn is_written(folder: &Path, files: &Files<'_>) -> Result<bool> {
     let has = |(name, content): &(&str, &[u8])| has_content(&folder.join(name), content);
@@ -96,7 +84,7 @@ fn is_written(folder: &Path, files: &Files<'_>) -> Result<bool> {
     for file in files {
         left -= usize::from(has(file)?);
     }
-    Ok(left == 0 && names_in(folder)?.len() == files.len())
+    Ok(left == 0 && folder::names(folder)?.len() == files.len())
 }
 
 fn has_content(path: &Path, content: &[u8]) -> Result<bool> {
@@ -185,7 +173,7 @@ mod tests {
             fs::write(folder.join(name), content).unwrap();
             let message = write(&folder, &FILES).unwrap_err().to_string();
             assert!(message.contains(&format!("holds {name}")), "{message}");
-            assert_eq!(names_in(&folder).unwrap(), [name]);
+            assert_eq!(folder::names(&folder).unwrap(), [name]);
             assert_eq!(fs::read(folder.join(name)).unwrap(), content.as_bytes());
             fs::remove_file(folder.join(name)).unwrap();
         }

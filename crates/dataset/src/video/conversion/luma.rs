@@ -1,5 +1,9 @@
 //! A decoded image's brightness, where the decoder left it.
 
+use ffmpeg_next::frame;
+
+use super::has_planes_of_bytes;
+
 /// A plane of brightness: rows of bytes, with gaps between them.
 #[derive(Debug, Clone, Copy)]
 pub struct Luma<'a> {
@@ -22,6 +26,16 @@ impl<'a> Luma<'a> {
             width_px,
             height_px: levels.len() / width_px.max(1),
         }
+    }
+
+    /// Brightness of a decoded image; `None` if it is not coded in planes of bytes.
+    pub(crate) fn of_frame(coded: &'a frame::Video) -> Option<Self> {
+        has_planes_of_bytes(coded.format()).then(|| Self {
+            levels: coded.data(0),
+            stride: coded.stride(0),
+            width_px: coded.width() as usize,
+            height_px: coded.height() as usize,
+        })
     }
 
     /// A row, without the gap after it.

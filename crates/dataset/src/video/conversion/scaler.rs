@@ -16,14 +16,14 @@ use ffmpeg_next::software::scaling::{Context, Flags};
 use crate::video::BYTES_PER_PIXEL;
 
 /// Converts equally sized images between two pixel formats.
-pub(crate) struct Scaler(Context);
+pub(crate) struct Scaler {
+    context: Context,
+    /// The end of an RGB image, with readable memory behind it.
+    end: Vec<u8>,
+}
 
 /// swscale reads whole vectors: it may read some bytes past its input, but never this many.
 const READ_BEHIND_BYTES: usize = 256;
-
-/// The image's end, with readable memory behind it.
-#[derive(Default)]
-pub(crate) struct PaddedEnd(Vec<u8>);
 
 // SAFETY: this value alone owns the context, and swscale keeps no per-thread state.
 unsafe impl Send for Scaler {}
@@ -72,7 +72,23 @@ impl Scaler {
                 FULL_SATURATION,
             );
         }
-        Ok(Self(context))
+        Ok(Self {
+            context,
+            end: Vec::new(),
+        })
+    }
+
+    /// A converter of RGB images for an encoder, in BT.709.
+    pub(crate) fn from_rgb(
+        to: Pixel,
+        width: u32,
+        height: u32,
+        full_range: bool,
+    ) -> Result<Self, ffmpeg_next::Error> {
+        let formats = (Pixel::RGB24, to);
+        let flags =
+            Flags::BILINEAR | Flags::ACCURATE_RND | Flags::FULL_CHR_H_INT | Flags::FULL_CHR_H_INP;
+        Self::new(formats, width, height, flags, Matrix::Bt709, full_range)
     }
 
     /// Converts one image.
@@ -81,22 +97,22 @@ impl Scaler {
         input: &frame::Video,
         output: &mut frame::Video,
     ) -> Result<(), ffmpeg_next::Error> {
-        self.0.run(input, output)
+        self.context.run(input, output)
     }
 
-    /// Converts one RGB image whose rows are contiguous in memory, in place: only its last rows are copied, to `end`, since the memory
+    /// Converts one RGB image whose rows are contiguous in memory, in place: only its last rows are copied, since the memory
     /// behind them may not be readable.
     pub(crate) fn run_rgb(
         &mut self,
         rgb: &[u8],
-        end: &mut PaddedEnd,
         output: &mut frame::Video,
     ) -> Result<(), ffmpeg_next::Error> {
-        let from = *self.0.input();
+        let Self { context, end } = self;
+        let from = *context.input();
         let (width, height) = (from.width as usize, from.height as usize);
         let row_bytes = width * BYTES_PER_PIXEL;
         let fits = (output.format(), output.width(), output.height())
-            == (self.0.output().format, from.width, from.height);
+            == (context.output().format, from.width, from.height);
         if from.format != Pixel::RGB24 || rgb.len() != row_bytes * height || !fits {
             return Err(ffmpeg_next::Error::InvalidData);
         }
@@ -104,12 +120,12 @@ impl Scaler {
         let end_rows = READ_BEHIND_BYTES.div_ceil(row_bytes).next_multiple_of(2);
         let end_rows = end_rows.min(height);
         let end_at = (height - end_rows) * row_bytes;
-        end.0.clear();
-        end.0.extend_from_slice(&rgb[end_at..]);
-        end.0.resize(rgb.len() - end_at + READ_BEHIND_BYTES, 0);
+        end.clear();
+        end.extend_from_slice(&rgb[end_at..]);
+        end.resize(rgb.len() - end_at + READ_BEHIND_BYTES, 0);
         for (rows, first, count) in [
             (rgb.as_ptr(), 0, height - end_rows),
-            (end.0.as_ptr(), height - end_rows, end_rows),
+            (end.as_ptr(), height - end_rows, end_rows),
         ] {
             if count == 0 {
                 continue;
@@ -121,7 +137,7 @@ impl Scaler {
             let done = unsafe {
                 let output = &mut *output.as_mut_ptr();
                 ffi::sws_scale(
-                    self.0.as_mut_ptr(),
+                    context.as_mut_ptr(),
                     [rows, ptr::null(), ptr::null(), ptr::null()].as_ptr(),
                     [row_bytes as c_int, 0, 0, 0].as_ptr(),
                     first as c_int,

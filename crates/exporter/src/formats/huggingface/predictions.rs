@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use dataset::corpus::scenario::other_flight::OtherFlight;
+use dataset::corpus::scenario::other_flight::other_flight;
 use dataset::corpus::seal::sealed::Sealed;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::tables::columns::{Table, TableWriter};
@@ -107,13 +107,9 @@ impl Predictions {
         let answered = rows
             .iter()
             .map(|&row| (self.ticks[row], self.true_dtd_m[row]));
-        match OtherFlight::find(answered, &source.frames.rows) {
+        match other_flight(scenario, answered, &source.frames.rows) {
             None => Ok(true),
-            Some(other) => Err(Error::Request(format!(
-                "run {} {}",
-                self.run,
-                other.words(scenario)
-            ))),
+            Some(other) => Err(Error::Request(format!("run {} {other}", self.run))),
         }
     }
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::mixed_shards::{self, Stored, Unmixed};
-use super::samples::{Decoded, LabelledCorners, Showing, each_sample};
+use super::samples::{Decoded, LabelledCorners, each_sample};
 use crate::about::split_of;
 use crate::error::{Error, Result};
 use crate::file_format::{Export, FileFormat, Writing, Written};
@@ -58,22 +58,19 @@ impl Crop {
         }
     }
 
-    /// Copies the cropped pixels from an image with rows of this width.
-    fn copy(self, picture: &[u8], picture_width_px: u32, to: &mut Vec<u8>) {
-        to.clear();
+    /// Reduces an image to the crop.
+    fn cut(self, picture: &mut Decoded) {
+        let [width, left, top] =
+            [picture.size_px[0], self.left_px, self.top_px].map(|px| px as usize);
         let row_bytes = 3 * self.width_px as usize;
-        for row in self.top_px..self.top_px + self.height_px {
-            let start = 3 * (row as usize * picture_width_px as usize + self.left_px as usize);
-            to.extend_from_slice(&picture[start..start + row_bytes]);
+        for row in 0..self.height_px as usize {
+            let start = 3 * ((top + row) * width + left);
+            let pixels = start..start + row_bytes;
+            picture.rgb.copy_within(pixels, row * row_bytes);
         }
+        picture.rgb.truncate(row_bytes * self.height_px as usize);
+        picture.size_px = [self.width_px, self.height_px];
     }
-}
-
-/// A scenario's crops.
-struct Cropped<'a> {
-    source: &'a Source<'a>,
-    size_px: [u32; 2],
-    rgb: Vec<u8>,
 }
 
 /// Boxes are in the crop's pixels and may lie outside it.
@@ -88,41 +85,32 @@ struct View<'a> {
     calibration: &'a CameraEntry,
 }
 
-impl<'a> Showing for Cropped<'a> {
-    type View = View<'a>;
-
-    fn show<'p>(
-        &'p mut self,
-        view: &str,
-        tick: u32,
-        picture: Decoded<'p>,
-    ) -> Result<(Decoded<'p>, View<'a>)> {
-        let boxes = self.source.boxes_of(view, tick);
-        let Some(target) = target(boxes) else {
-            unreachable!("a sample has a box in each view");
-        };
-        let crop = Crop::around(&target, self.size_px, picture.size_px);
-        crop.copy(picture.rgb, picture.size_px[0], &mut self.rgb);
-        let all = || boxes.iter().chain(self.source.beside(view, tick));
-        let of_kind = |is_there: bool, is_of_kind: fn(&LabelledBox) -> bool| {
-            let corners = |labelled| LabelledCorners::within([crop.left_px, crop.top_px], labelled);
-            let boxes = || all().filter(|labelled| is_of_kind(labelled)).map(corners);
-            is_there.then(|| boxes().collect())
-        };
-        let known = View {
-            crop,
-            truth: of_kind(self.source.has_truth, |labelled| labelled.truth.is_some()),
-            detections: of_kind(self.source.model.is_some(), |labelled| {
-                labelled.score.is_some()
-            }),
-            calibration: self.source.view(view)?.1,
-        };
-        let shown = Decoded {
-            rgb: &self.rgb,
-            size_px: self.size_px,
-        };
-        Ok((shown, known))
-    }
+/// Cuts a view's image, and describes the crop.
+fn cropped<'a>(
+    source: &'a Source<'_>,
+    crop_px: [u32; 2],
+    view: &str,
+    tick: u32,
+    picture: &mut Decoded,
+) -> Result<View<'a>> {
+    let boxes = source.boxes_of(view, tick);
+    let Some(target) = target(boxes) else {
+        unreachable!("a sample has a box in each view");
+    };
+    let crop = Crop::around(&target, crop_px, picture.size_px);
+    crop.cut(picture);
+    let all = || boxes.iter().chain(source.beside(view, tick));
+    let of_kind = |is_there: bool, is_of_kind: fn(&LabelledBox) -> bool| {
+        let corners = |labelled| LabelledCorners::within([crop.left_px, crop.top_px], labelled);
+        let boxes = || all().filter(|labelled| is_of_kind(labelled)).map(corners);
+        is_there.then(|| boxes().collect())
+    };
+    Ok(View {
+        crop,
+        truth: of_kind(source.has_truth, |labelled| labelled.truth.is_some()),
+        detections: of_kind(source.model.is_some(), |labelled| labelled.score.is_some()),
+        calibration: source.view(view)?.1,
+    })
 }
 
 /// The format.
@@ -158,14 +146,12 @@ impl FileFormat for Crops {
     fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let source = &scenario.source;
         let mut unmixed = Unmixed::create(&scenario.folder, &source.record.id)?;
-        let cropped = Cropped {
-            source,
-            size_px: scenario.export.request.crop_px(),
-            rgb: Vec::new(),
-        };
+        let crop_px = scenario.export.request.crop_px();
+        let show =
+            |view: &str, tick, picture: &mut _| cropped(source, crop_px, view, tick, picture);
         let path = unmixed.path().to_owned();
         let append = |tick, entries: Vec<u8>| unmixed.append(tick, &entries);
-        each_sample(scenario, &path, cropped, append)?;
+        each_sample(scenario, &path, show, append)?;
         scenario.part(&unmixed.finish()?)
     }
 
@@ -241,10 +227,13 @@ mod tests {
             width_px: 3,
             height_px: 2,
         };
-        let mut rgb = Vec::new();
-        crop.copy(&picture, 6, &mut rgb);
-        let reds: Vec<u8> = rgb.iter().step_by(3).copied().collect();
+        let mut picture = Decoded {
+            rgb: picture,
+            size_px: [6, 4],
+        };
+        crop.cut(&mut picture);
+        let reds: Vec<u8> = picture.rgb.iter().step_by(3).copied().collect();
         assert_eq!(reds, [8, 9, 10, 14, 15, 16]);
-        assert_eq!(rgb.len(), 18);
+        assert_eq!((picture.rgb.len(), picture.size_px), (18, [3, 2]));
     }
 }

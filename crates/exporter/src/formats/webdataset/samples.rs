@@ -80,33 +80,20 @@ impl LabelledCorners {
     }
 }
 
-/// A decoded image.
-pub(super) struct Decoded<'a> {
+/// A view's image in a sample.
+pub(super) struct Decoded {
     /// Rows from top to bottom without gaps.
-    pub(super) rgb: &'a [u8],
+    pub(super) rgb: Vec<u8>,
     /// Width and height.
     pub(super) size_px: [u32; 2],
 }
 
-/// Image form in a format's samples.
-pub(super) trait Showing {
-    /// View metadata.
-    type View: Serialize;
-
-    /// A view's pixels in a sample, with its metadata.
-    fn show<'p>(
-        &'p mut self,
-        view: &str,
-        tick: u32,
-        picture: Decoded<'p>,
-    ) -> Result<(Decoded<'p>, Self::View)>;
-}
-
-/// Makes a scenario's samples in tick order, and passes each to `append` as archive entries. `path` names their file in messages.
-pub(super) fn each_sample<S: Showing>(
+/// Makes a scenario's samples in tick order, and passes each to `append` as archive entries. `show` returns the metadata of a view at a
+/// tick, and may cut its image. `path` names their file in messages.
+pub(super) fn each_sample<V: Serialize>(
     scenario: &Writing<'_>,
     path: &Path,
-    mut showing: S,
+    show: impl Fn(&str, u32, &mut Decoded) -> Result<V>,
     mut append: impl FnMut(u32, Vec<u8>) -> Result<()>,
 ) -> Result<()> {
     let source = &scenario.source;
@@ -116,7 +103,10 @@ pub(super) fn each_sample<S: Showing>(
     for view in views {
         decoded.push(ViewPictures::open(source, view)?);
     }
-    let mut rgb = Vec::new();
+    let mut picture = Decoded {
+        rgb: Vec::new(),
+        size_px: [0, 0],
+    };
     for row in &source.frames.rows {
         let is_sample = source.has_sample(row.tick);
         let mut files = Vec::new();
@@ -127,14 +117,11 @@ pub(super) fn each_sample<S: Showing>(
             if !is_sample {
                 continue;
             }
-            pictures.convert(&mut rgb)?;
-            let picture = Decoded {
-                rgb: &rgb,
-                size_px: pictures.size_px(),
-            };
-            let (shown, of_view) = showing.show(view, row.tick, picture)?;
+            pictures.convert(&mut picture.rgb)?;
+            picture.size_px = pictures.size_px();
+            let of_view = show(view, row.tick, &mut picture)?;
             let mut bytes = Vec::new();
-            stills.encode(&mut bytes, path, shown.rgb, shown.size_px)?;
+            stills.encode(&mut bytes, path, &picture.rgb, picture.size_px)?;
             files.push((format!("{view}.{}", stills.extension()), bytes));
             known.insert(view.as_str(), of_view);
             scenario.pictures_done(1);
