@@ -383,12 +383,7 @@ impl BridgeError {
             | Self::WrongAircraft { .. }
             | Self::WrongSize { .. } => true,
             Self::Refused { doing, repeats, .. } => *repeats && *doing == HELLO,
-            Self::Link { source, .. } => {
-                matches!(
-                    source,
-                    LinkError::NotTheLink { .. } | LinkError::OtherVersion { .. }
-                )
-            }
+            Self::Link { source, .. } => matches!(source, LinkError::OtherSide(_)),
             Self::Pixels(error) => error.is_setup(),
             _ => false,
         }

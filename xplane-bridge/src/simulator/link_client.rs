@@ -87,9 +87,7 @@ impl LinkClient {
         let read = before(doing, limit, async {
             read_header::<Answer>(stream)
                 .await?
-                .ok_or(LinkError::Ended {
-                    inside: "a conversation",
-                })
+                .ok_or_else(|| LinkError::ended("a conversation"))
         });
         let read = read.await;
         let (answer, payload_bytes) = self.close_on_error(read)?;
@@ -126,6 +124,7 @@ impl LinkClient {
     ) -> Result<(), BridgeError> {
         let stream = self.stream.as_mut().ok_or(BridgeError::LinkClosed)?;
         let bytes = std::mem::take(&mut self.payload_bytes);
+        buffer.clear();
         let read = before(doing, limit, read_payload(stream, bytes, buffer)).await;
         self.close_on_error(read)
     }
