@@ -26,7 +26,7 @@ use tokio::time::{Instant, sleep, timeout};
 
 use crate::error::BridgeError;
 use crate::packet::{
-    DatarefValue, DatarefValuesView, FromSimulator, Position, SubscribeDataref, SubscribePosition,
+    DatarefValue, DatarefValues, FromSimulator, Position, SubscribeDataref, SubscribePosition,
     ToSimulator,
 };
 use crate::udp::simulator_address::{is_answer, local_address, reachable};
@@ -283,17 +283,16 @@ impl Shared {
     /// Hands out a datagram's values, and ends unwanted subscriptions.
     async fn take(&self, datagram: &[u8]) {
         self.has_heard.store(true, Ordering::Relaxed);
-        if let Ok(values) = DatarefValuesView::new(datagram) {
-            let unwanted = self.readers().hand_out(values.iter());
-            for index in unwanted {
-                self.unwanted.fetch_add(1, Ordering::Relaxed);
-                if let Some(datagram) = end_datagram(index) {
-                    let _ = self.send(&datagram).await;
+        match FromSimulator::decode(datagram) {
+            Ok(FromSimulator::DatarefValues(DatarefValues { values })) => {
+                let unwanted = self.readers().hand_out(values);
+                for index in unwanted {
+                    self.unwanted.fetch_add(1, Ordering::Relaxed);
+                    if let Some(datagram) = end_datagram(index) {
+                        let _ = self.send(&datagram).await;
+                    }
                 }
             }
-            return;
-        }
-        match FromSimulator::decode(datagram) {
             Ok(FromSimulator::Position(position)) => {
                 if !self.readers().hand_out_position(position) {
                     self.end_positions().await;
