@@ -34,8 +34,8 @@ use crate::error::peer_text::quoted;
 use crate::error::{BridgeError, HELLO};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::link::{
-    Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
-    PictureBytes, PictureSize, PixelKind, Request, SimulatorWindow, decode_flight,
+    Answer, CaptureRequest, CapturedFrame, Deliver, Hello, MAX_OUTSTANDING_CAPTURES, PictureBytes,
+    PixelKind, Request, decode_flight,
 };
 use crate::pixels::{CodedGrabs, Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
@@ -76,46 +76,6 @@ const SETTLE_FRAMES: u32 = 3;
 /// and clients of a live X-Plane were seen to wait for up to four.
 const SETTLE_FRAMES_ON_SCREEN: u32 = 5;
 
-/// The connected simulator.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SimulatorDescription {
-    /// Name of the simulator.
-    pub name: String,
-    /// Version of the simulator.
-    pub version: String,
-    /// Version of the capture link in use.
-    pub capture_link: u32,
-    /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
-    pub plugin: Option<String>,
-    /// Sources of images, the best first.
-    pub pixels: Vec<PixelKind>,
-    /// The simulator's window, if there is one.
-    pub window: Option<SimulatorWindow>,
-    /// The only possible image size; `None` if any size is possible, or it is unknown.
-    pub drawn_size: Option<PictureSize>,
-    /// True if it can draw lenses, refraction, turbulent air and noise.
-    pub imaging: bool,
-    /// True if it can draw the check pattern under its own windows.
-    pub patterns_under: bool,
-    /// Measured profile.
-    pub profile: KnownProfile,
-    /// True if a tape gives the answers.
-    pub replayed: bool,
-    /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
-    pub frame_codes: bool,
-}
-
-impl SimulatorDescription {
-    /// Names and versions of simulator and plugin.
-    pub fn versions(&self) -> String {
-        let Self { name, version, .. } = self;
-        match &self.plugin {
-            Some(plugin) => format!("{name} {version} with {plugin}"),
-            None => format!("{name} {version}"),
-        }
-    }
-}
-
 /// A connected simulator.
 ///
 /// Its larger methods return boxed futures. An `async fn` is compiled by every program that awaits it, with all that it awaits: that took
@@ -126,7 +86,8 @@ pub struct Simulator {
     link: LinkClient,
     web_api: Option<WebApi>,
     address: SocketAddr,
-    description: SimulatorDescription,
+    description: Hello,
+    profile: KnownProfile,
     generation: Generation,
     weather_settle: Duration,
     settle_frames: u32,
@@ -242,30 +203,18 @@ impl Simulator {
                 token: token.clone(),
             };
             let answer = link.ask(HELLO, &hello, limit).await?;
-            let Answer::Hello(hello) = answer else {
+            let Answer::Hello(mut hello) = answer else {
                 return Err(wrong(HELLO, &answer));
             };
-            let [name, simulator_version] = [hello.name, hello.version].map(|text| quoted(&text));
-            let plugin = hello.plugin.map(|text| quoted(&text));
+            let texts = [&mut hello.name, &mut hello.version].into_iter();
+            for text in texts.chain(&mut hello.plugin) {
+                *text = quoted(text);
+            }
             let profile = KnownProfile::of(
-                hello.profile,
-                &format!("{name} {simulator_version}"),
-                plugin.as_deref(),
+                hello.profile.take(),
+                &format!("{} {}", hello.name, hello.version),
+                hello.plugin.as_deref(),
             );
-            let description = SimulatorDescription {
-                name,
-                version: simulator_version,
-                capture_link: LINK_VERSION,
-                plugin,
-                pixels: hello.pixels,
-                window: hello.window,
-                drawn_size: hello.drawn_size,
-                imaging: hello.imaging,
-                patterns_under: hello.patterns_under,
-                profile,
-                replayed: hello.replayed,
-                frame_codes: hello.frame_codes,
-            };
             let generation = Generation::of_version(version);
             let web_api = match (generation, web_api) {
                 (Generation::XPlane12, Some(place)) => {
@@ -274,24 +223,25 @@ impl Simulator {
                 _ => None,
             };
             tracing::info!(
-                %address, name = description.name, version = description.version, web_api = web_api.is_some(), "connected"
+                %address, name = hello.name, version = hello.version, web_api = web_api.is_some(), "connected"
             );
             Ok(Self {
                 udp,
                 link,
                 web_api,
                 address,
-                description,
-                generation,
+                drawn_on: DrawnOn::offered(hello.screen.take(), link_address, token),
                 // A tape's weather has settled.
                 weather_settle: if hello.replayed {
                     Duration::ZERO
                 } else {
                     Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
                 },
+                description: hello,
+                profile,
+                generation,
                 settle_frames: SETTLE_FRAMES,
                 pixels: Box::new(Payload(PixelKind::Link)),
-                drawn_on: DrawnOn::offered(hello.screen, link_address, token),
                 conditions: None,
                 ground_msl_m: None,
                 settings_watch: None,
@@ -307,9 +257,14 @@ impl Simulator {
         })
     }
 
-    /// The connected simulator.
-    pub fn description(&self) -> &SimulatorDescription {
+    /// The connected simulator's description of itself. Its profile and its screen are kept elsewhere.
+    pub fn description(&self) -> &Hello {
         &self.description
+    }
+
+    /// Measured profile of the connected simulator.
+    pub fn profile(&self) -> &KnownProfile {
+        &self.profile
     }
 
     /// Sets the aircraft, by its name in sweeps. One that comes with X-Plane is loaded when a flight begins; any other must be
@@ -441,7 +396,7 @@ impl Simulator {
     fn running_at(&self) -> Option<Clock> {
         self.description.plugin.as_ref()?;
         let conditions = self.conditions.as_ref()?;
-        let profile = self.description.profile.current();
+        let profile = self.profile.current();
         let needed =
             conditions.weather.rain_ratio > 0.0 || profile.is_some_and(Profile::time_has_to_run);
         needed.then_some(conditions.clock)
@@ -454,7 +409,7 @@ impl Simulator {
 
     /// Settle frames: as many as were set, or were measured to be needed.
     fn frames_to_settle(&self) -> u32 {
-        match self.description.profile.current() {
+        match self.profile.current() {
             Some(profile) => profile.settle_frames(self.settle_frames),
             None => self.settle_frames,
         }
@@ -584,7 +539,10 @@ impl Simulator {
             rgb = self.pixels.picture(rgb).await?;
         }
         self.check_settings()?;
-        Ok(CapturedFrame::new(header, rgb.into()))
+        Ok(CapturedFrame {
+            header,
+            rgb: rgb.into(),
+        })
     }
 
     /// Returns an image's memory for the next frames. Optional: fresh memory costs milliseconds per frame.

@@ -486,10 +486,10 @@ impl BlockRecording<'_> {
         while self.drawn.len() > 4 * SEGMENT_TICKS.1 {
             self.drawn.pop_first();
         }
-        Ok(CapturedFrame::new(
+        Ok(CapturedFrame {
             header,
-            PictureBytes::Pooled(taken.picture.rgb),
-        ))
+            rgb: PictureBytes::Pooled(taken.picture.rgb),
+        })
     }
 
     async fn take_answers(&mut self) -> Result<(), BridgeError> {

@@ -71,7 +71,7 @@ impl Simulator {
 
     /// Weather in the units that this simulator was measured to use.
     fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        match self.description.profile.current() {
+        match self.profile.current() {
             Some(profile) => profile.in_its_units(writes),
             None => writes,
         }

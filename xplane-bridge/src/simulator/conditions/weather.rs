@@ -71,7 +71,7 @@ impl Simulator {
             self.pause_for_weather(PRESET_PAUSE).await;
         }
         self.write_weather(writes).await?;
-        let profile = self.description.profile.current();
+        let profile = self.profile.current();
         if profile.is_none_or(Profile::regenerates) {
             self.regenerate(writes).await?;
         } else {
@@ -118,7 +118,7 @@ impl Simulator {
 
     /// Timeout of the weather here.
     fn weather_patience(&self) -> Duration {
-        match self.description.profile.current() {
+        match self.profile.current() {
             Some(profile) => profile.weather_patience(PATIENCE),
             None => PATIENCE,
         }

@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use super::{Check, Intent, Verdict};
-use crate::link::{PictureSize, PixelKind, SimulatorWindow};
+use crate::Simulator;
+use crate::link::{Hello, PictureSize, PixelKind, SimulatorWindow};
 use crate::pixels::{PixelChoice, Screen};
 use crate::profile::{Finding, Grabbing};
-use crate::{Simulator, SimulatorDescription};
 
 pub(super) const NAME: &str = "window";
 
 /// The required image size; `None` if the simulator draws any.
-pub(super) fn picture_size(description: &SimulatorDescription) -> Option<PictureSize> {
+pub(super) fn picture_size(description: &Hello) -> Option<PictureSize> {
     let of_window = description.window.as_ref().map(SimulatorWindow::size);
     description.drawn_size.or(of_window)
 }
