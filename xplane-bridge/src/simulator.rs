@@ -182,11 +182,7 @@ impl Simulator {
             }
             let deadline = deadline.max(Instant::now() + timeout.mul_f64(LINK_SHARE));
             let [version, port, settle_s] = [values[0], values[1], values[2]];
-            let version = version.ok_or(BridgeError::NobodyAnswers {
-                address,
-                waited,
-                refused: false,
-            })?;
+            let version = version.ok_or_else(|| BridgeError::silent(address, waited))?;
             let port = match port {
                 Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
                 _ => {
@@ -326,10 +322,8 @@ impl Simulator {
                 .take_payload("a flight", &mut payload, FRAME_TIMEOUT)
                 .await?;
             self.check_settings()?;
-            decode_flight(&columns, rows, &payload).map_err(|bad| BridgeError::WrongAnswer {
-                expected: "a flight".into(),
-                found: bad.to_string(),
-            })
+            decode_flight(&columns, rows, &payload)
+                .map_err(|bad| BridgeError::wrong_answer("a flight", bad))
         })
     }
 
@@ -345,7 +339,7 @@ impl Simulator {
     /// [`Simulator::freeze`] with lenses, air and sensors, in the order of the views.
     ///
     /// # Errors
-    /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal images only.
+    /// As [`Simulator::freeze`], and [`BridgeError::Setup`] if this simulator draws ideal images only.
     pub fn freeze_with_imaging<'a>(
         &'a mut self,
         runway: &'a Runway,
@@ -418,14 +412,15 @@ impl Simulator {
     /// Checks that this simulator can draw such views; sends no request.
     ///
     /// # Errors
-    /// [`BridgeError::NoImaging`] if it draws ideal images only and a view is none.
+    /// [`BridgeError::Setup`] if it draws ideal images only and a view is none.
     pub fn check_imaging(&self, views: &[Imaging]) -> Result<(), BridgeError> {
         match views.iter().position(|view| !view.is_ideal()) {
-            Some(view) if !self.description.imaging => Err(BridgeError::NoImaging {
-                simulator: self.description.name.clone(),
-                view,
-                wanted: serde_json::to_string(&views[view]).unwrap_or_default(),
-            }),
+            Some(view) if !self.description.imaging => Err(BridgeError::Setup(format!(
+                "{} draws images of ideal pinholes along straight lines, but view {view} is to have {}. Only the bundled simulator (--sim \
+                 mock) can: take [imaging] and the cameras' distortion out of the sweep",
+                self.description.name,
+                serde_json::to_string(&views[view]).unwrap_or_default()
+            ))),
             _ => Ok(()),
         }
     }
@@ -440,9 +435,10 @@ impl Simulator {
     ) -> BoxFuture<'a, Result<(), BridgeError>> {
         Box::pin(async move {
             if self.outstanding.len() >= MAX_OUTSTANDING_CAPTURES {
-                return Err(BridgeError::TooManyOutstanding {
-                    outstanding: self.outstanding.len(),
-                });
+                return Err(BridgeError::Failed(format!(
+                    "{} captures are outstanding, which is the most the capture link holds: receive a frame first",
+                    self.outstanding.len()
+                )));
             }
             if let Err(reason) = request.check() {
                 return Err(BridgeError::Refused {
@@ -463,8 +459,8 @@ impl Simulator {
     ///
     /// # Errors
     /// No capture is outstanding, no answer comes for a minute, the simulator rejects it, its conditions have changed, or the answer does
-    /// not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
-    /// [`BridgeError::ViewTaken`], if the frame is never left alone while it is grabbed.
+    /// not belong to that capture; or the frame never stays on the screen while it is grabbed. The caller checks whether the drawn pose is
+    /// the requested one.
     pub fn receive_frame(&mut self) -> BoxFuture<'_, Result<CapturedFrame, BridgeError>> {
         Box::pin(async move {
             let request = self
@@ -476,7 +472,10 @@ impl Simulator {
             let mut grabs = 1;
             while is_grabbed && !self.is_still_shown().await? {
                 if grabs == MAX_GRABS {
-                    return Err(BridgeError::ViewTaken { grabs });
+                    return Err(BridgeError::Failed(format!(
+                        "another view appeared in X-Plane each of the {grabs} times that a frame was grabbed off its window. Leave its keys \
+                         and mouse alone, switch off other plugins that move the camera, and run the same command again"
+                    )));
                 }
                 grabs += 1;
                 self.recycle(frame.rgb);
@@ -520,16 +519,16 @@ impl Simulator {
         if asked != found || !request.payload_bytes().contains(&bytes) {
             let (tick, view, width, height) = asked;
             self.link.close();
-            return Err(BridgeError::WrongAnswer {
-                expected: format!(
+            return Err(BridgeError::wrong_answer(
+                format_args!(
                     "a frame of tick {tick}, view {view}, {width}x{height}, {} bytes",
                     request.payload_bytes().end()
                 ),
-                found: format!(
+                format_args!(
                     "tick {}, view {}, {}x{}, {bytes} bytes",
                     found.0, found.1, found.2, found.3
                 ),
-            });
+            ));
         }
         let mut rgb = self.spare_buffers.pop().unwrap_or_default();
         self.link

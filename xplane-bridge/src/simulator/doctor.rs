@@ -418,7 +418,7 @@ fn no_link(error: &BridgeError) -> Check {
             "A firewall may be between, or the plugin listens on its own machine only: run dtd there, or give the plugin a token and an \
              address (docs/x-plane.md)"
         }
-        BridgeError::BadVariable { .. } => "Set the variable right, or leave it out",
+        BridgeError::BadVariable(_) => "Set the variable right, or leave it out",
         BridgeError::Refused { .. } => "Set DTD_LINK_TOKEN to the secret that the plugin was given",
         _ => "Install plugin and program of the same release: `dtd install-plugin XPLANE_DIR`",
     };

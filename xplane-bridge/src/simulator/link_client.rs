@@ -102,10 +102,10 @@ impl LinkClient {
             answer if expects_payload || payload_bytes == 0 => Ok(answer),
             answer => {
                 self.close();
-                Err(BridgeError::WrongAnswer {
-                    expected: format!("no payload behind {}", answer.name()),
-                    found: format!("{payload_bytes} bytes"),
-                })
+                Err(BridgeError::wrong_answer(
+                    format_args!("no payload behind {}", answer.name()),
+                    format_args!("{payload_bytes} bytes"),
+                ))
             }
         }
     }
@@ -151,17 +151,14 @@ async fn before<T>(
     match timeout_at(Instant::now() + limit, work).await {
         Ok(Ok(done)) => Ok(done),
         Ok(Err(source)) => Err(BridgeError::Link { doing, source }),
-        Err(_) => Err(BridgeError::LinkTimeout {
-            doing,
-            waited: limit,
-        }),
+        Err(_) => Err(BridgeError::Failed(format!(
+            "the simulator did not answer over the capture link within {:.1} s, while waiting for {doing}",
+            limit.as_secs_f64()
+        ))),
     }
 }
 
 /// An answer that does not match its request.
 pub(crate) fn wrong(expected: &str, found: &Answer) -> BridgeError {
-    BridgeError::WrongAnswer {
-        expected: expected.to_owned(),
-        found: found.name().to_owned(),
-    }
+    BridgeError::wrong_answer(expected, found.name())
 }

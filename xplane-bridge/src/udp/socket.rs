@@ -95,14 +95,9 @@ impl SimulatorSocket {
                 taken_over.extend(unused);
                 bind_fixed(local_address(simulator, port)).await?
             }
-            (None, None) => {
-                UdpSocket::bind(local_address(simulator, 0))
-                    .await
-                    .map_err(|source| BridgeError::Udp {
-                        address: simulator,
-                        source,
-                    })?
-            }
+            (None, None) => UdpSocket::bind(local_address(simulator, 0))
+                .await
+                .map_err(|error| failed(simulator, &error))?,
         };
         if let Ok(own) = socket.local_addr()
             && notes.iter().all(|note| note.port() != own.port())
@@ -273,10 +268,7 @@ impl Shared {
             Ok(_) => Ok(()),
             // The answer to an earlier datagram, on systems that give it to unconnected sockets.
             Err(error) if is_refusal(&error) => Ok(()),
-            Err(source) => Err(BridgeError::Udp {
-                address: self.simulator,
-                source,
-            }),
+            Err(error) => Err(failed(self.simulator, &error)),
         }
     }
 
@@ -372,6 +364,10 @@ fn end_of(index: i32) -> SubscribeDataref {
 
 fn end_datagram(index: i32) -> Option<Vec<u8>> {
     ToSimulator::SubscribeDataref(end_of(index)).encode().ok()
+}
+
+fn failed(simulator: SocketAddr, error: &io::Error) -> BridgeError {
+    BridgeError::Failed(format!("cannot use UDP towards {simulator}: {error}"))
 }
 
 /// True if an error only means that no program took an earlier datagram.
