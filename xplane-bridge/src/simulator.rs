@@ -206,6 +206,7 @@ impl Simulator {
             for text in texts.chain(&mut hello.plugin) {
                 *text = quoted(text);
             }
+            link.patterns_under = hello.patterns_under;
             let profile = KnownProfile::of(
                 hello.profile.take(),
                 &format!("{} {}", hello.name, hello.version),

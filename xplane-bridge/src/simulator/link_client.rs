@@ -7,6 +7,7 @@ use tokio::io::BufReader;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout_at};
 
+use super::SWITCH_TIMEOUT;
 use crate::error::BridgeError;
 use crate::error::peer_text::quoted;
 use crate::link::{
@@ -19,6 +20,8 @@ pub(super) struct LinkClient {
     /// Buffered for the small reads of headers; a payload goes past the buffer into its own memory.
     stream: Option<BufReader<TcpStream>>,
     payload_bytes: usize,
+    /// True if the simulator can draw the check pattern under its own windows.
+    pub(super) patterns_under: bool,
 }
 
 impl LinkClient {
@@ -37,6 +40,7 @@ impl LinkClient {
         Ok(Self {
             stream: Some(stream),
             payload_bytes: 0,
+            patterns_under: false,
         })
     }
 
@@ -107,6 +111,22 @@ impl LinkClient {
                     format_args!("{payload_bytes} bytes"),
                 ))
             }
+        }
+    }
+
+    /// Draws or removes the check pattern, over the simulator's own windows or `under` them. Returns the first frame that shows it so.
+    pub(super) async fn check_pattern(
+        &mut self,
+        code: Option<u32>,
+        under: bool,
+    ) -> Result<u64, BridgeError> {
+        let request = Request::CheckPattern { code, under };
+        match self
+            .ask("the check pattern", &request, SWITCH_TIMEOUT)
+            .await?
+        {
+            Answer::CheckPatternShown { sim_frame } => Ok(sim_frame),
+            other => Err(wrong("check_pattern_shown", &other)),
         }
     }
 

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::link_client::LinkClient;
-use super::setup::show_check_pattern;
 use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
 use crate::link::{Deliver, PictureSize, ScreenOffer};
@@ -103,12 +102,9 @@ impl Simulator {
                     let screen = &self.screen(screen)?;
                     let reported = self.description.window.as_ref();
                     self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
-                    let display = &mut LinkDisplay {
-                        patterns_under: self.description.patterns_under,
-                        link: &mut self.link,
-                    };
+                    let link = &mut self.link;
                     let source =
-                        ScreenSource::set_up(screen, picture_px, has_codes, reported, display);
+                        ScreenSource::set_up(screen, picture_px, has_codes, reported, link);
                     Box::new(source.await?)
                 }
                 PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
@@ -132,21 +128,13 @@ impl Simulator {
     pub fn confirm_pixels(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
         Box::pin(async move {
             self.grabs = CodedGrabs::default();
-            let display = &mut LinkDisplay {
-                patterns_under: self.description.patterns_under,
-                link: &mut self.link,
-            };
-            self.pixels.confirm(display).await
+            self.pixels.confirm(&mut self.link).await
         })
     }
 
     /// The part of the images that something covers now. No capture is outstanding.
     pub(super) async fn covered_part(&mut self) -> Result<Option<Rectangle>, BridgeError> {
-        let display = &mut LinkDisplay {
-            patterns_under: self.description.patterns_under,
-            link: &mut self.link,
-        };
-        self.pixels.covered_part(display).await
+        self.pixels.covered_part(&mut self.link).await
     }
 
     /// Waits until nothing covers the images. Returns what did last.
@@ -179,15 +167,9 @@ impl Simulator {
     }
 }
 
-/// The simulator at the other end of the link, for showing check patterns.
-struct LinkDisplay<'a> {
-    link: &'a mut LinkClient,
-    patterns_under: bool,
-}
-
-impl PatternDisplay for LinkDisplay<'_> {
+impl PatternDisplay for LinkClient {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
-        Box::pin(async move { show_check_pattern(self.link, code, false).await.map(|_| ()) })
+        Box::pin(async move { self.check_pattern(code, false).await.map(|_| ()) })
     }
 
     fn show_under_windows(&mut self, code: u32) -> Option<Confirmed<'_>> {
@@ -195,9 +177,7 @@ impl PatternDisplay for LinkDisplay<'_> {
             return None;
         }
         Some(Box::pin(async move {
-            show_check_pattern(self.link, Some(code), true)
-                .await
-                .map(|_| ())
+            self.check_pattern(Some(code), true).await.map(|_| ())
         }))
     }
 }
