@@ -212,12 +212,13 @@ impl PluginScene {
             }
             "begin_frame" => {
                 let frame = self.begin_frame();
-                let Geodetic {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_msl_m,
-                } = self.frame.origin;
-                json!([frame, [latitude_deg, longitude_deg, altitude_msl_m]])
+                let place = self.frame.origin;
+                let origin = [
+                    place.latitude_deg,
+                    place.longitude_deg,
+                    place.altitude_msl_m,
+                ];
+                json!([frame, origin])
             }
             "own_camera" => {
                 self.show_own_view();
