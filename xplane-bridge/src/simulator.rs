@@ -37,7 +37,7 @@ use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, Hello, MAX_OUTSTANDING_CAPTURES, PictureBytes,
     PixelKind, Request, decode_flight,
 };
-use crate::pixels::{CodedGrabs, Payload, PixelSource};
+use crate::pixels::{CodedGrabs, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::udp::socket::SimulatorSocket;
 use crate::web_api::WebApi;
@@ -91,7 +91,7 @@ pub struct Simulator {
     generation: Generation,
     weather_settle: Duration,
     settle_frames: u32,
-    pixels: Box<dyn PixelSource>,
+    pixels: PixelSource,
     /// The screen that shows them.
     drawn_on: DrawnOn,
     /// The last settings. The clock is set again exactly once it stands still.
@@ -238,7 +238,7 @@ impl Simulator {
                 profile,
                 generation,
                 settle_frames: SETTLE_FRAMES,
-                pixels: Box::new(Payload(PixelKind::Link)),
+                pixels: PixelSource::Payload(PixelKind::Link),
                 conditions: None,
                 ground_msl_m: None,
                 settings_watch: None,

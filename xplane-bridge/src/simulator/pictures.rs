@@ -7,11 +7,11 @@ use std::time::Instant;
 use super::link_client::LinkClient;
 use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
-use crate::link::{Deliver, PictureSize, ScreenOffer};
+use crate::link::{Deliver, MAX_OUTSTANDING_CAPTURES, PictureSize, ScreenOffer};
 use crate::pixels::still_scene::Covered;
 use crate::pixels::{
-    CodedGrabs, Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, Rectangle,
-    RemoteScreen, Screen, ScreenSource, Screenshots,
+    CodedGrabs, Confirmed, PatternDisplay, PixelChoice, PixelError, PixelKind, PixelSource,
+    Rectangle, RemoteScreen, Screen, ScreenSource,
 };
 use futures_util::future::BoxFuture;
 
@@ -105,10 +105,10 @@ impl Simulator {
                     let link = &mut self.link;
                     let source =
                         ScreenSource::set_up(screen, picture_px, has_codes, reported, link);
-                    Box::new(source.await?)
+                    PixelSource::Screen(Box::new(source.await?))
                 }
-                PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
-                PixelKind::Link | PixelKind::Gl => Box::new(Payload(kind)),
+                PixelKind::Screenshot => PixelSource::Screenshots(wanted),
+                PixelKind::Link | PixelKind::Gl => PixelSource::Payload(kind),
             };
             if has_codes && self.pixels.coded_window().is_none() {
                 tracing::info!(
@@ -128,13 +128,19 @@ impl Simulator {
     pub fn confirm_pixels(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
         Box::pin(async move {
             self.grabs = CodedGrabs::default();
-            self.pixels.confirm(&mut self.link).await
+            match &mut self.pixels {
+                PixelSource::Screen(source) => source.confirm(&mut self.link).await,
+                _ => Ok(()),
+            }
         })
     }
 
     /// The part of the images that something covers now. No capture is outstanding.
     pub(super) async fn covered_part(&mut self) -> Result<Option<Rectangle>, BridgeError> {
-        self.pixels.covered_part(&mut self.link).await
+        match &mut self.pixels {
+            PixelSource::Screen(source) => source.covered_part(&mut self.link).await,
+            _ => Ok(None),
+        }
     }
 
     /// Waits until nothing covers the images. Returns what did last.
@@ -163,7 +169,11 @@ impl Simulator {
 
     /// Maximum outstanding captures.
     pub fn most_outstanding(&self) -> usize {
-        self.pixels.most_outstanding()
+        match self.pixels {
+            PixelSource::Payload(_) => MAX_OUTSTANDING_CAPTURES,
+            // A frame must stay on the screen until it is grabbed.
+            PixelSource::Screen(_) | PixelSource::Screenshots(_) => 1,
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{Check, Intent, Verdict};
 use crate::Simulator;
 use crate::link::{Hello, PictureSize, PixelKind, SimulatorWindow};
-use crate::pixels::{PixelChoice, Screen};
+use crate::pixels::{Lag, PixelChoice, PixelSource, Screen};
 use crate::profile::{Finding, Grabbing};
 
 pub(super) const NAME: &str = "window";
@@ -98,7 +98,10 @@ async fn grabbed(
     let picture_px = (size.width_px, size.height_px);
     match simulator.use_pixels(choice, picture_px, screen).await {
         Ok(_) => {
-            let lag = simulator.pixels.lag().unwrap_or_default();
+            let lag = match &simulator.pixels {
+                PixelSource::Screen(source) => source.lag(),
+                _ => Lag::default(),
+            };
             *grabbing = Finding::Found(Grabbing {
                 late_grabs: lag.grabs,
                 lag_ms: lag.time.as_secs_f64() * 1e3,
