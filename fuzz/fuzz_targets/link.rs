@@ -53,7 +53,7 @@ async fn requests(peer: &mut Peer<'_>) {
                 }
                 same_again(&request).await;
             }
-            Err(BadHeader { .. }) => {}
+            Err(BadHeader(_)) => {}
             Ok(None) | Err(_) => return,
         }
     }
@@ -68,6 +68,7 @@ async fn answers(peer: &mut Peer<'_>) {
         if payload_bytes > peer.0.len() {
             return;
         }
+        payload.clear();
         if read_payload(peer, payload_bytes, &mut payload)
             .await
             .is_err()

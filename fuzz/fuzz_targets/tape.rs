@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use dtd_fuzz::as_file;
 use libfuzzer_sys::fuzz_target;
-use xplane_tape::{Channel, LinkMessage, TapeReader};
+use xplane_tape::{LinkMessage, TapeReader, Traffic};
 
 static SESSION: &[u8] = include_bytes!("../../tests/data/tape/session.mcap");
 const MAGIC_BYTES: usize = 8;
@@ -46,7 +46,7 @@ fn read(path: &std::path::Path) {
         if places.len() < 64 {
             places.push(entry.place);
         }
-        if let Channel::Link { .. } = entry.channel
+        if entry.channel.traffic == Traffic::Link
             && let Ok(message) = LinkMessage::parse(entry.data.clone())
         {
             let _ = message.token();

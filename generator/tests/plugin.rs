@@ -194,7 +194,7 @@ async fn a_profile_learns_from_the_first_scenario_of_a_run_how_long_recording_ta
     let profile = async || {
         let simulator = Simulator::connect(address, Duration::from_secs(60)).await;
         let simulator = simulator.unwrap();
-        let profile = simulator.description().profile.clone();
+        let profile = simulator.profile().clone();
         simulator.release().await.unwrap();
         match profile {
             KnownProfile::Current(profile) => *profile,

@@ -25,8 +25,9 @@ pub use screen::{ScreenAnswer, ScreenOffer, ScreenRequest};
 pub use soundness::UnsoundRequest;
 pub use token::LinkToken;
 pub use wire::{
-    LINK_VERSION, LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings, read_exact,
-    read_header, read_payload, read_request, write_message,
+    LINK_VERSION, LinkError, MAGIC, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings,
+    not_the_link, read_header, read_lengths, read_payload, read_request, read_request_length,
+    write_message,
 };
 
 /// Maximum outstanding captures per client. Their requests (some 700 bytes each) then always fit the socket's buffers, so that sending

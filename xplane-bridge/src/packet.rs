@@ -22,9 +22,7 @@ pub use command::Command;
 pub use dataref::WriteDataref;
 pub use place_at_start::PlaceAtStart;
 pub use position::{Position, SubscribePosition};
-pub use subscription::{
-    DatarefValue, DatarefValues, DatarefValuesView, MAX_VALUES_PER_REPLY, SubscribeDataref,
-};
+pub use subscription::{DatarefValue, DatarefValues, MAX_VALUES_PER_REPLY, SubscribeDataref};
 
 /// Reason why a datagram cannot be decoded, or a packet not encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -2,7 +2,7 @@
 //!
 //! Four sources ([`PixelKind`]): the stand-in sends its images over the capture link (`link`); the plugin reads X-Plane's frame back from
 //! OpenGL and sends it (`gl`); the simulator only reports that the frame is drawn, and the image is grabbed from the screen (`screen`); or
-//! X-Plane writes a file, which the plugin sends (`screenshot`). To the client's core they are one trait, [`PixelSource`]. The plugin
+//! X-Plane writes a file, which the plugin sends (`screenshot`). The plugin
 //! proves that it sends the requested frame; for the screen, [`ScreenSource`] proves by a check pattern, before the first image and after
 //! the last, that the grabbed area is the window, complete and unscaled, and never an older frame than the requested one.
 //!
@@ -12,35 +12,25 @@ mod cell_grid;
 pub mod check_pattern;
 mod choice;
 mod error;
-mod payload;
 mod rgb_picture;
 mod screen;
 mod screenshots;
 pub(crate) mod still_scene;
 
-use std::fmt::Debug;
 use std::pin::Pin;
 
 pub use choice::PixelChoice;
 pub use error::PixelError;
-pub(crate) use payload::Payload;
 pub use rgb_picture::{Rectangle, RgbPicture};
 pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow};
 pub use screen::{FfmpegScreen, Grab, Lag, RemoteScreen, Screen, ScreenSource};
-pub(crate) use screenshots::Screenshots;
 
 use crate::error::BridgeError;
+use crate::link::PictureSize;
 pub use crate::link::PixelKind;
-
-/// A pending image.
-pub type ComingPicture<'a> = Pin<Box<dyn Future<Output = Result<Vec<u8>, PixelError>> + Send + 'a>>;
 
 /// A pending proof.
 pub type Confirmed<'a> = Pin<Box<dyn Future<Output = Result<(), BridgeError>> + Send + 'a>>;
-
-/// A pending look for a cover.
-pub type CoveredPart<'a> =
-    Pin<Box<dyn Future<Output = Result<Option<Rectangle>, BridgeError>> + Send + 'a>>;
 
 /// Shows check patterns: the simulator at the other end of the link.
 pub trait PatternDisplay: Send {
@@ -53,34 +43,40 @@ pub trait PatternDisplay: Send {
     }
 }
 
-/// Returns the images of frames that the simulator reports as drawn.
-pub trait PixelSource: Debug + Send {
-    /// The kind of the source.
-    fn kind(&self) -> PixelKind;
+/// A source of the images of frames that the simulator reports as drawn.
+#[derive(Debug)]
+pub(crate) enum PixelSource {
+    /// The source `link` or `gl`: the answer's payload is the image.
+    Payload(PixelKind),
+    /// Files of this size that X-Plane writes itself. Slow: suitable for sparse sweeps.
+    Screenshots(PictureSize),
+    /// The simulator's window.
+    Screen(Box<ScreenSource>),
+}
 
-    /// Maximum outstanding captures. A frame that must stay on the screen until it is grabbed allows one.
-    fn most_outstanding(&self) -> usize;
-
-    /// Maximum image delay, if measured.
-    fn lag(&self) -> Option<Lag> {
-        None
+impl PixelSource {
+    pub(crate) fn kind(&self) -> PixelKind {
+        match self {
+            Self::Payload(kind) => *kind,
+            Self::Screenshots(_) => PixelKind::Screenshot,
+            Self::Screen(_) => PixelKind::Screen,
+        }
     }
 
     /// Window for grabbing numbered frames, if it has margins for the numbers.
-    fn coded_window(&self) -> Option<CodedWindow> {
-        None
+    pub(crate) fn coded_window(&self) -> Option<CodedWindow> {
+        match self {
+            Self::Screen(source) => source.coded_window(),
+            _ => None,
+        }
     }
 
     /// The image of the frame just drawn. `payload` came with the simulator's answer: the image, or memory for it.
-    fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_>;
-
-    /// The part of the image that something covers now; `None` as well if that cannot be found out.
-    fn covered_part<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> CoveredPart<'a> {
-        Box::pin(std::future::ready(Ok(None)))
-    }
-
-    /// Proves after the last image that the initial proof still holds, if there was one.
-    fn confirm<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
-        Box::pin(std::future::ready(Ok(())))
+    pub(crate) async fn picture(&mut self, payload: Vec<u8>) -> Result<Vec<u8>, PixelError> {
+        match self {
+            Self::Payload(_) => Ok(payload),
+            Self::Screenshots(size) => screenshots::decode(payload, *size),
+            Self::Screen(source) => source.picture(payload).await,
+        }
     }
 }

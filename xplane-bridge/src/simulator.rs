@@ -34,10 +34,10 @@ use crate::error::peer_text::quoted;
 use crate::error::{BridgeError, HELLO};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::link::{
-    Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
-    PictureBytes, PictureSize, PixelKind, Request, SimulatorWindow, decode_flight,
+    Answer, CaptureRequest, CapturedFrame, Deliver, Hello, MAX_OUTSTANDING_CAPTURES, PictureBytes,
+    PixelKind, Request, decode_flight,
 };
-use crate::pixels::{CodedGrabs, Payload, PixelSource};
+use crate::pixels::{CodedGrabs, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::udp::socket::SimulatorSocket;
 use crate::web_api::WebApi;
@@ -76,46 +76,6 @@ const SETTLE_FRAMES: u32 = 3;
 /// and clients of a live X-Plane were seen to wait for up to four.
 const SETTLE_FRAMES_ON_SCREEN: u32 = 5;
 
-/// The connected simulator.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SimulatorDescription {
-    /// Name of the simulator.
-    pub name: String,
-    /// Version of the simulator.
-    pub version: String,
-    /// Version of the capture link in use.
-    pub capture_link: u32,
-    /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
-    pub plugin: Option<String>,
-    /// Sources of images, the best first.
-    pub pixels: Vec<PixelKind>,
-    /// The simulator's window, if there is one.
-    pub window: Option<SimulatorWindow>,
-    /// The only possible image size; `None` if any size is possible, or it is unknown.
-    pub drawn_size: Option<PictureSize>,
-    /// True if it can draw lenses, refraction, turbulent air and noise.
-    pub imaging: bool,
-    /// True if it can draw the check pattern under its own windows.
-    pub patterns_under: bool,
-    /// Measured profile.
-    pub profile: KnownProfile,
-    /// True if a tape gives the answers.
-    pub replayed: bool,
-    /// True if it can show a tick for one drawn frame, with the frame's number in the margins around the image.
-    pub frame_codes: bool,
-}
-
-impl SimulatorDescription {
-    /// Names and versions of simulator and plugin.
-    pub fn versions(&self) -> String {
-        let Self { name, version, .. } = self;
-        match &self.plugin {
-            Some(plugin) => format!("{name} {version} with {plugin}"),
-            None => format!("{name} {version}"),
-        }
-    }
-}
-
 /// A connected simulator.
 ///
 /// Its larger methods return boxed futures. An `async fn` is compiled by every program that awaits it, with all that it awaits: that took
@@ -126,11 +86,12 @@ pub struct Simulator {
     link: LinkClient,
     web_api: Option<WebApi>,
     address: SocketAddr,
-    description: SimulatorDescription,
+    description: Hello,
+    profile: KnownProfile,
     generation: Generation,
     weather_settle: Duration,
     settle_frames: u32,
-    pixels: Box<dyn PixelSource>,
+    pixels: PixelSource,
     /// The screen that shows them.
     drawn_on: DrawnOn,
     /// The last settings. The clock is set again exactly once it stands still.
@@ -221,11 +182,7 @@ impl Simulator {
             }
             let deadline = deadline.max(Instant::now() + timeout.mul_f64(LINK_SHARE));
             let [version, port, settle_s] = [values[0], values[1], values[2]];
-            let version = version.ok_or(BridgeError::NobodyAnswers {
-                address,
-                waited,
-                refused: false,
-            })?;
+            let version = version.ok_or_else(|| BridgeError::silent(address, waited))?;
             let port = match port {
                 Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
                 _ => {
@@ -242,30 +199,19 @@ impl Simulator {
                 token: token.clone(),
             };
             let answer = link.ask(HELLO, &hello, limit).await?;
-            let Answer::Hello(hello) = answer else {
+            let Answer::Hello(mut hello) = answer else {
                 return Err(wrong(HELLO, &answer));
             };
-            let [name, simulator_version] = [hello.name, hello.version].map(|text| quoted(&text));
-            let plugin = hello.plugin.map(|text| quoted(&text));
+            let texts = [&mut hello.name, &mut hello.version].into_iter();
+            for text in texts.chain(&mut hello.plugin) {
+                *text = quoted(text);
+            }
+            link.patterns_under = hello.patterns_under;
             let profile = KnownProfile::of(
-                hello.profile,
-                &format!("{name} {simulator_version}"),
-                plugin.as_deref(),
+                hello.profile.take(),
+                &format!("{} {}", hello.name, hello.version),
+                hello.plugin.as_deref(),
             );
-            let description = SimulatorDescription {
-                name,
-                version: simulator_version,
-                capture_link: LINK_VERSION,
-                plugin,
-                pixels: hello.pixels,
-                window: hello.window,
-                drawn_size: hello.drawn_size,
-                imaging: hello.imaging,
-                patterns_under: hello.patterns_under,
-                profile,
-                replayed: hello.replayed,
-                frame_codes: hello.frame_codes,
-            };
             let generation = Generation::of_version(version);
             let web_api = match (generation, web_api) {
                 (Generation::XPlane12, Some(place)) => {
@@ -274,24 +220,25 @@ impl Simulator {
                 _ => None,
             };
             tracing::info!(
-                %address, name = description.name, version = description.version, web_api = web_api.is_some(), "connected"
+                %address, name = hello.name, version = hello.version, web_api = web_api.is_some(), "connected"
             );
             Ok(Self {
                 udp,
                 link,
                 web_api,
                 address,
-                description,
-                generation,
+                drawn_on: DrawnOn::offered(hello.screen.take(), link_address, token),
                 // A tape's weather has settled.
                 weather_settle: if hello.replayed {
                     Duration::ZERO
                 } else {
                     Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
                 },
+                description: hello,
+                profile,
+                generation,
                 settle_frames: SETTLE_FRAMES,
-                pixels: Box::new(Payload(PixelKind::Link)),
-                drawn_on: DrawnOn::offered(hello.screen, link_address, token),
+                pixels: PixelSource::Payload(PixelKind::Link),
                 conditions: None,
                 ground_msl_m: None,
                 settings_watch: None,
@@ -307,9 +254,14 @@ impl Simulator {
         })
     }
 
-    /// The connected simulator.
-    pub fn description(&self) -> &SimulatorDescription {
+    /// The connected simulator's description of itself. Its profile and its screen are kept elsewhere.
+    pub fn description(&self) -> &Hello {
         &self.description
+    }
+
+    /// Measured profile of the connected simulator.
+    pub fn profile(&self) -> &KnownProfile {
+        &self.profile
     }
 
     /// Sets the aircraft, by its name in sweeps. One that comes with X-Plane is loaded when a flight begins; any other must be
@@ -371,10 +323,8 @@ impl Simulator {
                 .take_payload("a flight", &mut payload, FRAME_TIMEOUT)
                 .await?;
             self.check_settings()?;
-            decode_flight(&columns, rows, &payload).map_err(|bad| BridgeError::WrongAnswer {
-                expected: "a flight".into(),
-                found: bad.to_string(),
-            })
+            decode_flight(&columns, rows, &payload)
+                .map_err(|bad| BridgeError::wrong_answer("a flight", bad))
         })
     }
 
@@ -390,7 +340,7 @@ impl Simulator {
     /// [`Simulator::freeze`] with lenses, air and sensors, in the order of the views.
     ///
     /// # Errors
-    /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal images only.
+    /// As [`Simulator::freeze`], and [`BridgeError::Setup`] if this simulator draws ideal images only.
     pub fn freeze_with_imaging<'a>(
         &'a mut self,
         runway: &'a Runway,
@@ -441,7 +391,7 @@ impl Simulator {
     fn running_at(&self) -> Option<Clock> {
         self.description.plugin.as_ref()?;
         let conditions = self.conditions.as_ref()?;
-        let profile = self.description.profile.current();
+        let profile = self.profile.current();
         let needed =
             conditions.weather.rain_ratio > 0.0 || profile.is_some_and(Profile::time_has_to_run);
         needed.then_some(conditions.clock)
@@ -454,7 +404,7 @@ impl Simulator {
 
     /// Settle frames: as many as were set, or were measured to be needed.
     fn frames_to_settle(&self) -> u32 {
-        match self.description.profile.current() {
+        match self.profile.current() {
             Some(profile) => profile.settle_frames(self.settle_frames),
             None => self.settle_frames,
         }
@@ -463,14 +413,15 @@ impl Simulator {
     /// Checks that this simulator can draw such views; sends no request.
     ///
     /// # Errors
-    /// [`BridgeError::NoImaging`] if it draws ideal images only and a view is none.
+    /// [`BridgeError::Setup`] if it draws ideal images only and a view is none.
     pub fn check_imaging(&self, views: &[Imaging]) -> Result<(), BridgeError> {
         match views.iter().position(|view| !view.is_ideal()) {
-            Some(view) if !self.description.imaging => Err(BridgeError::NoImaging {
-                simulator: self.description.name.clone(),
-                view,
-                wanted: serde_json::to_string(&views[view]).unwrap_or_default(),
-            }),
+            Some(view) if !self.description.imaging => Err(BridgeError::Setup(format!(
+                "{} draws images of ideal pinholes along straight lines, but view {view} is to have {}. Only the bundled simulator (--sim \
+                 mock) can: take [imaging] and the cameras' distortion out of the sweep",
+                self.description.name,
+                serde_json::to_string(&views[view]).unwrap_or_default()
+            ))),
             _ => Ok(()),
         }
     }
@@ -485,9 +436,10 @@ impl Simulator {
     ) -> BoxFuture<'a, Result<(), BridgeError>> {
         Box::pin(async move {
             if self.outstanding.len() >= MAX_OUTSTANDING_CAPTURES {
-                return Err(BridgeError::TooManyOutstanding {
-                    outstanding: self.outstanding.len(),
-                });
+                return Err(BridgeError::Failed(format!(
+                    "{} captures are outstanding, which is the most the capture link holds: receive a frame first",
+                    self.outstanding.len()
+                )));
             }
             if let Err(reason) = request.check() {
                 return Err(BridgeError::Refused {
@@ -508,8 +460,8 @@ impl Simulator {
     ///
     /// # Errors
     /// No capture is outstanding, no answer comes for a minute, the simulator rejects it, its conditions have changed, or the answer does
-    /// not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
-    /// [`BridgeError::ViewTaken`], if the frame is never left alone while it is grabbed.
+    /// not belong to that capture; or the frame never stays on the screen while it is grabbed. The caller checks whether the drawn pose is
+    /// the requested one.
     pub fn receive_frame(&mut self) -> BoxFuture<'_, Result<CapturedFrame, BridgeError>> {
         Box::pin(async move {
             let request = self
@@ -521,7 +473,10 @@ impl Simulator {
             let mut grabs = 1;
             while is_grabbed && !self.is_still_shown().await? {
                 if grabs == MAX_GRABS {
-                    return Err(BridgeError::ViewTaken { grabs });
+                    return Err(BridgeError::Failed(format!(
+                        "another view appeared in X-Plane each of the {grabs} times that a frame was grabbed off its window. Leave its keys \
+                         and mouse alone, switch off other plugins that move the camera, and run the same command again"
+                    )));
                 }
                 grabs += 1;
                 self.recycle(frame.rgb);
@@ -565,16 +520,16 @@ impl Simulator {
         if asked != found || !request.payload_bytes().contains(&bytes) {
             let (tick, view, width, height) = asked;
             self.link.close();
-            return Err(BridgeError::WrongAnswer {
-                expected: format!(
+            return Err(BridgeError::wrong_answer(
+                format_args!(
                     "a frame of tick {tick}, view {view}, {width}x{height}, {} bytes",
                     request.payload_bytes().end()
                 ),
-                found: format!(
+                format_args!(
                     "tick {}, view {}, {}x{}, {bytes} bytes",
                     found.0, found.1, found.2, found.3
                 ),
-            });
+            ));
         }
         let mut rgb = self.spare_buffers.pop().unwrap_or_default();
         self.link
@@ -584,7 +539,10 @@ impl Simulator {
             rgb = self.pixels.picture(rgb).await?;
         }
         self.check_settings()?;
-        Ok(CapturedFrame::new(header, rgb.into()))
+        Ok(CapturedFrame {
+            header,
+            rgb: rgb.into(),
+        })
     }
 
     /// Returns an image's memory for the next frames. Optional: fresh memory costs milliseconds per frame.

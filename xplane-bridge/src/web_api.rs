@@ -75,28 +75,9 @@ pub enum WebApiError {
         /// Text of the refusal.
         text: String,
     },
-    /// An answer that is longer than any that the Web API gives.
-    #[error(
-        "the Web API at {address} answered more than {MAX_ANSWER_BYTES} bytes to {doing}. Does another program listen there?"
-    )]
-    TooLong {
-        /// Address of the request.
-        address: SocketAddr,
-        /// Purpose of the request.
-        doing: String,
-    },
-    /// An answer in an unexpected format.
-    #[error("the Web API at {address} answered {found} to {doing}, expected {expected}")]
-    WrongAnswer {
-        /// Address of the request.
-        address: SocketAddr,
-        /// Purpose of the request.
-        doing: String,
-        /// The expected answer.
-        expected: &'static str,
-        /// The answer received.
-        found: String,
-    },
+    /// An answer that is too long, or has another form than the Web API's.
+    #[error("{0}")]
+    WrongAnswer(String),
 }
 
 /// A dataref or command as the simulator lists it.
@@ -245,11 +226,12 @@ impl WebApi {
     /// As [`WebApi::read`], and if it is not a number.
     pub async fn read_number(&self, name: &str) -> Result<f64, WebApiError> {
         let found = self.read(name).await?;
-        found.as_f64().ok_or_else(|| WebApiError::WrongAnswer {
-            address: self.address,
-            doing: format!("reading {name}"),
-            expected: "a number",
-            found: quoted(&found.to_string()),
+        found.as_f64().ok_or_else(|| {
+            WebApiError::WrongAnswer(format!(
+                "the Web API at {} answered {} to reading {name}, expected a number",
+                self.address,
+                quoted(&found.to_string())
+            ))
         })
     }
 
@@ -320,11 +302,11 @@ async fn send<T: DeserializeOwned>(
     request: RequestBuilder,
 ) -> Result<T, WebApiError> {
     let text = answer(address, doing, request).await?;
-    serde_json::from_str(&text).map_err(|error| WebApiError::WrongAnswer {
-        address,
-        doing: doing.to_owned(),
-        expected: "the form that X-Plane's Web API documents",
-        found: quoted(&format!("{error} in {text}")),
+    serde_json::from_str(&text).map_err(|error| {
+        WebApiError::WrongAnswer(format!(
+            "the Web API at {address} answered {} to {doing}, expected the form that X-Plane's Web API documents",
+            quoted(&format!("{error} in {text}"))
+        ))
     })
 }
 
@@ -347,10 +329,9 @@ async fn answer(
         .map_err(|source| not_reached(address, doing, source))?
     {
         if body.len() + part.len() > MAX_ANSWER_BYTES {
-            return Err(WebApiError::TooLong {
-                address,
-                doing: doing.to_owned(),
-            });
+            return Err(WebApiError::WrongAnswer(format!(
+                "the Web API at {address} answered more than {MAX_ANSWER_BYTES} bytes to {doing}. Does another program listen there?"
+            )));
         }
         body.extend_from_slice(&part);
     }

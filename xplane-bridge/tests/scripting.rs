@@ -11,11 +11,11 @@ use dataset::geometry::runway::Runway;
 use fake_simulator::{Fake, FakeState};
 use testkit::changi_02l;
 use tokio::time::{Instant, sleep};
+use xplane_bridge::Simulator;
 use xplane_bridge::datarefs;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::Request;
 use xplane_bridge::packet::PlaceAtStart;
-use xplane_bridge::{BridgeError, Simulator};
 
 const ELEVEN: f32 = 115_501.0;
 const TWELVE: f32 = 124_311.0;
@@ -567,7 +567,7 @@ async fn a_restarted_simulator_is_noticed_although_its_settings_are_the_same() {
             Ok(()) => assert!(Instant::now() < deadline, "never noticed"),
         }
     };
-    assert!(matches!(error, BridgeError::Restarted { .. }), "{error}");
+    assert!(error.to_string().contains("was restarted"), "{error}");
 }
 
 #[tokio::test]

@@ -183,7 +183,7 @@ async fn what_is_not_there_is_told_apart_nobody_forbidden_no_flight_loaded_and_t
 
     let (address, _) = server(&[("GET /api/capabilities", 200, "<html>")]).await;
     let error = WebApi::connect(address, SECOND).await.unwrap_err();
-    assert!(matches!(error, WebApiError::WrongAnswer { .. }), "{error}");
+    assert!(matches!(error, WebApiError::WrongAnswer(_)), "{error}");
 }
 
 /// A server whose answer to anything is a JSON text, padded to this many bytes; endless without a number.
@@ -225,6 +225,9 @@ async fn an_answer_may_have_64_kib_and_one_that_never_ends_is_cut_off() {
     for beyond in [Some(MAX_ANSWER_BYTES + 1), None] {
         let refused = WebApi::connect(long_winded(beyond).await, 10 * SECOND).await;
         let error = refused.unwrap_err();
-        assert!(matches!(error, WebApiError::TooLong { .. }), "{error}");
+        assert!(
+            error.to_string().contains("more than 65536 bytes"),
+            "{error}"
+        );
     }
 }

@@ -24,18 +24,21 @@ struct Section {
     deflection_rad: f64,
 }
 
-/// The right wing, from its centre to the winglet's tip.
-fn right_wing() -> [Section; 7] {
-    let wing_up = DVec3::new(0.0, -0.105, -1.0).normalize();
-    let canted = DVec3::new(0.0, -0.75, -0.66).normalize();
-    let winglet_up = DVec3::new(0.0, -0.97, -0.24).normalize();
-    let section = |leading_edge, chord_m, thickness_ratio, up| Section {
+const fn section(leading_edge: DVec3, chord_m: f64, thickness_ratio: f64, up: DVec3) -> Section {
+    Section {
         leading_edge,
         chord_m,
         thickness_ratio,
         up,
         deflection_rad: 0.0,
-    };
+    }
+}
+
+/// The right wing, from its centre to the winglet's tip.
+fn right_wing() -> [Section; 7] {
+    let wing_up = DVec3::new(0.0, -0.105, -1.0).normalize();
+    let canted = DVec3::new(0.0, -0.75, -0.66).normalize();
+    let winglet_up = DVec3::new(0.0, -0.97, -0.24).normalize();
     [
         section(at(13.20, 0.00, 1.25), 7.90, 0.14, wing_up),
         section(at(14.18, 1.88, 1.05), 7.05, 0.135, wing_up),
@@ -51,41 +54,20 @@ fn right_wing() -> [Section; 7] {
 fn right_tailplane() -> [Section; 2] {
     let up = DVec3::new(0.0, -0.12, -1.0).normalize();
     [
-        Section {
-            leading_edge: at(33.40, 0.40, -1.28),
-            chord_m: 4.15,
-            thickness_ratio: 0.11,
-            up,
-            deflection_rad: 0.0,
-        },
-        Section {
-            leading_edge: at(37.80, 7.17, -2.10),
-            chord_m: 1.70,
-            thickness_ratio: 0.10,
-            up,
-            deflection_rad: 0.0,
-        },
+        section(at(33.40, 0.40, -1.28), 4.15, 0.11, up),
+        section(at(37.80, 7.17, -2.10), 1.70, 0.10, up),
     ]
 }
 
 fn fin() -> [Section; 4] {
-    let section = |leading_edge, chord_m, thickness_ratio| Section {
-        leading_edge,
-        chord_m,
-        thickness_ratio,
-        up: DVec3::Y,
-        deflection_rad: 0.0,
-    };
+    let up = DVec3::Y;
+    let tip = at(36.40, 0.0, crate::WHEEL_HEIGHT_BELOW_CG_M - crate::HEIGHT_M);
     // The lowest two make the long dorsal fillet.
     [
-        section(at(26.60, 0.0, -1.70), 10.20, 0.05),
-        section(at(30.20, 0.0, -2.75), 7.00, 0.08),
-        section(at(31.60, 0.0, -3.70), 5.85, 0.10),
-        section(
-            at(36.40, 0.0, crate::WHEEL_HEIGHT_BELOW_CG_M - crate::HEIGHT_M),
-            2.35,
-            0.10,
-        ),
+        section(at(26.60, 0.0, -1.70), 10.20, 0.05, up),
+        section(at(30.20, 0.0, -2.75), 7.00, 0.08, up),
+        section(at(31.60, 0.0, -3.70), 5.85, 0.10, up),
+        section(tip, 2.35, 0.10, up),
     ]
 }
 
@@ -138,13 +120,12 @@ fn section_at(sections: &[Section], right_m: f64) -> Section {
         .max(1);
     let (a, b) = (&sections[outer - 1], &sections[outer]);
     let part = (right_m - a.leading_edge.y) / (b.leading_edge.y - a.leading_edge.y);
-    Section {
-        leading_edge: a.leading_edge.lerp(b.leading_edge, part),
-        chord_m: a.chord_m + (b.chord_m - a.chord_m) * part,
-        thickness_ratio: a.thickness_ratio + (b.thickness_ratio - a.thickness_ratio) * part,
-        up: a.up.lerp(b.up, part).normalize(),
-        deflection_rad: 0.0,
-    }
+    section(
+        a.leading_edge.lerp(b.leading_edge, part),
+        a.chord_m + (b.chord_m - a.chord_m) * part,
+        a.thickness_ratio + (b.thickness_ratio - a.thickness_ratio) * part,
+        a.up.lerp(b.up, part).normalize(),
+    )
 }
 
 fn add_surface(

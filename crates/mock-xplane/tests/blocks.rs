@@ -159,7 +159,7 @@ async fn check(scene_behind: SceneBehind, lags: [u32; 2]) {
         for tick in (0..states.len() as u32).step_by(7) {
             let expected = settled(&mut simulator, &states, tick, view).await;
             let found = &moved[view as usize][tick as usize];
-            assert_eq!(found.tick, tick);
+            assert_eq!(found.header.tick, tick);
             assert!(
                 *found.rgb == *expected.rgb,
                 "{scene_behind:?}: view {view}, tick {tick}"
@@ -372,7 +372,7 @@ async fn the_doctor_measures_the_pace_in_blocks_where_the_window_has_margins_aro
     };
     let checks = examine(&options, &mut |_| {}).await;
     let simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
-    let profile = simulator.description().profile.current().cloned();
+    let profile = simulator.profile().current().cloned();
     simulator.release().await.unwrap();
     let profile = profile.unwrap_or_else(|| panic!("{checks:#?}"));
     let pace = profile

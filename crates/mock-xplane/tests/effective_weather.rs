@@ -88,7 +88,7 @@ async fn wrong_at(dataref: &'static str, wrong: f32) -> SocketAddr {
 async fn examined(address: SocketAddr) -> KnownProfile {
     client::examined(address, Measuring::Once).await;
     let simulator = connected(address).await;
-    let profile = simulator.description().profile.clone();
+    let profile = simulator.profile().clone();
     simulator.release().await.unwrap();
     profile
 }

@@ -94,7 +94,7 @@ async fn a_restart_closes_the_link_forgets_everything_and_comes_back_on_the_same
     simulator.freeze(&changi_02l()).await.unwrap();
     for tick in 0..2 {
         let frame = captured(&mut simulator, &capture(tick)).await;
-        assert_eq!(frame.sim_frame, u64::from(tick) + 1);
+        assert_eq!(frame.header.sim_frame, u64::from(tick) + 1);
     }
     simulator.send_capture(&capture(2)).await.unwrap();
     let error = simulator.receive_frame().await.unwrap_err();
@@ -109,7 +109,11 @@ async fn a_restart_closes_the_link_forgets_everything_and_comes_back_on_the_same
     simulator.freeze(&changi_02l()).await.unwrap();
     for tick in 0..4 {
         let frame = captured(&mut simulator, &capture(tick)).await;
-        assert_eq!(frame.sim_frame, u64::from(tick) + 1, "one restart only");
+        assert_eq!(
+            frame.header.sim_frame,
+            u64::from(tick) + 1,
+            "one restart only"
+        );
     }
 }
 

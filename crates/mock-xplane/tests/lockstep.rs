@@ -194,7 +194,6 @@ async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
     let mut simulator = connected(&running).await;
     assert_eq!(simulator.description().name, "mock-xplane");
     assert_eq!(simulator.description().version, "12.4.0");
-    assert_eq!(simulator.description().capture_link, 2);
 
     simulator.set_conditions(&conditions()).await.unwrap();
     let states = simulator.fly(&fly_request(1)).await.unwrap();
@@ -263,14 +262,19 @@ async fn pipelined_captures_are_answered_in_order_with_their_own_picture_and_pos
         }
         let frame = simulator.receive_frame().await.unwrap();
         frames.push((
-            frame.tick,
-            frame.view,
-            frame.sim_frame,
-            frame.pose,
-            frame.camera,
+            frame.header.tick,
+            frame.header.view,
+            frame.header.sim_frame,
+            frame.header.pose,
+            frame.header.camera,
             frame.rgb[0],
         ));
-        assert!(frame.rgb.iter().all(|&byte| byte == frame.tick as u8));
+        assert!(
+            frame
+                .rgb
+                .iter()
+                .all(|&byte| byte == frame.header.tick as u8)
+        );
         assert_eq!(frame.rgb.len(), 40 * 30 * 3);
         simulator.recycle(frame.rgb);
     }
@@ -308,7 +312,10 @@ async fn refusals_come_with_their_reason_and_leave_the_link_usable() {
     let error = simulator.send_capture(&blind).await.unwrap_err();
     assert!(error.to_string().contains("width_px is 0"), "{error}");
     simulator.freeze(&runway()).await.unwrap();
-    assert_eq!(captured(&mut simulator, &capture(3, 0)).await.tick, 3);
+    assert_eq!(
+        captured(&mut simulator, &capture(3, 0)).await.header.tick,
+        3
+    );
 }
 
 #[tokio::test]
@@ -386,7 +393,7 @@ async fn nothing_is_captured_under_the_check_pattern() {
     assert!(error.to_string().contains("check pattern"), "{error}");
     let gone = simulator.check_pattern(None).await.unwrap();
     let frame = captured(&mut simulator, &capture(0, 0)).await;
-    assert!(shown < gone && gone < frame.sim_frame);
+    assert!(shown < gone && gone < frame.header.sim_frame);
 }
 
 #[tokio::test]
@@ -402,7 +409,7 @@ async fn a_frame_that_is_only_drawn_has_no_payload() {
     for request in [drawn, capture(8, 0)] {
         let frame = captured(&mut simulator, &request).await;
         assert!(request.payload_bytes().contains(&frame.rgb.len()));
-        assert_eq!(frame.pose, request.pose);
+        assert_eq!(frame.header.pose, request.pose);
     }
     let shown = wall.0.lock().unwrap();
     assert_eq!(shown.len(), 1, "only what was to be drawn");

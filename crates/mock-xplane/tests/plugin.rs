@@ -279,7 +279,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
         assert!(
             found
                 .windows(2)
-                .all(|pair| pair[0].sim_frame < pair[1].sim_frame)
+                .all(|pair| pair[0].header.sim_frame < pair[1].header.sim_frame)
         );
         simulator.release().await.unwrap();
     }
@@ -306,8 +306,8 @@ async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_t
 fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
     for (tick, (found, wanted)) in found.iter().zip(wanted).enumerate() {
         let asked = capture(tick as u32);
-        assert_eq!(aircraft_mismatch(&found.pose, &asked.pose), None);
-        assert_eq!(camera_mismatch(&found.camera, &asked.camera), None);
+        assert_eq!(aircraft_mismatch(&found.header.pose, &asked.pose), None);
+        assert_eq!(camera_mismatch(&found.header.camera, &asked.camera), None);
         let (mean, largest) = difference(&found.rgb, &wanted.rgb);
         assert!(mean < 0.1, "tick {tick}: {mean} {largest}");
     }
@@ -488,8 +488,8 @@ async fn x_plane_12_has_no_readback_but_draws_probes_and_shows_the_check_pattern
     };
     simulator.send_capture(&drawn).await.unwrap();
     let frame = simulator.receive_frame().await.unwrap();
-    assert!(shown < gone && gone < frame.sim_frame && frame.rgb.is_empty());
-    assert_eq!(aircraft_mismatch(&frame.pose, &drawn.pose), None);
+    assert!(shown < gone && gone < frame.header.sim_frame && frame.rgb.is_empty());
+    assert_eq!(aircraft_mismatch(&frame.header.pose, &drawn.pose), None);
     simulator.release().await.unwrap();
 }
 

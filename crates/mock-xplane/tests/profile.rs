@@ -46,7 +46,7 @@ async fn measured(options: ServerOptions) -> (Profile, Vec<Check>) {
     let address = serving(options).await;
     let checks = examined(address, Measuring::Once).await;
     let simulator = connected(address).await;
-    let profile = simulator.description().profile.clone();
+    let profile = simulator.profile().clone();
     simulator.release().await.unwrap();
     match profile {
         KnownProfile::Current(profile) => (*profile, checks),

@@ -168,7 +168,7 @@ async fn what_is_not_on_the_tape_is_refused_with_what_there_is() {
     other.weather.visibility_m = 1_234.0;
     let mut simulator = connect(player.udp).await;
     let error = simulator.set_conditions(&other).await.unwrap_err();
-    let BridgeError::WeatherNotTaken { name, wanted, .. } = &error else {
+    let BridgeError::NotTaken { name, wanted, .. } = &error else {
         panic!("{error}");
     };
     assert!(name.ends_with("visibility_reported_sm"), "{error}");

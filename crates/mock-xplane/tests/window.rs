@@ -12,8 +12,8 @@ use testkit_simulator::{Xvfb, quiet, serving_with};
 use xplane_bridge::link::SimulatorWindow;
 use xplane_bridge::pixels::check_pattern::draw;
 use xplane_bridge::pixels::{
-    Confirmed, FfmpegScreen, Lag, PatternDisplay, PixelChoice, PixelKind, PixelSource, Rectangle,
-    RgbPicture, Screen, ScreenSource,
+    Confirmed, FfmpegScreen, Lag, PatternDisplay, PixelChoice, PixelKind, Rectangle, RgbPicture,
+    Screen, ScreenSource,
 };
 use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
 

@@ -16,6 +16,9 @@ use super::error::TapeError;
 /// Maximum record length, bytes: a chunk with the largest image, with a margin.
 pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
+/// The operation that errors name.
+const READING: &str = "read a record";
+
 /// Chunk header bytes without the compression's name.
 const HEADER_BYTES: usize = 40;
 
@@ -27,7 +30,7 @@ pub(super) fn channels_and_messages(
     body: &[u8],
     path: &Path,
 ) -> Result<Vec<Record<'static>>, TapeError> {
-    let failed = |source| damaged(path, source);
+    let failed = |error| TapeError::mcap(path, READING, &error);
     let Record::Chunk { header, data } = parse(op::CHUNK, body, path)? else {
         return Ok(Vec::new());
     };
@@ -76,15 +79,7 @@ pub(super) fn channels_and_messages(
 
 /// A record of the kinds that a tape is made of.
 pub(super) fn parse<'a>(op: u8, body: &'a [u8], path: &Path) -> Result<Record<'a>, TapeError> {
-    parse_record(op, body).map_err(|source| damaged(path, source))
-}
-
-fn damaged(path: &Path, source: McapError) -> TapeError {
-    TapeError::Mcap {
-        path: path.into(),
-        doing: "read a record",
-        source: Box::new(source),
-    }
+    parse_record(op, body).map_err(|error| TapeError::mcap(path, READING, &error))
 }
 
 #[cfg(test)]

@@ -7,8 +7,6 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
 /// Profile in the header of the MCAP file.
 pub const PROFILE: &str = "dtd-tape";
 /// Name of the metadata record.
@@ -36,131 +34,93 @@ impl Direction {
     }
 }
 
+/// Traffic on a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Traffic {
+    /// Datagrams of a client.
+    Udp,
+    /// Messages on a connection of the capture link.
+    Link,
+}
+
+impl Traffic {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Udp => "udp",
+            Self::Link => "link",
+        }
+    }
+}
+
 /// A channel of the tape.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Channel {
-    /// A client's datagrams.
-    Udp {
-        /// The client, counted from 1 in the order of appearance.
-        client: u32,
-        /// Message direction.
-        direction: Direction,
-    },
-    /// Messages on a capture link connection.
-    Link {
-        /// The connection, counted from 1.
-        connection: u32,
-        /// Message direction.
-        direction: Direction,
-    },
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Channel {
+    /// Traffic on the channel.
+    pub traffic: Traffic,
+    /// The client or connection, counted from 1 in the order of appearance.
+    pub number: u32,
+    /// Message direction.
+    pub direction: Direction,
 }
 
 impl Channel {
-    /// Message direction.
-    pub fn direction(&self) -> Direction {
-        match self {
-            Self::Udp { direction, .. } | Self::Link { direction, .. } => *direction,
-        }
-    }
-
     /// MCAP topic.
     pub fn topic(&self) -> String {
-        match self {
-            Self::Udp { client, direction } => format!("/udp/{client}/{}", direction.word()),
-            Self::Link {
-                connection,
-                direction,
-            } => format!("/link/{connection}/{}", direction.word()),
-        }
+        let (traffic, direction) = (self.traffic.word(), self.direction.word());
+        format!("/{traffic}/{}/{direction}", self.number)
     }
 
     /// MCAP message encoding.
-    pub fn encoding(&self) -> &'static str {
-        match self {
-            Self::Udp { .. } => "xplane-udp",
-            Self::Link { .. } => "dtd-link",
+    pub(crate) fn encoding(&self) -> &'static str {
+        match self.traffic {
+            Traffic::Udp => "xplane-udp",
+            Traffic::Link => "dtd-link",
         }
     }
 
     /// The channel for a topic; `None` if it is not ours.
     pub(crate) fn of_topic(topic: &str) -> Option<Self> {
-        let mut words = topic.strip_prefix('/')?.split('/');
-        let (kind, number) = (words.next()?, words.next()?.parse().ok()?);
-        let direction = match words.next()? {
-            "to_simulator" => Direction::ToSimulator,
-            "from_simulator" => Direction::FromSimulator,
-            _ => return None,
+        let words: Vec<&str> = topic.split('/').collect();
+        let ["", traffic, number, direction] = words[..] else {
+            return None;
         };
-        match (kind, words.next()) {
-            ("udp", None) => Some(Self::Udp {
-                client: number,
-                direction,
-            }),
-            ("link", None) => Some(Self::Link {
-                connection: number,
-                direction,
-            }),
-            _ => None,
-        }
+        let traffics = [Traffic::Udp, Traffic::Link];
+        let directions = [Direction::ToSimulator, Direction::FromSimulator];
+        Some(Self {
+            traffic: traffics.into_iter().find(|known| known.word() == traffic)?,
+            number: number.parse().ok()?,
+            direction: directions
+                .into_iter()
+                .find(|known| known.word() == direction)?,
+        })
     }
 }
 
-/// Tape description, in a metadata record before everything else.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TapeInfo {
-    /// Version of the format.
-    pub format: String,
-    /// Version of the program that recorded.
-    pub dtd: String,
-    /// Address at which the simulator received UDP packets.
-    pub simulator: String,
-    /// Start of the recording, RFC 3339 in UTC.
-    pub began: String,
+/// Metadata of a tape, in a record before everything else: the versions of the format and of the program, the address at which the
+/// simulator received UDP packets, and the start of the recording (RFC 3339 in UTC).
+pub(crate) fn metadata(simulator: &str, began: &str) -> BTreeMap<String, String> {
+    let pairs = [
+        ("format", FORMAT),
+        ("dtd", env!("CARGO_PKG_VERSION")),
+        ("simulator", simulator),
+        ("began", began),
+    ];
+    pairs
+        .map(|(key, value)| (key.to_owned(), value.to_owned()))
+        .into()
 }
 
-impl TapeInfo {
-    /// About a recording of this version.
-    pub fn new(simulator: String, began: String) -> Self {
-        Self {
-            format: FORMAT.into(),
-            dtd: env!("CARGO_PKG_VERSION").into(),
-            simulator,
-            began,
-        }
-    }
-
-    pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {
-        let pairs = [
-            ("format", &self.format),
-            ("dtd", &self.dtd),
-            ("simulator", &self.simulator),
-            ("began", &self.began),
-        ];
-        pairs
-            .map(|(key, value)| (key.to_owned(), value.clone()))
-            .into()
-    }
-
-    /// Parses the metadata; the error names what is missing or has an unexpected version.
-    pub(super) fn of_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
-        let take = |key: &str| {
-            let value = metadata.get(key).cloned();
-            value.ok_or_else(|| format!("its metadata {METADATA_NAME} has no {key:?}"))
-        };
-        let info = Self {
-            format: take("format")?,
-            dtd: take("dtd")?,
-            simulator: take("simulator")?,
-            began: take("began")?,
-        };
-        if info.format == FORMAT {
-            Ok(info)
-        } else {
-            Err(format!(
-                "it is of format {}, written by dtd {}; expected format {FORMAT}",
-                info.format, info.dtd
-            ))
-        }
+/// Rejects the metadata of another format; the error names what is missing or unexpected.
+pub(crate) fn check_metadata(metadata: &BTreeMap<String, String>) -> Result<(), String> {
+    let [format, dtd] = ["format", "dtd"].map(|key| {
+        let value = metadata.get(key);
+        value.ok_or_else(|| format!("its metadata {METADATA_NAME} has no {key:?}"))
+    });
+    match (format?, dtd?) {
+        (format, _) if format == FORMAT => Ok(()),
+        (format, dtd) => Err(format!(
+            "it is of format {format}, written by dtd {dtd}; expected format {FORMAT}"
+        )),
     }
 }
 
@@ -172,16 +132,15 @@ mod tests {
     fn every_channel_is_found_by_its_topic_and_foreign_ones_are_not() {
         use Direction::{FromSimulator, ToSimulator};
         let channels = [
-            Channel::Udp {
-                client: 12,
-                direction: ToSimulator,
-            },
-            Channel::Link {
-                connection: 1,
-                direction: FromSimulator,
-            },
+            (Traffic::Udp, 12, ToSimulator),
+            (Traffic::Link, 1, FromSimulator),
         ];
-        for channel in channels {
+        for (traffic, number, direction) in channels {
+            let channel = Channel {
+                traffic,
+                number,
+                direction,
+            };
             assert_eq!(Channel::of_topic(&channel.topic()), Some(channel));
         }
         for foreign in [
@@ -198,11 +157,10 @@ mod tests {
 
     #[test]
     fn a_tape_of_another_format_is_refused_with_both_versions() {
-        let mut metadata =
-            TapeInfo::new("127.0.0.1:49000".into(), "2026-01-01T00:00:00Z".into()).to_metadata();
-        assert!(TapeInfo::of_metadata(&metadata).is_ok());
+        let mut metadata = metadata("127.0.0.1:49000", "2026-01-01T00:00:00Z");
+        assert_eq!(check_metadata(&metadata), Ok(()));
         metadata.insert("format".into(), "9".into());
-        let error = TapeInfo::of_metadata(&metadata).unwrap_err();
+        let error = check_metadata(&metadata).unwrap_err();
         assert!(
             error.contains("format 9") && error.contains("expected format 1"),
             "{error}"

@@ -18,8 +18,8 @@ mod recorder;
 mod writer;
 
 pub use error::TapeError;
-pub use format::{Channel, Direction, PROFILE, TapeInfo};
-pub use link_message::{BadLinkMessage, LinkMessage, MAGIC};
+pub use format::{Channel, Direction, PROFILE, Traffic};
+pub use link_message::{BadLinkMessage, LinkMessage};
 pub use reader::{Entry, MessagePosition, TapeReader};
 pub use recorder::{RecordOptions, RecorderAddresses, record};
 pub use writer::{TapeSummary, TapeWriter};

@@ -14,7 +14,7 @@ use mcap::records::{MessageHeader, Record, op};
 
 use super::chunk::{MAX_RECORD_BYTES, channels_and_messages, parse};
 use super::error::TapeError;
-use super::format::{Channel, LINK_VERSION_KEY, METADATA_NAME, PROFILE, TapeInfo};
+use super::format::{Channel, LINK_VERSION_KEY, METADATA_NAME, PROFILE, check_metadata};
 
 /// Location of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,9 +63,11 @@ impl TapeReader {
     /// It cannot be read, is not a tape, or has another version.
     pub fn open(path: &Path) -> Result<Self, TapeError> {
         let file = outside_file::open(path, FileKind::TAPE)?;
-        let no_tape = |found: String| TapeError::NoTape {
-            path: path.into(),
-            found,
+        let no_tape = |found: String| {
+            TapeError::BadInput(format!(
+                "{} is not a tape that this version reads: {found}; expected an MCAP file of `dtd tape`",
+                path.display()
+            ))
         };
         let mut file = BufReader::new(file);
         let mut magic = [0; MAGIC.len()];
@@ -92,7 +94,7 @@ impl TapeReader {
                     if profile.as_deref() != Some(PROFILE) {
                         return Err(no_tape(format!("its profile is {profile:?}")));
                     }
-                    TapeInfo::of_metadata(&metadata.metadata).map_err(no_tape)?;
+                    check_metadata(&metadata.metadata).map_err(no_tape)?;
                     return Ok(Self {
                         path: path.to_owned(),
                         file,
@@ -257,15 +259,16 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::{Direction, TapeWriter};
+    use crate::{Direction, TapeWriter, Traffic};
 
-    const CHANNEL: Channel = Channel::Udp {
-        client: 1,
+    const CHANNEL: Channel = Channel {
+        traffic: Traffic::Udp,
+        number: 1,
         direction: Direction::ToSimulator,
     };
 
-    fn info() -> TapeInfo {
-        TapeInfo::new("127.0.0.1:49000".into(), "2026-01-01T00:00:00Z".into())
+    fn new_tape(path: &Path) -> Result<TapeWriter, TapeError> {
+        TapeWriter::create(path, "127.0.0.1:49000", "2026-01-01T00:00:00Z")
     }
 
     fn datagram(number: u32) -> Vec<u8> {
@@ -276,7 +279,7 @@ mod tests {
     }
 
     fn tape_of(path: &Path, messages: u32) {
-        let mut tape = TapeWriter::create(path, &info()).unwrap();
+        let mut tape = new_tape(path).unwrap();
         for number in 0..messages {
             tape.write(CHANNEL, u64::from(number), &datagram(number))
                 .unwrap();
@@ -319,7 +322,7 @@ mod tests {
     fn log_times_keep_to_the_order_on_the_tape_whatever_was_stamped_first() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
-        let mut tape = TapeWriter::create(&path, &info()).unwrap();
+        let mut tape = new_tape(&path).unwrap();
         for stamped_ns in [10, 30, 20, 40] {
             tape.write(CHANNEL, stamped_ns, &datagram(stamped_ns as u32))
                 .unwrap();
@@ -357,8 +360,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
         tape_of(&path, 100);
-        let error = TapeWriter::create(&path, &info()).err().unwrap();
-        assert!(matches!(error, TapeError::Exists { .. }), "{error}");
+        let error = new_tape(&path).err().unwrap().to_string();
+        assert!(
+            error.contains("there is a file of that name already"),
+            "{error}"
+        );
 
         let mut bytes = fs::read(&path).unwrap();
         let middle = bytes.len() / 2;
@@ -378,7 +384,7 @@ mod tests {
         for other in [&b"hello, this is no MCAP file"[..], b""] {
             fs::write(&damaged, other).unwrap();
             let error = TapeReader::open(&damaged).err().unwrap();
-            assert!(matches!(error, TapeError::NoTape { .. }), "{error}");
+            assert!(error.to_string().contains("is not a tape"), "{error}");
         }
         let error = TapeReader::open(&folder.path().join("lost.mcap"))
             .err()

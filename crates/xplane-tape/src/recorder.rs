@@ -30,7 +30,6 @@ use xplane_bridge::link::LinkToken;
 use xplane_bridge::udp::simulator_address::reachable;
 
 use super::error::TapeError;
-use super::format::TapeInfo;
 use super::writer::{TapeSummary, TapeWriter};
 use tape_thread::TapeThread;
 
@@ -87,19 +86,30 @@ pub async fn record(
     stop: impl Future<Output = ()>,
 ) -> Result<TapeSummary, TapeError> {
     if options.token.is_none() && !options.bind.is_loopback() {
-        return Err(TapeError::NoToken {
-            address: options.bind,
-        });
+        return Err(TapeError::BadInput(format!(
+            "the recorder would listen on {} for everybody: set DTD_LINK_TOKEN to a secret of your choice, which is not empty, here and \
+             where the client runs, or listen on 127.0.0.1",
+            options.bind
+        )));
     }
-    let (udp, udp_address) = listen_udp(SocketAddr::new(options.bind, options.port)).await?;
+    let address = SocketAddr::new(options.bind, options.port);
+    let udp = UdpSocket::bind(address)
+        .await
+        .and_then(|socket| Ok((socket.local_addr()?, socket)));
+    let (udp_address, udp) = udp.map_err(|error| cannot_listen(address, "UDP", &error))?;
     let link_port = match options.port {
         0 => 0,
         port => port.checked_add(LINK_PORT_OFFSET).unwrap_or(0),
     };
-    let (listener, link_address) = listen_tcp(SocketAddr::new(options.bind, link_port)).await?;
+    let address = SocketAddr::new(options.bind, link_port);
+    let link = TcpListener::bind(address)
+        .await
+        .and_then(|listener| Ok((listener.local_addr()?, listener)));
+    let (link_address, listener) =
+        link.map_err(|error| cannot_listen(address, "capture link", &error))?;
     let began = Utc::now().to_rfc3339_opts(SecondsFormat::Secs, true);
-    let info = TapeInfo::new(options.simulator.to_string(), began);
-    let (tape_thread, mut writing) = TapeThread::start(TapeWriter::create(&options.out, &info)?);
+    let tape = TapeWriter::create(&options.out, &options.simulator.to_string(), &began)?;
+    let (tape_thread, mut writing) = TapeThread::start(tape);
     let route = Arc::new(Route {
         simulator: reachable(options.simulator),
         local_udp: options.local_udp,
@@ -146,30 +156,8 @@ impl Route {
     }
 }
 
-async fn listen_udp(address: SocketAddr) -> Result<(UdpSocket, SocketAddr), TapeError> {
-    let bound = UdpSocket::bind(address)
-        .await
-        .and_then(|socket| Ok((socket.local_addr()?, socket)));
-    match bound {
-        Ok((found, socket)) => Ok((socket, found)),
-        Err(source) => Err(bind_error(address, "UDP", source)),
-    }
-}
-
-async fn listen_tcp(address: SocketAddr) -> Result<(TcpListener, SocketAddr), TapeError> {
-    let bound = TcpListener::bind(address)
-        .await
-        .and_then(|listener| Ok((listener.local_addr()?, listener)));
-    match bound {
-        Ok((found, listener)) => Ok((listener, found)),
-        Err(source) => Err(bind_error(address, "capture link", source)),
-    }
-}
-
-fn bind_error(address: SocketAddr, what: &'static str, source: io::Error) -> TapeError {
-    TapeError::Bind {
-        address,
-        what,
-        source,
-    }
+fn cannot_listen(address: SocketAddr, what: &str, error: &io::Error) -> TapeError {
+    TapeError::Failed(format!(
+        "cannot listen on {address} ({what}): {error}. Does X-Plane run there? --port 0 takes any free port"
+    ))
 }

@@ -11,7 +11,7 @@ use mcap::{Compression, WriteOptions, Writer};
 use serde::Serialize;
 
 use super::error::TapeError;
-use super::format::{Channel, Direction, METADATA_NAME, PROFILE, TapeInfo};
+use super::format::{Channel, Direction, METADATA_NAME, PROFILE, metadata};
 
 /// Uncompressed size at which chunks are closed.
 const CHUNK_BYTES: u64 = 1 << 20;
@@ -44,13 +44,16 @@ pub struct TapeWriter {
 }
 
 impl TapeWriter {
-    /// Creates a tape. Never overwrites a file.
+    /// Creates a tape of the simulator at this address, begun at this time (RFC 3339 in UTC). Never overwrites a file.
     ///
     /// # Errors
     /// The file exists, or cannot be written.
-    pub fn create(path: &Path, info: &TapeInfo) -> Result<Self, TapeError> {
+    pub fn create(path: &Path, simulator: &str, began: &str) -> Result<Self, TapeError> {
         let file = File::create_new(path).map_err(|source| match source.kind() {
-            ErrorKind::AlreadyExists => TapeError::Exists { path: path.into() },
+            ErrorKind::AlreadyExists => TapeError::BadInput(format!(
+                "tape {}: there is a file of that name already; move it away or name another one",
+                path.display()
+            )),
             _ => TapeError::Io {
                 path: path.into(),
                 doing: "make it",
@@ -67,7 +70,7 @@ impl TapeWriter {
             .map_err(&failed)?;
         let metadata = Metadata {
             name: METADATA_NAME.into(),
-            metadata: info.to_metadata(),
+            metadata: metadata(simulator, began),
         };
         writer.write_metadata(&metadata).map_err(&failed)?;
         writer.flush().map_err(&failed)?;
@@ -120,7 +123,7 @@ impl TapeWriter {
         let written = self.writer.write_to_known_channel(&header, data);
         written.map_err(failed_to(&self.path, "write a message"))?;
         self.messages += 1;
-        self.from_simulator += u32::from(channel.direction() == Direction::FromSimulator);
+        self.from_simulator += u32::from(channel.direction == Direction::FromSimulator);
         self.flush_if_due()
     }
 
@@ -164,9 +167,5 @@ impl TapeWriter {
 
 fn failed_to(path: &Path, doing: &'static str) -> impl Fn(mcap::McapError) -> TapeError {
     let path = path.to_owned();
-    move |source| TapeError::Mcap {
-        path: path.clone(),
-        doing,
-        source: Box::new(source),
-    }
+    move |error| TapeError::mcap(&path, doing, &error)
 }

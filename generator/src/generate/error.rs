@@ -250,32 +250,16 @@ impl ScenarioError {
     pub(super) fn of_tape(self, tape: &Path) -> Self {
         let what = match self {
             Self::Bridge(BridgeError::Refused { text, .. }) => text,
-            Self::Bridge(
-                BridgeError::NotTaken {
-                    name,
-                    wanted,
-                    found,
-                    ..
-                }
-                | BridgeError::CommandWithoutEffect {
-                    name,
-                    wanted,
-                    found,
-                    ..
-                }
-                | BridgeError::WeatherNotTaken {
-                    name,
-                    wanted,
-                    found,
-                    ..
-                },
-            ) => match found {
+            Self::Bridge(BridgeError::NotTaken {
+                name,
+                wanted,
+                found,
+                ..
+            }) => match found {
                 Some(found) => format!("{name} was {found} then, and is {wanted} now"),
                 None => format!("{name}, which is {wanted} now, is not on it"),
             },
-            Self::Bridge(
-                error @ (BridgeError::NotPlaced { .. } | BridgeError::NotReady { .. }),
-            ) => error.to_string(),
+            Self::Bridge(BridgeError::NotReady(text)) => text,
             other => return other,
         };
         Self::NotOnTape {
@@ -330,8 +314,6 @@ impl ScenarioError {
                 BridgeError::Refused { .. }
                 | BridgeError::BadConditions(_)
                 | BridgeError::NotTaken { .. }
-                | BridgeError::CommandWithoutEffect { .. }
-                | BridgeError::WeatherNotTaken { .. }
                 | BridgeError::OtherWeatherShows { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,
                 _ => Blame::Simulator,
@@ -377,11 +359,7 @@ mod tests {
             address: ([127, 0, 0, 1], 49_000).into(),
             waited: Duration::ZERO,
         };
-        let wrong_aircraft = BridgeError::WrongAircraft {
-            wanted: "B738",
-            found: "C172".into(),
-            path: "Aircraft/737.acf",
-        };
+        let wrong_aircraft = BridgeError::Setup("C172, expected B738".into());
         let unplayable = BridgeError::BadConditions(BadConditions("a day of 400".into()));
         for (error, blame, certain) in [
             (other_window(), Blame::Setup, false),

@@ -23,7 +23,7 @@ use dataset::tables::frames::{Frames, TickRow, ViewStamp};
 use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
 use xplane_bridge::fly::FlightStart;
-use xplane_bridge::link::PictureSize;
+use xplane_bridge::link::{FrameHeader, LINK_VERSION, PictureSize};
 use xplane_bridge::profile::RecordedPace;
 use xplane_bridge::{Simulator, pictures_waiting};
 
@@ -36,7 +36,7 @@ use crate::sweep::Sweep;
 use crate::trajectory::Trajectory;
 use blocks::{capture_blocks, may_use_blocks};
 use encoders::Encoders;
-use lockstep::{Drawn, capture};
+use lockstep::capture;
 use steps::{Steps, Stopwatch};
 use workplace::Workplace;
 
@@ -337,7 +337,7 @@ async fn trajectory(
 fn frames(
     views: Vec<String>,
     states: &[FlightState],
-    drawn: &[Vec<Drawn>],
+    drawn: &[Vec<FrameHeader>],
     pts: &[Vec<i64>],
     picture: Picture,
 ) -> Frames {
@@ -345,7 +345,7 @@ fn frames(
     // Counted from the scenario's first image, so that a scenario gives the same table whenever it is recorded.
     let all = drawn.iter().flatten().map(|drawn| drawn.sim_frame);
     let first_sim_frame = all.min().unwrap_or(0);
-    let row = |(tick, (state, drawn)): (usize, (&FlightState, &Vec<Drawn>))| TickRow {
+    let row = |(tick, (state, drawn)): (usize, (&FlightState, &Vec<FrameHeader>))| TickRow {
         tick: tick as u32,
         time_ns: rate.time_of_tick(tick as u32).0,
         pose: state.pose,
@@ -412,7 +412,7 @@ fn scenario_record(
                 simulator.description().name,
                 simulator.description().version
             ),
-            capture_link: simulator.description().capture_link,
+            capture_link: LINK_VERSION,
             pixels: simulator.pixels().name().into(),
             encoder: encoder.of_codec(common.video.codec).map(str::to_owned),
         },

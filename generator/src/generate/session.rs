@@ -183,9 +183,8 @@ impl Session {
     /// Stores the duration of this run's first scenario, or the first one after a restart, in the simulator's profile. A failure to store
     /// it has no effect on the run.
     pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
-        let description = simulator.description();
-        let has_profile = matches!(description.profile, KnownProfile::Current(_));
-        if self.pace_kept || description.replayed || !has_profile {
+        let has_profile = matches!(simulator.profile(), KnownProfile::Current(_));
+        if self.pace_kept || simulator.description().replayed || !has_profile {
             return;
         }
         let pace = RecordedPace {
@@ -195,7 +194,7 @@ impl Session {
         match simulator.keep_pace(&pace).await {
             Ok(()) => {
                 self.pace_kept = true;
-                self.known = Some(simulator.description().profile.clone());
+                self.known = Some(simulator.profile().clone());
             }
             Err(error) => tracing::warn!(%error, "how long a scenario takes was not kept"),
         }
@@ -216,7 +215,7 @@ impl Session {
 
     /// Plugin simulator's profile, if it was not reported yet. It is kept for the next connection.
     pub(super) fn news_of(&mut self, simulator: &Simulator) -> Option<KnownProfile> {
-        let known = &simulator.description().profile;
+        let known = simulator.profile();
         if simulator.description().plugin.is_none() || self.known.as_ref() == Some(known) {
             return None;
         }

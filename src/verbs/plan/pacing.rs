@@ -7,9 +7,7 @@ use generator::plan::Pacing;
 use generator::sweep::Sweep;
 use xplane_bridge::profile::KnownProfile;
 use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
-use xplane_bridge::{
-    BridgeError, CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator, SimulatorDescription,
-};
+use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator};
 
 use crate::args::PlanArgs;
 use crate::failure::Failure;
@@ -66,11 +64,10 @@ fn asked(
 ) -> Result<Pacing, Failure> {
     async_runtime()?.block_on(async {
         let simulator = connecting.await?;
-        let SimulatorDescription {
-            plugin, profile, ..
-        } = simulator.description().clone();
+        let profile = simulator.profile().clone();
+        let has_plugin = simulator.description().plugin.is_some();
         simulator.release().await?;
-        if plugin.is_none() {
+        if !has_plugin {
             return Ok(Pacing::StandIn);
         }
         if !matches!(profile, KnownProfile::Current(_)) {

@@ -143,38 +143,10 @@ pub struct FrameHeader {
 /// An image and its content.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CapturedFrame {
-    /// Tick of the request.
-    pub tick: u32,
-    /// View of the request.
-    pub view: u32,
-    /// The simulator's count of drawn frames; grows from each image to the next.
-    pub sim_frame: u64,
-    /// Pose of the drawn aircraft.
-    pub pose: Pose,
-    /// Pose of the camera.
-    pub camera: CameraPose,
-    /// Width of the image, pixels.
-    pub width_px: u32,
-    /// Height of the image, pixels.
-    pub height_px: u32,
+    /// Description of the drawn frame.
+    pub header: FrameHeader,
     /// Red, green, blue, one byte each, row by row from the top left. Empty if the image was only drawn.
     pub rgb: PictureBytes,
-}
-
-impl CapturedFrame {
-    /// Combines the two parts of the answer.
-    pub fn new(header: FrameHeader, rgb: PictureBytes) -> Self {
-        Self {
-            tick: header.tick,
-            view: header.view,
-            sim_frame: header.sim_frame,
-            pose: header.pose,
-            camera: header.camera,
-            width_px: header.width_px,
-            height_px: header.height_px,
-            rgb,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -131,6 +131,17 @@ pub struct Hello {
     pub frame_codes: bool,
 }
 
+impl Hello {
+    /// Names and versions of simulator and plugin.
+    pub fn versions(&self) -> String {
+        let Self { name, version, .. } = self;
+        match &self.plugin {
+            Some(plugin) => format!("{name} {version} with {plugin}"),
+            None => format!("{name} {version}"),
+        }
+    }
+}
+
 /// The simulator's answer to a client: one per request, in the same order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]

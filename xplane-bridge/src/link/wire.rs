@@ -13,7 +13,7 @@ use super::Request;
 use crate::error::peer_text::quoted;
 
 /// First bytes in each direction, before the version.
-const MAGIC: [u8; 4] = *b"DTDL";
+pub const MAGIC: [u8; 4] = *b"DTDL";
 /// Version of the capture link that this code speaks. Any change that an older side would misread raises it.
 pub const LINK_VERSION: u32 = 2;
 /// Longest header, bytes.
@@ -27,53 +27,25 @@ pub enum LinkError {
     /// The socket failed.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// The connection ended.
-    #[error("the other side closed the connection inside {inside}")]
-    Ended {
-        /// Part of the message that was cut off.
-        inside: &'static str,
-    },
-    /// A different program listens there.
-    #[error("the other side greets with \"{}\", expected \"DTDL\": that is not a capture link", .found.escape_ascii())]
-    NotTheLink {
-        /// First four bytes.
-        found: [u8; 4],
-    },
-    /// The versions of both sides differ.
-    #[error(
-        "the other side speaks version {found} of the capture link, expected {LINK_VERSION}: install the plugin and the program of the same release"
-    )]
-    OtherVersion {
-        /// Version of the other side.
-        found: u32,
-    },
-    /// A length beyond its limit.
-    #[error("a {part} of {announced} bytes is announced, expected at most {limit}")]
-    TooLong {
-        /// `header` or `payload`.
-        part: &'static str,
-        /// The length.
-        announced: usize,
-        /// Maximum length.
-        limit: usize,
-    },
-    /// A request with a payload.
-    #[error("a request has no payload, but {announced} bytes are announced")]
-    PayloadOfRequest {
-        /// Announced length.
-        announced: usize,
-    },
-    /// A header that is not a valid message.
-    #[error("the header is not a known message: {reason}; it begins {begin:?}")]
-    BadHeader {
-        /// The parser's error.
-        reason: String,
-        /// First characters.
-        begin: String,
-    },
+    /// A different program listens there, or one that speaks another version of the link.
+    #[error("{0}")]
+    OtherSide(String),
+    /// The connection ended inside a message, or its lengths are impossible: what follows cannot be read.
+    #[error("{0}")]
+    Broken(String),
+    /// A header that is not a valid message. The next message can be read nevertheless.
+    #[error("{0}")]
+    BadHeader(String),
 }
 
 impl LinkError {
+    /// The connection ended inside this part of the conversation.
+    pub fn ended(inside: &str) -> Self {
+        Self::Broken(format!(
+            "the other side closed the connection inside {inside}"
+        ))
+    }
+
     /// True if the other side hung up, as an interrupted client does.
     pub fn is_hang_up(&self) -> bool {
         matches!(self, Self::Io(error)
@@ -92,14 +64,25 @@ pub async fn exchange_greetings(
     let mut magic = [0; 4];
     read_exact(stream, &mut magic, "the greeting").await?;
     if magic != MAGIC {
-        return Err(LinkError::NotTheLink { found: magic });
+        return Err(not_the_link(magic));
     }
     let mut version = [0; 4];
     read_exact(stream, &mut version, "the greeting").await?;
     match u32::from_le_bytes(version) {
         LINK_VERSION => Ok(()),
-        found => Err(LinkError::OtherVersion { found }),
+        found => Err(LinkError::OtherSide(format!(
+            "the other side speaks version {found} of the capture link, expected {LINK_VERSION}: install the plugin and the program of the \
+             same release"
+        ))),
     }
+}
+
+/// The error about another program, which greets with these bytes.
+pub fn not_the_link(magic: [u8; 4]) -> LinkError {
+    LinkError::OtherSide(format!(
+        "the other side greets with \"{}\", expected \"DTDL\": that is not a capture link",
+        magic.escape_ascii()
+    ))
 }
 
 /// Writes one message.
@@ -138,15 +121,27 @@ pub async fn read_header<H: DeserializeOwned>(
 pub async fn read_request(
     stream: &mut (impl AsyncRead + Unpin),
 ) -> Result<Option<Request>, LinkError> {
-    match read_lengths(stream).await? {
+    match read_request_length(stream).await? {
         None => Ok(None),
-        Some((header_bytes, 0)) => Ok(Some(read_text(stream, header_bytes).await?)),
-        Some((_, announced)) => Err(LinkError::PayloadOfRequest { announced }),
+        Some(header_bytes) => Ok(Some(read_text(stream, header_bytes).await?)),
     }
 }
 
-/// The lengths of header and payload, within their limits.
-async fn read_lengths(
+/// Reads the length of the next request's header; `None` if the client has closed the connection between two requests.
+pub async fn read_request_length(
+    stream: &mut (impl AsyncRead + Unpin),
+) -> Result<Option<usize>, LinkError> {
+    match read_lengths(stream).await? {
+        None => Ok(None),
+        Some((header_bytes, 0)) => Ok(Some(header_bytes)),
+        Some((_, announced)) => Err(LinkError::Broken(format!(
+            "a request has no payload, but {announced} bytes are announced"
+        ))),
+    }
+}
+
+/// Reads the lengths of header and payload, within their limits; `None` if the connection was closed between two messages.
+pub async fn read_lengths(
     stream: &mut (impl AsyncRead + Unpin),
 ) -> Result<Option<(usize, usize)>, LinkError> {
     let mut lengths = [0; 8];
@@ -168,53 +163,49 @@ async fn read_text<H: DeserializeOwned>(
 ) -> Result<H, LinkError> {
     let mut text = vec![0; header_bytes];
     read_exact(stream, &mut text, "a header").await?;
-    serde_json::from_slice(&text).map_err(|error| LinkError::BadHeader {
-        reason: quoted(&error.to_string()),
-        begin: String::from_utf8_lossy(&text).chars().take(80).collect(),
+    serde_json::from_slice(&text).map_err(|error| {
+        let begin: String = String::from_utf8_lossy(&text).chars().take(80).collect();
+        let reason = quoted(&error.to_string());
+        LinkError::BadHeader(format!(
+            "the header is not a known message: {reason}; it begins {begin:?}"
+        ))
     })
 }
 
-/// Reads a payload into `buffer`, whose memory is reused without zeroing: at 7 MB per frame both matter.
+/// Reads a payload to the end of `buffer`, whose memory is reused without zeroing: at 7 MB per frame both matter.
 pub async fn read_payload(
     stream: &mut (impl AsyncRead + Unpin),
     payload_bytes: usize,
     buffer: &mut Vec<u8>,
 ) -> Result<(), LinkError> {
-    buffer.clear();
     buffer.reserve_exact(payload_bytes);
     let mut payload = stream.take(payload_bytes as u64);
-    while buffer.len() < payload_bytes {
+    while payload.limit() > 0 {
         if payload.read_buf(buffer).await? == 0 {
-            return Err(LinkError::Ended {
-                inside: "a payload",
-            });
+            return Err(LinkError::ended("a payload"));
         }
     }
     Ok(())
 }
 
-fn within(part: &'static str, announced: usize, limit: usize) -> Result<u32, LinkError> {
+fn within(part: &str, announced: usize, limit: usize) -> Result<u32, LinkError> {
     match u32::try_from(announced) {
         Ok(length) if announced <= limit => Ok(length),
-        _ => Err(LinkError::TooLong {
-            part,
-            announced,
-            limit,
-        }),
+        _ => Err(LinkError::Broken(format!(
+            "a {part} of {announced} bytes is announced, expected at most {limit}"
+        ))),
     }
 }
 
 /// Fills a buffer; if the stream ends before that, the error names `inside`.
-pub async fn read_exact(
+async fn read_exact(
     stream: &mut (impl AsyncRead + Unpin),
     buffer: &mut [u8],
-    inside: &'static str,
+    inside: &str,
 ) -> Result<(), LinkError> {
     match stream.read_exact(buffer).await {
         Ok(_) => Ok(()),
-        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
-            Err(LinkError::Ended { inside })
-        }
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => Err(LinkError::ended(inside)),
         Err(error) => Err(error.into()),
     }
 }
@@ -279,18 +270,17 @@ mod tests {
 
     #[tokio::test]
     async fn broken_headers_are_errors_that_show_them() {
-        assert!(matches!(
-            error_of(&[1, 0, 0]).await,
-            LinkError::Ended { .. }
-        ));
-        assert!(matches!(
-            error_of(&[9, 0, 0, 0, 0, 0, 0, 0, b'{']).await,
-            LinkError::Ended { .. }
-        ));
+        for (cut, inside) in [
+            (&[1, 0, 0][..], "inside the lengths of a message"),
+            (&[9, 0, 0, 0, 0, 0, 0, 0, b'{'], "inside a header"),
+        ] {
+            let error = error_of(cut).await;
+            assert!(error.to_string().ends_with(inside), "{error}");
+        }
         let error = error_of(b"\x12\0\0\0\0\0\0\0{\"message\":\"nope\"}").await;
         assert!(error.to_string().contains("nope"), "{error}");
         let error = error_of(&[2, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xfe]).await;
-        assert!(matches!(error, LinkError::BadHeader { .. }), "{error}");
+        assert!(matches!(error, LinkError::BadHeader(_)), "{error}");
     }
 
     #[tokio::test]

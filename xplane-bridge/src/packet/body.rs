@@ -38,6 +38,11 @@ impl<'a> Fields<'a> {
     take_number!(f32, f32);
     take_number!(f64, f64);
 
+    /// True at the end of the datagram.
+    pub(super) fn are_read(&self) -> bool {
+        self.at == self.datagram.len()
+    }
+
     /// The rest, which may be empty.
     pub(super) fn rest(&mut self) -> &'a [u8] {
         let rest = self.datagram.get(self.at..).unwrap_or_default();

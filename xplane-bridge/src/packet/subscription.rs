@@ -68,61 +68,16 @@ pub struct DatarefValues {
     pub values: Vec<DatarefValue>,
 }
 
-/// `RREF,` from the simulator, as a view into its datagram: values are read in place, without allocation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DatarefValuesView<'a> {
-    values: &'a [[u8; VALUE_BYTES]],
-}
-
-impl<'a> DatarefValuesView<'a> {
-    /// Parses a datagram.
-    ///
-    /// # Errors
-    /// It is not an `RREF` or ends inside a value.
-    pub fn new(datagram: &'a [u8]) -> Result<Self, PacketError> {
-        match &super::tag_of(datagram)? {
-            b"RREF" => Self::of_body(datagram),
-            tag => Err(super::unknown(tag, "that should carry values")),
-        }
-    }
-
-    fn of_body(datagram: &'a [u8]) -> Result<Self, PacketError> {
-        let mut fields = Fields::new(TAG, datagram);
-        match fields.rest().as_chunks() {
-            (values, []) => Ok(Self { values }),
-            (_, rest) => Err(PacketError::TooShort {
-                tag: TAG,
-                field: if rest.len() < 4 { "index" } else { "value" },
-                needed: datagram.len() - rest.len() + if rest.len() < 4 { 4 } else { VALUE_BYTES },
-                found: datagram.len(),
-            }),
-        }
-    }
-
-    /// Number of values.
-    pub fn len(&self) -> usize {
-        self.values.len()
-    }
-
-    /// True if there are no values.
-    pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
-    }
-
-    /// The values, in the order of the datagram.
-    pub fn iter(self) -> impl ExactSizeIterator<Item = DatarefValue> + 'a {
-        self.values
-            .iter()
-            .map(|&[a, b, c, d, e, f, g, h]| DatarefValue {
-                index: i32::from_le_bytes([a, b, c, d]),
-                value: f32::from_le_bytes([e, f, g, h]),
-            })
-    }
-}
-
 impl DatarefValues {
     pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
-        let values = DatarefValuesView::of_body(datagram)?.iter().collect();
+        let mut fields = Fields::new(TAG, datagram);
+        let mut values = Vec::new();
+        while !fields.are_read() {
+            values.push(DatarefValue {
+                index: fields.i32("index")?,
+                value: fields.f32("value")?,
+            });
+        }
         Ok(Self { values })
     }
 
@@ -146,12 +101,6 @@ impl DatarefValues {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_view_refuses_other_packets() {
-        assert!(DatarefValuesView::new(b"RPOS,").is_err());
-        assert!(DatarefValuesView::new(b"RRE").is_err());
-    }
 
     #[test]
     fn an_empty_path_or_frequency_zero_ends_a_subscription() {

@@ -27,12 +27,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tokio::time::{Instant, sleep};
 
-use super::ComingPicture;
 use super::check_pattern::{Sighting, Unreadable, both_colours, covers, draw};
-use super::{
-    Confirmed, CoveredPart, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle,
-    RgbPicture,
-};
+use super::{Confirmed, PatternDisplay, PixelError, Rectangle, RgbPicture};
 use crate::error::BridgeError;
 use crate::link::{PictureSize, SimulatorWindow};
 pub(crate) use coded_grabs::{CodedGrabs, CodedPicture};
@@ -119,7 +115,7 @@ const STALE_GRABS: u32 = 10;
 
 /// Window for grabbing numbered frames: the image and the code around it.
 #[derive(Debug, Clone)]
-pub struct CodedWindow {
+pub(crate) struct CodedWindow {
     pub(crate) screen: Arc<dyn Screen>,
     /// The image and its code on the screen.
     pub(crate) region: Rectangle,
@@ -349,7 +345,10 @@ impl ScreenSource {
         Ok(())
     }
 
-    async fn measure_again(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
+    /// Proves after the last image that the initial proof still holds.
+    ///
+    /// # Errors It does not: the images in between may be wrong. The pattern is removed in any case.
+    pub async fn confirm(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
         let measured = async {
             let (lag, allowed) = (self.measure(display).await?, self.allowed());
             if lag.grabs > allowed.grabs || lag.time > allowed.time {
@@ -365,22 +364,8 @@ impl ScreenSource {
         clearing(measured.await, display).await?;
         self.wait_until_gone().await.map_err(BridgeError::from)
     }
-}
 
-impl PixelSource for ScreenSource {
-    fn kind(&self) -> PixelKind {
-        PixelKind::Screen
-    }
-
-    fn most_outstanding(&self) -> usize {
-        1
-    }
-
-    fn lag(&self) -> Option<Lag> {
-        Some(self.lag)
-    }
-
-    fn coded_window(&self) -> Option<CodedWindow> {
+    pub(super) fn coded_window(&self) -> Option<CodedWindow> {
         let margins_px = self.margins_px?;
         Some(CodedWindow {
             screen: self.on.clone(),
@@ -389,48 +374,48 @@ impl PixelSource for ScreenSource {
         })
     }
 
-    fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
-        Box::pin(async move {
-            let wait = self.allowed();
-            if !wait.time.is_zero() {
-                sleep(wait.time).await;
+    /// The image of the frame just drawn, in `memory`.
+    ///
+    /// # Errors
+    /// The screen cannot be grabbed any more, or shows a pattern.
+    pub async fn picture(&mut self, memory: Vec<u8>) -> Result<Vec<u8>, PixelError> {
+        let wait = self.allowed();
+        if !wait.time.is_zero() {
+            sleep(wait.time).await;
+        }
+        let memory = RgbPicture {
+            rgb: memory,
+            ..RgbPicture::default()
+        };
+        let mut picture = self.grabber.grab(memory, wait.grabs).await?;
+        for _ in 0..STALE_GRABS {
+            if picture.rgb != self.last {
+                break;
             }
-            let memory = RgbPicture {
-                rgb: payload,
-                ..RgbPicture::default()
-            };
-            let mut picture = self.grabber.grab(memory, wait.grabs).await?;
-            for _ in 0..STALE_GRABS {
-                if picture.rgb != self.last {
-                    break;
-                }
-                picture = self.grabber.grab(picture, 0).await?;
+            picture = self.grabber.grab(picture, 0).await?;
+        }
+        self.last.clone_from(&picture.rgb);
+        if covers(&picture) {
+            Err(PixelError::PatternStays)
+        } else {
+            if let Some(margins_px) = self.margins_px {
+                cut_margins(&mut picture, margins_px);
             }
-            self.last.clone_from(&picture.rgb);
-            if covers(&picture) {
-                Err(PixelError::PatternStays)
-            } else {
-                if let Some(margins_px) = self.margins_px {
-                    cut_margins(&mut picture, margins_px);
-                }
-                Ok(picture.rgb)
-            }
-        })
+            Ok(picture.rgb)
+        }
     }
 
-    fn covered_part<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> CoveredPart<'a> {
-        Box::pin(async move {
-            let found = self.look_for_cover(display).await;
-            let found = clearing(found, display).await?;
-            self.wait_until_gone().await?;
-            let margins_px = self.margins_px.unwrap_or_default();
-            let window_px = [self.window.width_px, self.window.height_px];
-            Ok(found.and_then(|cover| in_picture(cover, window_px, margins_px)))
-        })
-    }
-
-    fn confirm<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
-        Box::pin(self.measure_again(display))
+    /// The part of the images that something covers now.
+    pub(crate) async fn covered_part(
+        &mut self,
+        display: &mut dyn PatternDisplay,
+    ) -> Result<Option<Rectangle>, BridgeError> {
+        let found = self.look_for_cover(display).await;
+        let found = clearing(found, display).await?;
+        self.wait_until_gone().await?;
+        let margins_px = self.margins_px.unwrap_or_default();
+        let window_px = [self.window.width_px, self.window.height_px];
+        Ok(found.and_then(|cover| in_picture(cover, window_px, margins_px)))
     }
 }
 

@@ -4,32 +4,11 @@ use std::io::Cursor;
 
 use image::{ImageFormat, ImageReader, Limits};
 
-use super::{ComingPicture, PixelError, PixelKind, PixelSource};
+use super::PixelError;
 use crate::link::PictureSize;
 
-/// X-Plane's own screenshots. Slow: suitable for sparse sweeps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Screenshots {
-    /// The required size of the images.
-    pub size: PictureSize,
-}
-
-impl PixelSource for Screenshots {
-    fn kind(&self) -> PixelKind {
-        PixelKind::Screenshot
-    }
-
-    fn most_outstanding(&self) -> usize {
-        1
-    }
-
-    fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
-        Box::pin(std::future::ready(decode(payload, self.size)))
-    }
-}
-
 /// Red, green, blue from the top left.
-fn decode(png: Vec<u8>, size: PictureSize) -> Result<Vec<u8>, PixelError> {
+pub(super) fn decode(png: Vec<u8>, size: PictureSize) -> Result<Vec<u8>, PixelError> {
     let wrong = |what| PixelError::Unusable(format!("X-Plane's screenshot cannot be used: {what}"));
     let mut reader = ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
     let mut limits = Limits::default();

@@ -393,12 +393,10 @@ impl BlockRecording<'_> {
         let last = self.drawn.keys().next_back().copied();
         if asked != Some(found) || last.is_some_and(|last| header.sim_frame <= last) {
             self.simulator.link.close();
-            return Err(BridgeError::WrongAnswer {
-                expected: format!(
-                    "a frame after {last:?} of (tick, view, width, height) {asked:?}"
-                ),
-                found: format!("frame {} of {found:?}", header.sim_frame),
-            });
+            return Err(BridgeError::wrong_answer(
+                format_args!("a frame after {last:?} of (tick, view, width, height) {asked:?}"),
+                format_args!("frame {} of {found:?}", header.sim_frame),
+            ));
         }
         self.drawn.insert(header.sim_frame, header);
         self.sequence.answered(header.sim_frame);
@@ -478,18 +476,18 @@ impl BlockRecording<'_> {
 
     fn captured(&mut self, taken: Taken<Grabbed>) -> Result<CapturedFrame, BridgeError> {
         let header = self.drawn.get(&taken.frame).copied();
-        let header = header.ok_or_else(|| BridgeError::WrongAnswer {
-            expected: format!("the answer for frame {}", taken.frame),
-            found: "none".into(),
+        let header = header.ok_or_else(|| {
+            let expected = format_args!("the answer for frame {}", taken.frame);
+            BridgeError::wrong_answer(expected, "none")
         })?;
         // Earlier frames are not looked up again, except for ticks that are under way.
         while self.drawn.len() > 4 * SEGMENT_TICKS.1 {
             self.drawn.pop_first();
         }
-        Ok(CapturedFrame::new(
+        Ok(CapturedFrame {
             header,
-            PictureBytes::Pooled(taken.picture.rgb),
-        ))
+            rgb: PictureBytes::Pooled(taken.picture.rgb),
+        })
     }
 
     async fn take_answers(&mut self) -> Result<(), BridgeError> {

@@ -10,7 +10,7 @@ use crate::datarefs::{
     APPROACH_SWITCHES, AUTOPILOT_MODE, AutopilotSwitch, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON,
     COMMAND_SERVOS_ON, DatarefWrite, PAUSED,
 };
-use crate::error::BridgeError;
+use crate::error::{BridgeError, reads};
 use crate::link::{Answer, Request};
 
 /// Attempts before a command counts as ineffective. One of five is lost in the worst network that we test with.
@@ -22,7 +22,7 @@ impl Simulator {
     /// Stops the simulator's time.
     ///
     /// # Errors
-    /// [`BridgeError::CommandWithoutEffect`] if it does not stop.
+    /// [`BridgeError::NotTaken`] if it does not stop.
     pub async fn pause(&mut self) -> Result<(), BridgeError> {
         self.command_until(COMMAND_PAUSE_ON, &DatarefWrite::new(PAUSED, 1.0))
             .await
@@ -31,7 +31,7 @@ impl Simulator {
     /// Lets the simulator's time run.
     ///
     /// # Errors
-    /// [`BridgeError::CommandWithoutEffect`] if it does not run.
+    /// [`BridgeError::NotTaken`] if it does not run.
     pub async fn resume(&mut self) -> Result<(), BridgeError> {
         self.command_until(COMMAND_PAUSE_OFF, &DatarefWrite::new(PAUSED, 0.0))
             .await
@@ -61,13 +61,9 @@ impl Simulator {
                     tracing::warn!(command, ?values, "the autopilot does not show it");
                 }
                 (_, values) => {
-                    return Err(BridgeError::CommandWithoutEffect {
-                        command: command.to_owned(),
-                        attempts: ATTEMPTS,
-                        name: AUTOPILOT_MODE.to_owned(),
-                        wanted: 2.0,
-                        found: values.first().copied().flatten(),
-                    });
+                    let effect = DatarefWrite::new(AUTOPILOT_MODE, 2.0);
+                    let found = values.first().copied().flatten();
+                    return Err(without_effect(command, &effect, found));
                 }
             }
         }
@@ -105,31 +101,21 @@ impl Simulator {
         command: &str,
         effect: &DatarefWrite,
     ) -> Result<(), BridgeError> {
-        let shows = |value: Option<f32>| value.is_some_and(|value| effect.is_met_by(value));
-        let deadline = Instant::now() + EFFECT_TIMEOUT;
-        let came = |values: &[Option<f32>]| values[0].is_some();
-        let mut found = self.udp.read_until(&[&effect.name], deadline, came).await?[0];
+        let shows = |value| effect.is_met_by(value);
+        let read = self.udp.read_one(&effect.name, EFFECT_TIMEOUT, |_| true);
+        let mut found = read.await?;
         for _ in 0..ATTEMPTS {
-            if shows(found) {
+            if found.is_some_and(shows) {
                 return Ok(());
             }
             self.command(command).await?;
-            let deadline = Instant::now() + EFFECT_TIMEOUT;
-            found = self
-                .udp
-                .read_until(&[&effect.name], deadline, |values| shows(values[0]))
-                .await?[0];
+            let read = self.udp.read_one(&effect.name, EFFECT_TIMEOUT, shows);
+            found = read.await?;
         }
-        if shows(found) {
+        if found.is_some_and(shows) {
             return Ok(());
         }
-        Err(BridgeError::CommandWithoutEffect {
-            command: command.to_owned(),
-            attempts: ATTEMPTS,
-            name: effect.name.clone(),
-            wanted: effect.value,
-            found,
-        })
+        Err(without_effect(command, effect, found))
     }
 
     /// Runs a command whose effect no dataref shows, exactly once: by the capture link, which acknowledges it.
@@ -169,5 +155,20 @@ impl Simulator {
                 false
             }
         }
+    }
+}
+
+fn without_effect(command: &str, effect: &DatarefWrite, found: Option<f32>) -> BridgeError {
+    BridgeError::NotTaken {
+        name: effect.name.clone(),
+        wanted: effect.value,
+        found,
+        text: format!(
+            "command {command} was sent {ATTEMPTS} times, but dataref {} {}, expected {}. Close menus and dialogs in X-Plane, and run no other \
+             plugin that undoes it",
+            effect.name,
+            reads(found, "never answered"),
+            effect.value
+        ),
     }
 }

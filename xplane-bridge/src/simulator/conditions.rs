@@ -7,15 +7,15 @@ use std::time::Duration;
 
 use dataset::conditions::Conditions;
 use futures_util::future::{BoxFuture, LocalBoxFuture};
-use tokio::time::{Instant, sleep};
+use tokio::time::sleep;
 
 use super::Simulator;
-use super::settings_watch::SettingsWatch;
+use super::settings_watch::{SettingsWatch, setting_lost};
 use crate::datarefs::{
     DATE_DAYS, DatarefWrite, Generation, OVERRIDE_FLIGHT_MODEL, USE_SYSTEM_TIME, ZULU_TIME_S,
     clock_writes, condition_writes, running_clock_writes, weather_writes,
 };
-use crate::error::BridgeError;
+use crate::error::{BridgeError, reads};
 
 /// Maximum writes per dataref. A scenario has some 110: if one datagram in five is lost, fewer attempts would make one scenario in thirty
 /// fail.
@@ -71,7 +71,7 @@ impl Simulator {
 
     /// Weather in the units that this simulator was measured to use.
     fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        match self.description.profile.current() {
+        match self.profile.current() {
             Some(profile) => profile.in_its_units(writes),
             None => writes,
         }
@@ -117,7 +117,7 @@ impl Simulator {
     /// under these conditions.
     ///
     /// # Errors
-    /// [`BridgeError::SettingLost`], [`BridgeError::Restarted`], or [`BridgeError::OtherWeatherShows`] as in
+    /// [`BridgeError::Failed`] if a setting was lost or the simulator restarted, or [`BridgeError::OtherWeatherShows`] as in
     /// [`Simulator::set_conditions`].
     pub fn confirm_conditions(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
         Box::pin(async move {
@@ -136,11 +136,7 @@ impl Simulator {
                     self.check_settings()?;
                     self.confirm_effective_weather().await
                 }
-                Some((write, found)) => Err(BridgeError::SettingLost {
-                    name: write.name,
-                    wanted: write.value,
-                    found,
-                }),
+                Some((write, found)) => Err(setting_lost(&write, found)),
             }
         })
     }
@@ -195,8 +191,13 @@ impl Simulator {
         match self.write_in_rounds(writes, ATTEMPTS).await? {
             None => Ok(()),
             Some((write, found)) => Err(BridgeError::NotTaken {
+                text: format!(
+                    "dataref {} was written {ATTEMPTS} times as {}, but {}. Does another plugin or a real-weather setting hold it?",
+                    write.name,
+                    write.value,
+                    reads(found, "never answered")
+                ),
                 name: write.name,
-                attempts: ATTEMPTS,
                 wanted: write.value,
                 found,
             }),
@@ -246,10 +247,7 @@ impl Simulator {
         writes: &[DatarefWrite],
     ) -> Result<Vec<Option<f32>>, BridgeError> {
         let names: Vec<&str> = writes.iter().map(|write| write.name.as_str()).collect();
-        let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
-        self.udp
-            .read_until(&names, Instant::now() + READ_TIMEOUT, all)
-            .await
+        self.udp.read_all(&names, READ_TIMEOUT).await
     }
 }
 

@@ -65,18 +65,18 @@ impl WebApiPlace {
 
     /// Parses the variable; if it is missing or empty, the default is used.
     fn of_variable(found: Result<String, VarError>) -> Result<Self, BridgeError> {
-        let bad = |found: String, why: BadWebApiPlace| BridgeError::BadVariable {
-            name: WEB_API_VARIABLE,
-            found,
-            why,
+        let bad = |found: &str, why: BadWebApiPlace| {
+            BridgeError::BadVariable(format!(
+                "the environment variable {WEB_API_VARIABLE} is {found:?}: {why}"
+            ))
         };
         match found {
             Err(VarError::NotPresent) => Ok(Self::Usual),
             Ok(text) if text.is_empty() => Ok(Self::Usual),
-            Ok(text) => text.parse().map_err(|why| bad(text, why)),
+            Ok(text) => text.parse().map_err(|why| bad(&text, why)),
             Err(VarError::NotUnicode(bytes)) => Err(bad(
-                bytes.to_string_lossy().into_owned(),
-                BadWebApiPlace::NotText,
+                &bytes.to_string_lossy(),
+                BadWebApiPlace("it is not UTF-8 text".into()),
             )),
         }
     }
@@ -98,17 +98,8 @@ const EXPECTED: &str = "expected HOST:PORT, e.g. 127.0.0.1:8086 or localhost:808
 
 /// Reason why a text is not a location of the Web API.
 #[derive(Debug, thiserror::Error)]
-pub enum BadWebApiPlace {
-    /// The host name is unknown, or the text is not an address.
-    #[error("{0}; {EXPECTED}")]
-    Unresolved(std::io::Error),
-    /// A host without addresses.
-    #[error("it has no address; {EXPECTED}")]
-    NoAddress,
-    /// The value is not text.
-    #[error("it is not UTF-8 text; {EXPECTED}")]
-    NotText,
-}
+#[error("{0}; {EXPECTED}")]
+pub struct BadWebApiPlace(String);
 
 impl FromStr for WebApiPlace {
     type Err = BadWebApiPlace;
@@ -119,7 +110,7 @@ impl FromStr for WebApiPlace {
         }
         let found: Vec<SocketAddr> = text
             .to_socket_addrs()
-            .map_err(BadWebApiPlace::Unresolved)?
+            .map_err(|error| BadWebApiPlace(error.to_string()))?
             .collect();
         // X-Plane serves it on IPv4 only, and `localhost` often resolves to an IPv6 address first.
         found
@@ -127,7 +118,7 @@ impl FromStr for WebApiPlace {
             .find(|address| address.is_ipv4())
             .or(found.first())
             .map(|&address| Self::At(address))
-            .ok_or(BadWebApiPlace::NoAddress)
+            .ok_or_else(|| BadWebApiPlace("it has no address".into()))
     }
 }
 

@@ -32,12 +32,12 @@ use serde::Serialize;
 use self::talk::{Silence, Talk};
 use crate::datarefs::{CAPTURE_PORT, Generation};
 use crate::error::BridgeError;
-use crate::link::PictureSize;
+use crate::link::{Hello, LINK_VERSION, PictureSize};
 use crate::pixels::{FfmpegScreen, Screen};
 use crate::profile::Finding;
 use crate::udp::simulator_address::reachable;
 use crate::udp::socket::LocalUdp;
-use crate::{ConnectOptions, Simulator, SimulatorDescription, WebApiPlace};
+use crate::{ConnectOptions, Simulator, WebApiPlace};
 
 /// X-Plane's default address.
 const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
@@ -418,31 +418,24 @@ fn no_link(error: &BridgeError) -> Check {
             "A firewall may be between, or the plugin listens on its own machine only: run dtd there, or give the plugin a token and an \
              address (docs/x-plane.md)"
         }
-        BridgeError::BadVariable { .. } => "Set the variable right, or leave it out",
+        BridgeError::BadVariable(_) => "Set the variable right, or leave it out",
         BridgeError::Refused { .. } => "Set DTD_LINK_TOKEN to the secret that the plugin was given",
         _ => "Install plugin and program of the same release: `dtd install-plugin XPLANE_DIR`",
     };
     Check::failed("plugin", error.to_string(), hint)
 }
 
-fn plugin(description: &SimulatorDescription) -> Check {
-    let SimulatorDescription {
-        name,
-        version,
-        capture_link,
-        ..
-    } = description;
-    let served_by = match &description.plugin {
-        Some(plugin) => plugin.clone(),
-        None => "the simulator itself".into(),
-    };
+fn plugin(description: &Hello) -> Check {
+    let Hello { name, version, .. } = description;
+    let served_by = description.plugin.as_deref();
+    let served_by = served_by.unwrap_or("the simulator itself");
     Check::ok(
         "plugin",
-        format!("capture link version {capture_link} of {name} {version}, served by {served_by}"),
+        format!("capture link version {LINK_VERSION} of {name} {version}, served by {served_by}"),
     )
 }
 
-fn pixels(description: &SimulatorDescription) -> Check {
+fn pixels(description: &Hello) -> Check {
     let names: Vec<&str> = description.pixels.iter().map(|kind| kind.name()).collect();
     if names.is_empty() {
         let hint = "X-Plane 11: choose OpenGL in Settings > Graphics; X-Plane 12: run it in a window on this desktop, with XPPython3 able to draw";

@@ -10,7 +10,7 @@ mod by_udp;
 use std::time::Duration;
 
 use dataset::conditions::Conditions;
-use dataset::geometry::geodesy::{Geodetic, LatLon};
+use dataset::geometry::geodesy::LatLon;
 use futures_util::future::LocalBoxFuture;
 use tokio::time::{Instant, sleep};
 
@@ -58,8 +58,9 @@ impl Simulator {
     /// Ensures that a flight is loaded, with the scenario's aircraft, where its images are taken or its approach starts, with the scenery
     /// there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or of the wrong type.
     ///
-    /// # Errors [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or any other reason that prevents the flight
-    /// from starting.
+    /// # Errors
+    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::Setup`] if another aircraft is loaded, or any other reason that prevents
+    /// the flight from starting.
     pub fn prepare<'a>(
         &'a mut self,
         conditions: &'a Conditions,
@@ -88,40 +89,32 @@ impl Simulator {
         }
         for menu_was_toggled in [false, true] {
             self.resume().await?;
-            let first_s = self.read_one(FLIGHT_TIME_S, |_| true).await?;
+            let first_s = self.read_soon(FLIGHT_TIME_S).await?;
             let moves = |now_s: f32| first_s.is_some_and(|first_s| now_s > first_s);
-            let now_s = self.read_one(FLIGHT_TIME_S, moves).await?;
+            let read = self.udp.read_one(FLIGHT_TIME_S, READY_TIMEOUT, moves);
+            let now_s = read.await?;
             if now_s.is_some_and(moves) {
                 return Ok(());
             }
             // Silence does not mean a menu: X-Plane hangs for seconds while it loads.
             if first_s.is_none() || now_s.is_none() {
-                return Err(BridgeError::NobodyAnswers {
-                    address: self.address,
-                    waited: READY_TIMEOUT * 2,
-                    refused: false,
-                });
+                return Err(BridgeError::silent(self.address, READY_TIMEOUT * 2));
             }
             if !menu_was_toggled {
                 tracing::warn!("simulated time stands still: leaving the menu, if it is one");
                 self.command_once(COMMAND_TOGGLE_MAIN_MENU).await?;
             }
         }
-        Err(BridgeError::NotReady {
-            address: self.address,
-            waited: READY_TIMEOUT,
-        })
+        Err(BridgeError::NotReady(format!(
+            "no flight is on at {}: simulated time did not move for {:.1} s, twice, and toggling the main menu did not help. Is Flight \
+             Configuration, a menu or a question open in X-Plane? Start any flight, and run the same command again",
+            self.address,
+            READY_TIMEOUT.as_secs_f64()
+        )))
     }
 
-    /// Reads a value until it is as wanted; returns the last one.
-    async fn read_one(
-        &mut self,
-        name: &str,
-        wanted: impl Fn(f32) -> bool,
-    ) -> Result<Option<f32>, BridgeError> {
-        let deadline = Instant::now() + READY_TIMEOUT;
-        let enough = |values: &[Option<f32>]| values[0].is_some_and(&wanted);
-        Ok(self.udp.read_until(&[name], deadline, enough).await?[0])
+    async fn read_soon(&mut self, name: &str) -> Result<Option<f32>, BridgeError> {
+        self.udp.read_one(name, READY_TIMEOUT, |_| true).await
     }
 
     /// Position of the aircraft; `None` if X-Plane does not report a plausible one.
@@ -205,12 +198,8 @@ impl Simulator {
             pitch_deg: 0.0,
         };
         let body = flight_body(file.path, &air_start, conditions)?;
-        let before_s =
-            self.udp
-                .read_until(&[FLIGHT_TIME_S], Instant::now() + READY_TIMEOUT, |values| {
-                    values[0].is_some()
-                });
-        let before_s = before_s.await?[0].unwrap_or(f32::MAX);
+        let before_s = self.udp.read_one(FLIGHT_TIME_S, READY_TIMEOUT, |_| true);
+        let before_s = before_s.await?.unwrap_or(f32::MAX);
         let asked = Instant::now();
         match api.start_flight(&body).await {
             Ok(()) => {}
@@ -222,7 +211,7 @@ impl Simulator {
         let wanted = start.position.lat_lon();
         loop {
             let here = self.position().await?;
-            let flight_s = self.read_one(FLIGHT_TIME_S, |_| true).await?;
+            let flight_s = self.read_soon(FLIGHT_TIME_S).await?;
             let is_there = here.is_some_and(|here| here.distance_m(wanted) < BEGUN_WITHIN_M);
             let has_begun = flight_s
                 .is_some_and(|now_s| now_s < before_s || now_s <= asked.elapsed().as_secs_f32());
@@ -230,13 +219,7 @@ impl Simulator {
                 return self.hold_aircraft().await;
             }
             if asked.elapsed() >= START_TIMEOUT {
-                return Err(BridgeError::NotPlaced {
-                    by: "the Web API",
-                    attempts: 1,
-                    wanted_latitude_deg: wanted.latitude_deg,
-                    wanted_longitude_deg: wanted.longitude_deg,
-                    found: here.map(|here| (here.latitude_deg, here.longitude_deg)),
-                });
+                return Err(not_placed(wanted, "the Web API", 1, here));
             }
             sleep(Duration::from_millis(500)).await;
         }
@@ -247,7 +230,7 @@ impl Simulator {
         let Some(file) = self.aircraft_file() else {
             return Ok(true);
         };
-        let found = self.loaded_icao(Duration::from_secs(1)).await?;
+        let found = self.loaded_icao().await?;
         Ok(found.is_empty() || found == file.icao)
     }
 
@@ -256,26 +239,20 @@ impl Simulator {
             return Ok(());
         };
         if !self.has_the_aircraft().await? {
-            return Err(BridgeError::WrongAircraft {
-                wanted: file.icao,
-                found: self.loaded_icao(Duration::from_secs(1)).await?,
-                path: file.path,
-            });
+            return Err(wrong_aircraft(&file, &self.loaded_icao().await?));
         }
         for (name, size_m) in [
             (AIRCRAFT_WIDTH_M, file.size_m.0),
             (AIRCRAFT_LENGTH_M, file.size_m.1),
         ] {
-            let found_m = self.read_one(name, |_| true).await?.map_or(0.0, f64::from);
+            let found_m = self.read_soon(name).await?.map_or(0.0, f64::from);
             // X-Plane reads 0 for an unknown name.
             if found_m != 0.0 && !SIZE_RATIOS.contains(&(found_m / size_m)) {
-                return Err(BridgeError::WrongSize {
-                    name,
-                    icao: file.icao,
-                    found_m,
-                    expected_m: size_m,
-                    path: file.path,
-                });
+                return Err(BridgeError::Setup(format!(
+                    "the aircraft that is loaded says that it is a {}, but is {found_m:.1} m large ({name}), expected about {size_m:.1} m: \
+                     ground-truth boxes would not fit it. Load {} in X-Plane, and run the same command again",
+                    file.icao, file.path
+                )));
             }
         }
         Ok(())
@@ -286,7 +263,7 @@ impl Simulator {
         let Some(file) = self.aircraft_file() else {
             return Ok(());
         };
-        let found = self.loaded_icao(Duration::from_secs(1)).await?;
+        let found = self.loaded_icao().await?;
         if found.is_empty() || found == file.icao {
             return Ok(());
         }
@@ -304,28 +281,20 @@ impl Simulator {
             let mut now_loaded = found.clone();
             // X-Plane is silent while it loads, and a second request would make it load again.
             while Instant::now() < deadline && (Instant::now() < until || now_loaded.is_empty()) {
-                now_loaded = self.loaded_icao(Duration::from_secs(1)).await?;
+                now_loaded = self.loaded_icao().await?;
                 if now_loaded == file.icao {
                     return Ok(());
                 }
             }
         }
-        Err(BridgeError::WrongAircraft {
-            wanted: file.icao,
-            found,
-            path: file.path,
-        })
+        Err(wrong_aircraft(&file, &found))
     }
 
     /// Type of the loaded aircraft; empty if the simulator does not report it.
-    async fn loaded_icao(&mut self, timeout: Duration) -> Result<String, BridgeError> {
+    async fn loaded_icao(&mut self) -> Result<String, BridgeError> {
         let names: Vec<String> = (0..4).map(|i| format!("{AIRCRAFT_ICAO}[{i}]")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
-        let values = self
-            .udp
-            .read_until(&names, Instant::now() + timeout, all)
-            .await?;
+        let values = self.udp.read_all(&names, Duration::from_secs(1)).await?;
         Ok(values
             .into_iter()
             .flatten()
@@ -344,10 +313,28 @@ impl Simulator {
 }
 
 fn lat_lon(position: &Position) -> LatLon {
-    let found = Geodetic {
+    LatLon {
         latitude_deg: position.latitude_deg,
         longitude_deg: position.longitude_deg,
-        altitude_msl_m: position.elevation_msl_m,
+    }
+}
+
+/// An aircraft that is not where a flight should begin.
+fn not_placed(wanted: LatLon, by: &str, attempts: u32, found: Option<LatLon>) -> BridgeError {
+    let text = |place: LatLon| format!("{:.4}, {:.4}", place.latitude_deg, place.longitude_deg);
+    let found = match found {
+        Some(place) => format!("is at {}", text(place)),
+        None => "its position never came (RPOS)".to_owned(),
     };
-    found.lat_lon()
+    BridgeError::NotReady(format!(
+        "the aircraft was put to {} {attempts} times ({by}), but {found}",
+        text(wanted)
+    ))
+}
+
+fn wrong_aircraft(file: &AircraftFile, found: &str) -> BridgeError {
+    BridgeError::Setup(format!(
+        "the aircraft that is loaded is {found}, expected {} ({}): load it in X-Plane, and run the same command again",
+        file.icao, file.path
+    ))
 }

@@ -7,6 +7,7 @@ use tokio::io::BufReader;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout_at};
 
+use super::SWITCH_TIMEOUT;
 use crate::error::BridgeError;
 use crate::error::peer_text::quoted;
 use crate::link::{
@@ -19,6 +20,8 @@ pub(super) struct LinkClient {
     /// Buffered for the small reads of headers; a payload goes past the buffer into its own memory.
     stream: Option<BufReader<TcpStream>>,
     payload_bytes: usize,
+    /// True if the simulator can draw the check pattern under its own windows.
+    pub(super) patterns_under: bool,
 }
 
 impl LinkClient {
@@ -37,6 +40,7 @@ impl LinkClient {
         Ok(Self {
             stream: Some(stream),
             payload_bytes: 0,
+            patterns_under: false,
         })
     }
 
@@ -87,9 +91,7 @@ impl LinkClient {
         let read = before(doing, limit, async {
             read_header::<Answer>(stream)
                 .await?
-                .ok_or(LinkError::Ended {
-                    inside: "a conversation",
-                })
+                .ok_or_else(|| LinkError::ended("a conversation"))
         });
         let read = read.await;
         let (answer, payload_bytes) = self.close_on_error(read)?;
@@ -104,11 +106,27 @@ impl LinkClient {
             answer if expects_payload || payload_bytes == 0 => Ok(answer),
             answer => {
                 self.close();
-                Err(BridgeError::WrongAnswer {
-                    expected: format!("no payload behind {}", answer.name()),
-                    found: format!("{payload_bytes} bytes"),
-                })
+                Err(BridgeError::wrong_answer(
+                    format_args!("no payload behind {}", answer.name()),
+                    format_args!("{payload_bytes} bytes"),
+                ))
             }
+        }
+    }
+
+    /// Draws or removes the check pattern, over the simulator's own windows or `under` them. Returns the first frame that shows it so.
+    pub(super) async fn check_pattern(
+        &mut self,
+        code: Option<u32>,
+        under: bool,
+    ) -> Result<u64, BridgeError> {
+        let request = Request::CheckPattern { code, under };
+        match self
+            .ask("the check pattern", &request, SWITCH_TIMEOUT)
+            .await?
+        {
+            Answer::CheckPatternShown { sim_frame } => Ok(sim_frame),
+            other => Err(wrong("check_pattern_shown", &other)),
         }
     }
 
@@ -126,6 +144,7 @@ impl LinkClient {
     ) -> Result<(), BridgeError> {
         let stream = self.stream.as_mut().ok_or(BridgeError::LinkClosed)?;
         let bytes = std::mem::take(&mut self.payload_bytes);
+        buffer.clear();
         let read = before(doing, limit, read_payload(stream, bytes, buffer)).await;
         self.close_on_error(read)
     }
@@ -152,17 +171,14 @@ async fn before<T>(
     match timeout_at(Instant::now() + limit, work).await {
         Ok(Ok(done)) => Ok(done),
         Ok(Err(source)) => Err(BridgeError::Link { doing, source }),
-        Err(_) => Err(BridgeError::LinkTimeout {
-            doing,
-            waited: limit,
-        }),
+        Err(_) => Err(BridgeError::Failed(format!(
+            "the simulator did not answer over the capture link within {:.1} s, while waiting for {doing}",
+            limit.as_secs_f64()
+        ))),
     }
 }
 
 /// An answer that does not match its request.
 pub(crate) fn wrong(expected: &str, found: &Answer) -> BridgeError {
-    BridgeError::WrongAnswer {
-        expected: expected.to_owned(),
-        found: found.name().to_owned(),
-    }
+    BridgeError::wrong_answer(expected, found.name())
 }

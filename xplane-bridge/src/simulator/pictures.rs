@@ -5,14 +5,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::link_client::LinkClient;
-use super::setup::show_check_pattern;
 use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
-use crate::link::{Deliver, PictureSize, ScreenOffer};
+use crate::link::{Deliver, MAX_OUTSTANDING_CAPTURES, PictureSize, ScreenOffer};
 use crate::pixels::still_scene::Covered;
 use crate::pixels::{
-    CodedGrabs, Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, Rectangle,
-    RemoteScreen, Screen, ScreenSource, Screenshots,
+    CodedGrabs, Confirmed, PatternDisplay, PixelChoice, PixelError, PixelKind, PixelSource,
+    Rectangle, RemoteScreen, Screen, ScreenSource,
 };
 use futures_util::future::BoxFuture;
 
@@ -103,16 +102,13 @@ impl Simulator {
                     let screen = &self.screen(screen)?;
                     let reported = self.description.window.as_ref();
                     self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
-                    let display = &mut LinkDisplay {
-                        patterns_under: self.description.patterns_under,
-                        link: &mut self.link,
-                    };
+                    let link = &mut self.link;
                     let source =
-                        ScreenSource::set_up(screen, picture_px, has_codes, reported, display);
-                    Box::new(source.await?)
+                        ScreenSource::set_up(screen, picture_px, has_codes, reported, link);
+                    PixelSource::Screen(Box::new(source.await?))
                 }
-                PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
-                PixelKind::Link | PixelKind::Gl => Box::new(Payload(kind)),
+                PixelKind::Screenshot => PixelSource::Screenshots(wanted),
+                PixelKind::Link | PixelKind::Gl => PixelSource::Payload(kind),
             };
             if has_codes && self.pixels.coded_window().is_none() {
                 tracing::info!(
@@ -132,21 +128,19 @@ impl Simulator {
     pub fn confirm_pixels(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
         Box::pin(async move {
             self.grabs = CodedGrabs::default();
-            let display = &mut LinkDisplay {
-                patterns_under: self.description.patterns_under,
-                link: &mut self.link,
-            };
-            self.pixels.confirm(display).await
+            match &mut self.pixels {
+                PixelSource::Screen(source) => source.confirm(&mut self.link).await,
+                _ => Ok(()),
+            }
         })
     }
 
     /// The part of the images that something covers now. No capture is outstanding.
     pub(super) async fn covered_part(&mut self) -> Result<Option<Rectangle>, BridgeError> {
-        let display = &mut LinkDisplay {
-            patterns_under: self.description.patterns_under,
-            link: &mut self.link,
-        };
-        self.pixels.covered_part(display).await
+        match &mut self.pixels {
+            PixelSource::Screen(source) => source.covered_part(&mut self.link).await,
+            _ => Ok(None),
+        }
     }
 
     /// Waits until nothing covers the images. Returns what did last.
@@ -175,19 +169,17 @@ impl Simulator {
 
     /// Maximum outstanding captures.
     pub fn most_outstanding(&self) -> usize {
-        self.pixels.most_outstanding()
+        match self.pixels {
+            PixelSource::Payload(_) => MAX_OUTSTANDING_CAPTURES,
+            // A frame must stay on the screen until it is grabbed.
+            PixelSource::Screen(_) | PixelSource::Screenshots(_) => 1,
+        }
     }
 }
 
-/// The simulator at the other end of the link, for showing check patterns.
-struct LinkDisplay<'a> {
-    link: &'a mut LinkClient,
-    patterns_under: bool,
-}
-
-impl PatternDisplay for LinkDisplay<'_> {
+impl PatternDisplay for LinkClient {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
-        Box::pin(async move { show_check_pattern(self.link, code, false).await.map(|_| ()) })
+        Box::pin(async move { self.check_pattern(code, false).await.map(|_| ()) })
     }
 
     fn show_under_windows(&mut self, code: u32) -> Option<Confirmed<'_>> {
@@ -195,9 +187,7 @@ impl PatternDisplay for LinkDisplay<'_> {
             return None;
         }
         Some(Box::pin(async move {
-            show_check_pattern(self.link, Some(code), true)
-                .await
-                .map(|_| ())
+            self.check_pattern(Some(code), true).await.map(|_| ())
         }))
     }
 }

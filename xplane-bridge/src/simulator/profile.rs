@@ -25,7 +25,7 @@ impl Simulator {
                 &Answer::ProfileKept,
             )
             .await?;
-        self.description.profile = KnownProfile::Current(Box::new(profile));
+        self.profile = KnownProfile::Current(Box::new(profile));
         Ok(())
     }
 
@@ -34,7 +34,7 @@ impl Simulator {
     /// # Errors
     /// The plugin cannot store it.
     pub async fn keep_pace(&mut self, recorded: &RecordedPace) -> Result<(), BridgeError> {
-        let KnownProfile::Current(profile) = &self.description.profile else {
+        let KnownProfile::Current(profile) = &self.profile else {
             return Ok(());
         };
         let before = profile.pace.found().copied();
@@ -63,8 +63,8 @@ impl Simulator {
 
     /// Uses an earlier connection's findings about the same simulator, unless the plugin has more.
     pub fn use_profile(&mut self, known: KnownProfile) {
-        if self.description.profile.current().is_none() {
-            self.description.profile = known;
+        if self.profile.current().is_none() {
+            self.profile = known;
         }
     }
 

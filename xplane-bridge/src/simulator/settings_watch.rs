@@ -12,7 +12,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use crate::datarefs::{DatarefWrite, RUNNING_TIME_S};
-use crate::error::BridgeError;
+use crate::error::{BridgeError, reads};
 use crate::udp::socket::SimulatorSocket;
 use crate::udp::subscription::{Reading, SILENCE, Subscription};
 
@@ -64,7 +64,7 @@ impl SettingsWatch {
     /// Compares what arrived since the last call. Cheap if no value arrived.
     ///
     /// # Errors
-    /// [`BridgeError::Restarted`], [`BridgeError::SettingLost`].
+    /// The simulator was restarted, or a setting was lost.
     pub(super) fn check(&mut self) -> Result<(), BridgeError> {
         if self.subscription.has_changed() {
             self.judge.check(&self.subscription.readings())
@@ -102,11 +102,7 @@ impl Judge {
                 && reading.at >= self.expected_from
                 && !write.is_met_by(reading.value)
             {
-                return Err(BridgeError::SettingLost {
-                    name: name.clone(),
-                    wanted: write.value,
-                    found: Some(reading.value),
-                });
+                return Err(setting_lost(write, Some(reading.value)));
             }
         }
         Ok(())
@@ -121,11 +117,11 @@ impl Judge {
                 OVERTAKING.as_secs_f32()
             };
             if now.value < before.value - tolerance_s {
-                return Err(BridgeError::Restarted {
-                    address: self.address,
-                    before_s: before.value,
-                    found_s: now.value,
-                });
+                return Err(BridgeError::Failed(format!(
+                    "the simulator at {} was restarted: it runs for {:.1} s, and ran for {:.1} s before. What was set is lost; connect \
+                     again and repeat the settings",
+                    self.address, now.value, before.value
+                )));
             }
             if now.value < before.value {
                 return Ok(());
@@ -134,6 +130,16 @@ impl Judge {
         self.running = Some(now);
         Ok(())
     }
+}
+
+/// A confirmed setting that has changed.
+pub(super) fn setting_lost(write: &DatarefWrite, found: Option<f32>) -> BridgeError {
+    BridgeError::Failed(format!(
+        "dataref {} was set to {} and confirmed, but {} now. Was the simulator restarted, or does another program change it?",
+        write.name,
+        write.value,
+        reads(found, "does not answer")
+    ))
 }
 
 #[cfg(test)]
@@ -178,17 +184,8 @@ mod tests {
         assert!(judge.check(&readings(begin, 2.0, 100.0, 5.0)).is_ok());
         assert!(judge.check(&readings(begin, 2.1, 99.5, 5.0)).is_ok());
         let error = judge.check(&readings(begin, 2.2, 3.0, 5.0)).unwrap_err();
-        assert!(
-            matches!(
-                error,
-                BridgeError::Restarted {
-                    before_s: 100.0,
-                    found_s: 3.0,
-                    ..
-                }
-            ),
-            "{error}"
-        );
+        let restarted = "was restarted: it runs for 3.0 s, and ran for 100.0 s before";
+        assert!(error.to_string().contains(restarted), "{error}");
     }
 
     #[test]
@@ -197,9 +194,7 @@ mod tests {
         let mut judge = judge(begin);
         assert!(judge.check(&readings(begin, 0.0, 3.0, 5.0)).is_ok());
         let later = readings(begin, 3.0, 2.8, 5.0);
-        assert!(matches!(
-            judge.check(&later),
-            Err(BridgeError::Restarted { .. })
-        ));
+        let error = judge.check(&later).unwrap_err().to_string();
+        assert!(error.contains("was restarted"), "{error}");
     }
 }

@@ -1,6 +1,5 @@
 //! Client requests during setup: the ground's height, and the check pattern.
 
-use super::link_client::LinkClient;
 use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
@@ -39,22 +38,6 @@ impl Simulator {
     /// # Errors
     /// The simulator cannot draw it, or the link is broken.
     pub fn check_pattern(&mut self, code: Option<u32>) -> BoxFuture<'_, Result<u64, BridgeError>> {
-        Box::pin(async move { show_check_pattern(&mut self.link, code, false).await })
-    }
-}
-
-/// Draws or removes the check pattern, over the simulator's own windows or `under` them.
-pub(super) async fn show_check_pattern(
-    link: &mut LinkClient,
-    code: Option<u32>,
-    under: bool,
-) -> Result<u64, BridgeError> {
-    let request = Request::CheckPattern { code, under };
-    match link
-        .ask("the check pattern", &request, SWITCH_TIMEOUT)
-        .await?
-    {
-        Answer::CheckPatternShown { sim_frame } => Ok(sim_frame),
-        other => Err(wrong("check_pattern_shown", &other)),
+        Box::pin(self.link.check_pattern(code, false))
     }
 }

@@ -32,12 +32,9 @@ pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &Loc
     let Ok(udp) = SimulatorSocket::open(address, local).await else {
         return false;
     };
-    let came = |values: &[Option<f32>]| values[0].is_some();
-    let read = udp
-        .read_until(&[VERSION], Instant::now() + within, came)
-        .await;
+    let read = udp.read_one(VERSION, within, |_| true).await;
     udp.close().await;
-    read.is_ok_and(|values| came(&values))
+    matches!(read, Ok(Some(_)))
 }
 
 /// Time at which the simulator at an address began to run, by its own clock; `None` if it does not answer in time.
@@ -47,17 +44,36 @@ pub(crate) async fn running_since(
     local: &LocalUdp,
 ) -> Option<Instant> {
     let udp = SimulatorSocket::open(address, local).await.ok()?;
-    let came = |values: &[Option<f32>]| values[0].is_some();
-    let read = udp
-        .read_until(&[RUNNING_TIME_S], Instant::now() + within, came)
-        .await;
+    let read = udp.read_one(RUNNING_TIME_S, within, |_| true).await;
     let now = Instant::now();
     udp.close().await;
-    let running = Duration::try_from_secs_f32(read.ok()?[0]?).ok()?;
+    let running = Duration::try_from_secs_f32(read.ok()??).ok()?;
     now.checked_sub(running)
 }
 
 impl SimulatorSocket {
+    /// Reads a dataref until it is as wanted; returns the last value.
+    pub(super) async fn read_one(
+        self: &Arc<Self>,
+        name: &str,
+        within: Duration,
+        wanted: impl Fn(f32) -> bool,
+    ) -> Result<Option<f32>, BridgeError> {
+        let enough = |values: &[Option<f32>]| values[0].is_some_and(&wanted);
+        let deadline = Instant::now() + within;
+        Ok(self.read_until(&[name], deadline, enough).await?[0])
+    }
+
+    /// Reads datarefs once.
+    pub(super) async fn read_all(
+        self: &Arc<Self>,
+        names: &[&str],
+        within: Duration,
+    ) -> Result<Vec<Option<f32>>, BridgeError> {
+        let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
+        self.read_until(names, Instant::now() + within, all).await
+    }
+
     /// Reads datarefs until all have arrived and `enough` is satisfied, or `deadline` passes; `None` for those that never arrived.
     ///
     /// # Errors

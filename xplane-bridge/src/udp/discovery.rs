@@ -47,14 +47,14 @@ pub struct Announced {
 /// All simulators that announce themselves within `time`, under each of their addresses.
 ///
 /// # Errors
-/// [`BridgeError::NoBeaconPort`] or [`BridgeError::NoMulticast`] if this computer cannot listen to the beacon.
+/// This computer cannot listen to the beacon.
 pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
     let socket = listen(BEACON_PORT)?;
     let until = Instant::now() + time;
     let mut found = BTreeMap::new();
     let mut buffer = [0; 2048];
     while let Ok(received) = timeout_at(until, socket.recv_from(&mut buffer)).await {
-        let (length, from) = received.map_err(|source| BridgeError::NoMulticast { source })?;
+        let (length, from) = received.map_err(|error| no_multicast(&error))?;
         match FromSimulator::decode(&buffer[..length]) {
             Ok(FromSimulator::Beacon(beacon)) => {
                 note(&mut found, SocketAddr::new(from.ip(), beacon.port), beacon);
@@ -79,8 +79,7 @@ fn note(found: &mut BTreeMap<SocketAddr, Beacon>, address: SocketAddr, beacon: B
 /// The one simulator that announces itself within `time`, at an address where it answers.
 ///
 /// # Errors
-/// [`BridgeError::NobodyAnnounced`] or [`BridgeError::SeveralAnnounced`], which say what to do; [`BridgeError::NoBeaconPort`] or
-/// [`BridgeError::NoMulticast`] if this computer cannot listen to the beacon.
+/// None or several simulators announced themselves ([`BridgeError::SeveralAnnounced`]), or this computer cannot listen to the beacon.
 pub async fn the_announced(time: Duration, local: &LocalUdp) -> Result<Announced, BridgeError> {
     choose(announced(time).await?, time, local).await
 }
@@ -94,7 +93,11 @@ pub(crate) async fn choose(
 ) -> Result<Announced, BridgeError> {
     let flying = flying(heard);
     let [first, others @ ..] = &flying[..] else {
-        return Err(BridgeError::NobodyAnnounced { waited });
+        return Err(BridgeError::Failed(format!(
+            "no simulator announced itself within {:.1} s. The beacon is multicast, which firewalls and other networks drop: \
+             give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the bundled simulator: --sim mock",
+            waited.as_secs_f64()
+        )));
     };
     if others.is_empty() {
         return Ok(first.clone());
@@ -143,7 +146,13 @@ fn different<'a>(answering: &[(&'a Announced, Instant)]) -> Vec<&'a Announced> {
 
 /// A socket on the beacon's port, shared with other listeners.
 fn listen(port: u16) -> Result<UdpSocket, BridgeError> {
-    let socket = bind(port).map_err(|source| BridgeError::NoBeaconPort { port, source })?;
+    let socket = bind(port).map_err(|error| {
+        BridgeError::Failed(format!(
+            "cannot listen for beacons on UDP port {port} of this computer: {error}. Another program uses it alone, or the system reserves \
+             it (Windows, for Hyper-V: `netsh interface ipv4 show excludedportrange protocol=udp`). Give the simulator's address: --sim \
+             HOST:PORT"
+        ))
+    })?;
     let joined = [Ipv4Addr::UNSPECIFIED, Ipv4Addr::LOCALHOST]
         .map(|interface| socket.join_multicast_v4(&BEACON_GROUP, &interface));
     // One of the two is enough: a computer without a network has only the loopback interface.
@@ -151,7 +160,13 @@ fn listen(port: u16) -> Result<UdpSocket, BridgeError> {
         [Err(error), Err(_)] => Err(error),
         _ => UdpSocket::from_std(socket.into()),
     }
-    .map_err(|source| BridgeError::NoMulticast { source })
+    .map_err(|error| no_multicast(&error))
+}
+
+fn no_multicast(error: &io::Error) -> BridgeError {
+    BridgeError::Failed(format!(
+        "cannot listen to the beacon (multicast {BEACON_GROUP}:{BEACON_PORT}): {error}. Give the address: --sim HOST:PORT"
+    ))
 }
 
 fn bind(port: u16) -> io::Result<Socket> {

@@ -26,7 +26,7 @@ use tokio::time::{Instant, sleep, timeout};
 
 use crate::error::BridgeError;
 use crate::packet::{
-    DatarefValue, DatarefValuesView, FromSimulator, Position, SubscribeDataref, SubscribePosition,
+    DatarefValue, DatarefValues, FromSimulator, Position, SubscribeDataref, SubscribePosition,
     ToSimulator,
 };
 use crate::udp::simulator_address::{is_answer, local_address, reachable};
@@ -95,14 +95,9 @@ impl SimulatorSocket {
                 taken_over.extend(unused);
                 bind_fixed(local_address(simulator, port)).await?
             }
-            (None, None) => {
-                UdpSocket::bind(local_address(simulator, 0))
-                    .await
-                    .map_err(|source| BridgeError::Udp {
-                        address: simulator,
-                        source,
-                    })?
-            }
+            (None, None) => UdpSocket::bind(local_address(simulator, 0))
+                .await
+                .map_err(|error| failed(simulator, &error))?,
         };
         if let Ok(own) = socket.local_addr()
             && notes.iter().all(|note| note.port() != own.port())
@@ -273,27 +268,23 @@ impl Shared {
             Ok(_) => Ok(()),
             // The answer to an earlier datagram, on systems that give it to unconnected sockets.
             Err(error) if is_refusal(&error) => Ok(()),
-            Err(source) => Err(BridgeError::Udp {
-                address: self.simulator,
-                source,
-            }),
+            Err(error) => Err(failed(self.simulator, &error)),
         }
     }
 
     /// Hands out a datagram's values, and ends unwanted subscriptions.
     async fn take(&self, datagram: &[u8]) {
         self.has_heard.store(true, Ordering::Relaxed);
-        if let Ok(values) = DatarefValuesView::new(datagram) {
-            let unwanted = self.readers().hand_out(values.iter());
-            for index in unwanted {
-                self.unwanted.fetch_add(1, Ordering::Relaxed);
-                if let Some(datagram) = end_datagram(index) {
-                    let _ = self.send(&datagram).await;
+        match FromSimulator::decode(datagram) {
+            Ok(FromSimulator::DatarefValues(DatarefValues { values })) => {
+                let unwanted = self.readers().hand_out(values);
+                for index in unwanted {
+                    self.unwanted.fetch_add(1, Ordering::Relaxed);
+                    if let Some(datagram) = end_datagram(index) {
+                        let _ = self.send(&datagram).await;
+                    }
                 }
             }
-            return;
-        }
-        match FromSimulator::decode(datagram) {
             Ok(FromSimulator::Position(position)) => {
                 if !self.readers().hand_out_position(position) {
                     self.end_positions().await;
@@ -373,6 +364,10 @@ fn end_of(index: i32) -> SubscribeDataref {
 
 fn end_datagram(index: i32) -> Option<Vec<u8>> {
     ToSimulator::SubscribeDataref(end_of(index)).encode().ok()
+}
+
+fn failed(simulator: SocketAddr, error: &io::Error) -> BridgeError {
+    BridgeError::Failed(format!("cannot use UDP towards {simulator}: {error}"))
 }
 
 /// True if an error only means that no program took an earlier datagram.

@@ -56,6 +56,16 @@ impl Pose {
         }
     }
 
+    /// The same attitude at another position.
+    pub fn moved_to(self, position: Geodetic) -> Self {
+        Self {
+            latitude_deg: position.latitude_deg,
+            longitude_deg: position.longitude_deg,
+            altitude_msl_m: position.altitude_msl_m,
+            ..self
+        }
+    }
+
     /// Rotation from body axes (forward, right, down) to local north, east, down.
     pub fn ned_from_body(&self) -> DMat3 {
         DMat3::from_rotation_z(self.heading_true_deg.to_radians())

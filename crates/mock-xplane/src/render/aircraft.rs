@@ -250,96 +250,58 @@ impl Flash {
     }
 }
 
-const fn lamp(
-    position_m: [f64; 3],
-    candela: [f32; 3],
-    beam: Beam,
-    flash: Flash,
-    needs_gear: f64,
-) -> Lamp {
+/// A lamp that is always on.
+const fn lamp(position_m: [f64; 3], candela: [f32; 3], beam: Beam) -> Lamp {
     Lamp {
         position_m,
         candela,
         beam,
-        flash,
-        needs_gear,
+        flash: Flash::Steady,
+        needs_gear: 0.0,
     }
 }
 
-const STROBE: Flash = Flash::Every(1.1, 0.07, 0.0);
+const fn strobe(position_m: [f64; 3]) -> Lamp {
+    Lamp {
+        flash: Flash::Every(1.1, 0.07, 0.0),
+        ..lamp(position_m, [900.0, 920.0, 1_000.0], Beam::Around)
+    }
+}
+
+const fn beacon(position_m: [f64; 3]) -> Lamp {
+    Lamp {
+        flash: Flash::Every(1.3, 0.10, 0.5),
+        ..lamp(position_m, [180.0, 8.0, 4.0], Beam::Around)
+    }
+}
+
+const fn landing_lamp(position_m: [f64; 3]) -> Lamp {
+    lamp(
+        position_m,
+        [105_000.0, 100_000.0, 84_000.0],
+        Beam::Ahead(0.16),
+    )
+}
 
 static LAMPS: [Lamp; 7] = [
-    lamp(
-        [-4.0, -17.55, -0.8],
-        [50.0, 2.0, 1.0],
-        Beam::Side(-1.0),
-        Flash::Steady,
-        0.0,
-    ),
-    lamp(
-        [-4.0, 17.55, -0.8],
-        [2.0, 45.0, 18.0],
-        Beam::Side(1.0),
-        Flash::Steady,
-        0.0,
-    ),
-    lamp(
-        [-20.0, 0.0, -1.4],
-        [50.0, 48.0, 42.0],
-        Beam::Astern,
-        Flash::Steady,
-        0.0,
-    ),
-    lamp(
-        [-4.2, -17.55, -0.8],
-        [900.0, 920.0, 1_000.0],
-        Beam::Around,
-        STROBE,
-        0.0,
-    ),
-    lamp(
-        [-4.2, 17.55, -0.8],
-        [900.0, 920.0, 1_000.0],
-        Beam::Around,
-        STROBE,
-        0.0,
-    ),
-    lamp(
-        [3.0, 0.0, -2.2],
-        [180.0, 8.0, 4.0],
-        Beam::Around,
-        Flash::Every(1.3, 0.10, 0.5),
-        0.0,
-    ),
-    lamp(
-        [3.0, 0.0, 2.0],
-        [180.0, 8.0, 4.0],
-        Beam::Around,
-        Flash::Every(1.3, 0.10, 0.5),
-        0.0,
-    ),
+    lamp([-4.0, -17.55, -0.8], [50.0, 2.0, 1.0], Beam::Side(-1.0)),
+    lamp([-4.0, 17.55, -0.8], [2.0, 45.0, 18.0], Beam::Side(1.0)),
+    lamp([-20.0, 0.0, -1.4], [50.0, 48.0, 42.0], Beam::Astern),
+    strobe([-4.2, -17.55, -0.8]),
+    strobe([-4.2, 17.55, -0.8]),
+    beacon([3.0, 0.0, -2.2]),
+    beacon([3.0, 0.0, 2.0]),
 ];
 
 static LANDING_LAMPS: [Lamp; 3] = [
-    lamp(
-        [3.3, -2.7, 1.0],
-        [105_000.0, 100_000.0, 84_000.0],
-        Beam::Ahead(0.16),
-        Flash::Steady,
-        0.0,
-    ),
-    lamp(
-        [3.3, 2.7, 1.0],
-        [105_000.0, 100_000.0, 84_000.0],
-        Beam::Ahead(0.16),
-        Flash::Steady,
-        0.0,
-    ),
-    lamp(
-        [14.3, 0.0, 1.9],
-        [31_000.0, 30_000.0, 25_000.0],
-        Beam::Ahead(0.20),
-        Flash::Steady,
-        0.6,
-    ),
+    landing_lamp([3.3, -2.7, 1.0]),
+    landing_lamp([3.3, 2.7, 1.0]),
+    Lamp {
+        needs_gear: 0.6,
+        ..lamp(
+            [14.3, 0.0, 1.9],
+            [31_000.0, 30_000.0, 25_000.0],
+            Beam::Ahead(0.20),
+        )
+    },
 ];

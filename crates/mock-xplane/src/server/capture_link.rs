@@ -141,9 +141,7 @@ impl CaptureService {
         stream.set_nodelay(true)?;
         self.outages.over().await;
         let hello = timeout(self.admission.patience.hello, self.admit(&mut stream)).await;
-        let late = LinkError::Ended {
-            inside: "the time for a hello",
-        };
+        let late = LinkError::ended("the time for a hello");
         let Some(hello) = hello.unwrap_or(Err(late))? else {
             return Ok(());
         };
@@ -215,7 +213,7 @@ impl CaptureService {
                 Ok(None) => return Ok(()),
                 Ok(Some(request)) => self.answer(activity, request).await,
                 // The whole request was read: the next one can be parsed.
-                Err(error @ LinkError::BadHeader { .. }) => refusal(error.to_string()),
+                Err(error @ LinkError::BadHeader(_)) => refusal(error.to_string()),
                 // Sent to the client as well; the rest of the stream cannot be parsed any more.
                 Err(error) => {
                     let _ = order.send(refusal(error.to_string())).await;

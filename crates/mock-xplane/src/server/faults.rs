@@ -21,6 +21,26 @@ const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=W
                         late=VIEW:MS, shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE or turn=VIEW:RIGHT_DEG:AFTER_S, where WHEN is seconds, \
                         frames:N or captures:N and VIEW counts from 0";
 
+/// The faults' words, and the form of each one's value.
+const FORMS: [(&str, &str); 10] = [
+    ("loss", "a ratio, 0 to 1"),
+    ("dup", "a ratio, 0 to 1"),
+    ("reorder", "a ratio, 0 to 1"),
+    ("seed", "a whole number"),
+    (
+        "freeze",
+        "AFTER_S[:FOR_S], frames:N[:FOR_S] or captures:N[:FOR_S]",
+    ),
+    (
+        "restart",
+        "AFTER_S[:DOWN_S], frames:N[:DOWN_S] or captures:N[:DOWN_S]",
+    ),
+    ("late", "VIEW:MS"),
+    ("shake", "VIEW:RMS_PX:HZ"),
+    ("stick", "VIEW:SHARE, a share from 0 to 1"),
+    ("turn", "VIEW:RIGHT_DEG:AFTER_S"),
+];
+
 /// The faults. The default is none.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Faults {
@@ -80,6 +100,28 @@ impl Faults {
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
+
+    /// Adds a fault; `None` if its value does not have the form of [`FORMS`].
+    fn add(&mut self, key: &str, value: &str) -> Option<()> {
+        let parts: Vec<&str> = value.split(':').collect();
+        match (key, &parts[..]) {
+            ("loss", [share]) => self.loss = ratio(share)?,
+            ("dup", [share]) => self.duplication = ratio(share)?,
+            ("reorder", [share]) => self.reordering = ratio(share)?,
+            ("seed", [seed]) => self.seed = seed.parse().ok()?,
+            ("freeze", when) => self.outages.push(outage(OutageKind::Freeze, when, None)?),
+            ("restart", when) => {
+                let outage = outage(OutageKind::Restart, when, Some(DEFAULT_DOWN))?;
+                self.outages.push(outage);
+            }
+            (_, [view, values @ ..]) => self.cameras.push(CameraFault {
+                view: view.parse().ok()?,
+                kind: camera_fault(key, values)?,
+            }),
+            (_, []) => return None,
+        }
+        Some(())
+    }
 }
 
 impl FromStr for Faults {
@@ -88,42 +130,20 @@ impl FromStr for Faults {
     /// Reads `loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3`.
     fn from_str(text: &str) -> Result<Self, FaultsError> {
         let mut faults = Self::default();
-        for part in text.split(',').filter(|part| !part.trim().is_empty()) {
-            let (key, value) = part.trim().split_once('=').unwrap_or((part.trim(), ""));
-            let bad =
-                |expected| FaultsError(format!("fault {key} is {value:?}; expected {expected}"));
-            match key {
-                "loss" | "dup" | "reorder" => {
-                    let share = match key {
-                        "loss" => &mut faults.loss,
-                        "dup" => &mut faults.duplication,
-                        _ => &mut faults.reordering,
-                    };
-                    *share = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?;
-                }
-                "seed" => faults.seed = value.parse().map_err(|_| bad("a whole number"))?,
-                "freeze" => {
-                    let expected = "AFTER_S[:FOR_S], frames:N[:FOR_S] or captures:N[:FOR_S]";
-                    let outage = outage(OutageKind::Freeze, value);
-                    faults.outages.push(outage.ok_or_else(|| bad(expected))?);
-                }
-                "restart" => {
-                    let expected = "AFTER_S[:DOWN_S], frames:N[:DOWN_S] or captures:N[:DOWN_S]";
-                    let mut outage =
-                        outage(OutageKind::Restart, value).ok_or_else(|| bad(expected))?;
-                    outage.lasts.get_or_insert(DEFAULT_DOWN);
-                    faults.outages.push(outage);
-                }
-                "late" | "shake" | "stick" | "turn" => {
-                    let fault = camera_fault(key, value).map_err(bad)?;
-                    faults.cameras.push(fault);
-                }
-                _ => {
-                    return Err(FaultsError(format!(
-                        "unknown fault {key:?}; expected {EXPECTED}"
-                    )));
-                }
-            }
+        for part in text
+            .split(',')
+            .map(str::trim)
+            .filter(|part| !part.is_empty())
+        {
+            let (key, value) = part.split_once('=').unwrap_or((part, ""));
+            let Some((_, form)) = FORMS.iter().find(|(word, _)| *word == key) else {
+                return Err(FaultsError(format!(
+                    "unknown fault {key:?}; expected {EXPECTED}"
+                )));
+            };
+            faults
+                .add(key, value)
+                .ok_or_else(|| FaultsError(format!("fault {key} is {value:?}; expected {form}")))?;
         }
         Ok(faults)
     }
@@ -184,46 +204,31 @@ impl fmt::Display for CameraFault {
     }
 }
 
-/// Parses a camera fault; the error is the expected text.
-fn camera_fault(key: &str, value: &str) -> Result<CameraFault, &'static str> {
-    let (view, kind) = value.split_once(':').unwrap_or((value, ""));
-    let positive = |text: &str| {
-        let number: f64 = text.parse().ok()?;
-        (number.is_finite() && number > 0.0).then_some(number)
-    };
-    let (kind, expected) = match key {
-        "late" => {
-            let milliseconds = positive(kind).and_then(|by_ms| seconds(&(by_ms / 1e3).to_string()));
-            (milliseconds.map(CameraFaultKind::Late), "VIEW:MS")
+fn camera_fault(key: &str, values: &[&str]) -> Option<CameraFaultKind> {
+    Some(match (key, values) {
+        ("late", [by_ms]) => {
+            let by = Duration::try_from_secs_f64(positive(by_ms)? / 1e3);
+            CameraFaultKind::Late(by.ok()?)
         }
-        "shake" => {
-            let shake = kind.split_once(':').and_then(|(rms_px, frequency_hz)| {
-                Some(CameraFaultKind::Shakes {
-                    rms_px: positive(rms_px)?,
-                    frequency_hz: positive(frequency_hz)?,
-                })
-            });
-            (shake, "VIEW:RMS_PX:HZ")
-        }
-        "stick" => {
-            let share = ratio(kind).map(CameraFaultKind::Sticks);
-            (share, "VIEW:SHARE, a share from 0 to 1")
-        }
-        _ => {
-            let turn = kind.split_once(':').and_then(|(right_deg, after)| {
-                let right_deg: f64 = right_deg.parse().ok()?;
-                (right_deg.abs() <= 180.0).then_some(CameraFaultKind::Turns {
-                    right_deg,
-                    after: seconds(after)?,
-                })
-            });
-            (turn, "VIEW:RIGHT_DEG:AFTER_S")
-        }
-    };
-    let view = view.parse().ok();
-    view.zip(kind)
-        .map(|(view, kind)| CameraFault { view, kind })
-        .ok_or(expected)
+        ("shake", [rms_px, frequency_hz]) => CameraFaultKind::Shakes {
+            rms_px: positive(rms_px)?,
+            frequency_hz: positive(frequency_hz)?,
+        },
+        ("stick", [share]) => CameraFaultKind::Sticks(ratio(share)?),
+        ("turn", [right_deg, after]) => CameraFaultKind::Turns {
+            right_deg: right_deg
+                .parse()
+                .ok()
+                .filter(|deg: &f64| deg.abs() <= 180.0)?,
+            after: seconds(after)?,
+        },
+        _ => return None,
+    })
+}
+
+fn positive(text: &str) -> Option<f64> {
+    let number: f64 = text.parse().ok()?;
+    (number.is_finite() && number > 0.0).then_some(number)
 }
 
 fn ratio(text: &str) -> Option<f64> {
@@ -235,25 +240,19 @@ fn seconds(text: &str) -> Option<Duration> {
     Duration::try_from_secs_f64(text.parse().ok()?).ok()
 }
 
-/// `AFTER_S`, `frames:N` or `captures:N`, and maybe `:SECONDS` behind it.
-fn outage(kind: OutageKind, text: &str) -> Option<Outage> {
-    let (first, rest) = text.split_once(':').unwrap_or((text, ""));
-    let (begins, duration) = match first {
-        "frames" | "captures" => {
-            let (count, duration) = rest.split_once(':').unwrap_or((rest, ""));
-            let count = count.parse().ok().filter(|&count: &u64| count > 0)?;
-            let begins = match first {
-                "frames" => Moment::Frame(count),
-                _ => Moment::Capture(count),
-            };
-            (begins, duration)
-        }
-        _ => (Moment::After(seconds(first)?), rest),
+/// An outage from `AFTER_S`, `frames:N` or `captures:N`, maybe with `:SECONDS` behind it.
+fn outage(kind: OutageKind, parts: &[&str], usual: Option<Duration>) -> Option<Outage> {
+    let count = |text: &str| text.parse().ok().filter(|&count: &u64| count > 0);
+    let (begins, lasts) = match parts {
+        ["frames", number, lasts @ ..] => (Moment::Frame(count(number)?), lasts),
+        ["captures", number, lasts @ ..] => (Moment::Capture(count(number)?), lasts),
+        [after, lasts @ ..] => (Moment::After(seconds(after)?), lasts),
+        [] => return None,
     };
-    let lasts = match duration {
-        "" if text.ends_with(':') => return None,
-        "" => None,
-        duration => Some(seconds(duration)?),
+    let lasts = match lasts {
+        [] => usual,
+        [time] => Some(seconds(time)?),
+        _ => return None,
     };
     Some(Outage {
         begins,

@@ -67,13 +67,7 @@ async fn run(
         ..Beacon::default()
     };
     let player = Arc::new(Player {
-        playback: Mutex::new(Playback {
-            histories: loaded.histories,
-            shown_weather: loaded.shown_weather,
-            positions: loaded.positions,
-            conversation: loaded.conversation,
-            context: Context::default(),
-        }),
+        playback: Mutex::new(loaded.playback),
         reader: Mutex::new(loaded.reader),
         link_version: loaded.link_version,
         our_link_port: addresses.capture_link.port(),
@@ -106,6 +100,7 @@ struct Player {
 }
 
 /// Progress of the replay.
+#[derive(Default)]
 struct Playback {
     histories: Histories,
     shown_weather: ShownWeather,

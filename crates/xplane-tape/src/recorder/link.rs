@@ -8,14 +8,13 @@ use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, copy};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::task::JoinSet;
 use tokio::time::timeout;
 
 use super::Route;
-use crate::format::{Channel, Direction, LINK_VERSION_KEY};
-use crate::link_message::{LinkMessage, MAGIC};
+use crate::format::{Channel, Direction, LINK_VERSION_KEY, Traffic};
+use crate::link_message::LinkMessage;
 use xplane_bridge::link::doorway::Doorway;
-use xplane_bridge::link::{Answer, LinkError, write_message};
+use xplane_bridge::link::{Answer, LinkError, MAGIC, not_the_link, write_message};
 
 /// Greeting length: four letters, the version.
 const GREETING: usize = 8;
@@ -27,25 +26,19 @@ const HELLO_WITHIN: Duration = Duration::from_secs(5);
 
 /// Serves until dropped.
 pub(super) async fn run(listener: TcpListener, route: Arc<Route>) -> Infallible {
-    let mut connections = JoinSet::new();
     let doorway = Doorway::new("the recorder's capture link", MAX_CONNECTIONS);
-    let mut count = 0;
-    loop {
-        tokio::select! {
-            (client, from, room) = doorway.next(&listener) => {
-                count += 1;
-                let connection = Connection { number: count, route: route.clone() };
-                connections.spawn(async move {
-                    let _room = room;
-                    match connection.serve(client, from).await {
-                        Ok(()) => tracing::info!(%from, "capture link closed"),
-                        Err(error) => tracing::warn!(%from, %error, "capture link closed"),
-                    }
-                });
+    let mut number = 0;
+    let serve = |client, from| {
+        number += 1;
+        let route = route.clone();
+        async move {
+            match (Connection { number, route }).serve(client, from).await {
+                Ok(()) => tracing::info!(%from, "capture link closed"),
+                Err(error) => tracing::warn!(%from, %error, "capture link closed"),
             }
-            Some(_) = connections.join_next() => {}
         }
-    }
+    };
+    doorway.serve(&listener, serve).await
 }
 
 struct Connection {
@@ -71,9 +64,7 @@ impl Connection {
             return Ok(());
         };
         client.set_nodelay(true)?;
-        let late = LinkError::Ended {
-            inside: "the time for a hello",
-        };
+        let late = LinkError::ended("the time for a hello");
         let admitted = timeout(HELLO_WITHIN, self.admit(client, address)).await;
         let Some(admitted) = admitted.unwrap_or(Err(late))? else {
             return Ok(());
@@ -104,11 +95,8 @@ impl Connection {
             self.route.tape_thread.add_channel(channel, &about).await;
         }
         tracing::info!(%from, number = self.number, version, "capture link");
-        self.route
-            .tape_thread
-            .link_message(self.number, Direction::ToSimulator, &hello)
-            .await;
-        simulator_writes.write_all(hello.bytes()).await?;
+        self.pass(Direction::ToSimulator, &hello, &mut simulator_writes)
+            .await?;
         // When the simulator closes, the conversation is over; a client may stop sending before that.
         let requests = async {
             let mut reads = client_reads;
@@ -180,15 +168,16 @@ impl Connection {
     ) -> Result<(), LinkError> {
         self.route
             .tape_thread
-            .link_message(self.number, direction, message)
+            .write_message(self.channel(direction), message)
             .await;
         to.write_all(message.bytes()).await?;
         Ok(())
     }
 
     fn channel(&self, direction: Direction) -> Channel {
-        Channel::Link {
-            connection: self.number,
+        Channel {
+            traffic: Traffic::Link,
+            number: self.number,
             direction,
         }
     }
@@ -199,9 +188,8 @@ async fn read_greeting(reads: &mut OwnedReadHalf) -> Result<[u8; GREETING], Link
     let mut greeting = [0; GREETING];
     reads.read_exact(&mut greeting).await?;
     let [m0, m1, m2, m3, ..] = greeting;
-    let found = [m0, m1, m2, m3];
-    if found != MAGIC {
-        return Err(LinkError::NotTheLink { found });
+    match [m0, m1, m2, m3] {
+        MAGIC => Ok(greeting),
+        other => Err(not_the_link(other)),
     }
-    Ok(greeting)
 }

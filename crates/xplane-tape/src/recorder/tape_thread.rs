@@ -8,7 +8,7 @@ use tokio::task::{JoinError, JoinHandle, spawn_blocking};
 use tokio::time::interval;
 
 use crate::error::TapeError;
-use crate::format::{Channel, Direction};
+use crate::format::Channel;
 use crate::link_message::LinkMessage;
 use crate::writer::{TapeSummary, TapeWriter};
 
@@ -19,8 +19,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 enum Job {
     AddChannel(Channel, BTreeMap<String, String>),
-    Datagram(Channel, u64, Vec<u8>),
-    LinkMessage(Channel, u64, LinkMessage),
+    Write(Channel, u64, Vec<u8>),
     Look,
     Stop,
 }
@@ -58,23 +57,15 @@ impl TapeThread {
             .await;
     }
 
-    pub(super) async fn datagram(&self, client: u32, direction: Direction, datagram: &[u8]) {
-        let channel = Channel::Udp { client, direction };
-        self.hand_over(Job::Datagram(channel, now_ns(), datagram.to_owned()))
+    pub(super) async fn write(&self, channel: Channel, bytes: &[u8]) {
+        self.hand_over(Job::Write(channel, now_ns(), bytes.to_owned()))
             .await;
     }
 
-    pub(super) async fn link_message(
-        &self,
-        connection: u32,
-        direction: Direction,
-        message: &LinkMessage,
-    ) {
-        let channel = Channel::Link {
-            connection,
-            direction,
-        };
-        self.hand_over(Job::LinkMessage(channel, now_ns(), message.clone()))
+    /// Writes a message of the link without its token, a secret that must not be stored.
+    pub(super) async fn write_message(&self, channel: Channel, message: &LinkMessage) {
+        let safe = message.without_token();
+        self.write(channel, safe.as_ref().unwrap_or(message).bytes())
             .await;
     }
 
@@ -93,18 +84,14 @@ impl TapeThread {
 pub(super) fn ended(
     joined: Result<Result<TapeSummary, TapeError>, JoinError>,
 ) -> Result<TapeSummary, TapeError> {
-    joined.unwrap_or(Err(TapeError::WriterStopped))
+    joined.unwrap_or_else(|_| Err(TapeError::Failed("the tape's writer stopped".into())))
 }
 
 fn write(mut tape: TapeWriter, mut jobs: mpsc::Receiver<Job>) -> Result<TapeSummary, TapeError> {
     while let Some(job) = jobs.blocking_recv() {
         match job {
             Job::AddChannel(channel, about) => tape.add_channel(channel, &about)?,
-            Job::Datagram(channel, time_ns, datagram) => tape.write(channel, time_ns, &datagram)?,
-            Job::LinkMessage(channel, time_ns, message) => {
-                let safe = message.without_token();
-                tape.write(channel, time_ns, safe.as_ref().unwrap_or(&message).bytes())?;
-            }
+            Job::Write(channel, time_ns, bytes) => tape.write(channel, time_ns, &bytes)?,
             Job::Look => tape.flush_if_due()?,
             Job::Stop => break,
         }

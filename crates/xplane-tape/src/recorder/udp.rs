@@ -14,7 +14,7 @@ use tokio::time::timeout;
 
 use super::Route;
 use crate::error::TapeError;
-use crate::format::{Channel, Direction};
+use crate::format::{Channel, Direction, Traffic};
 use xplane_bridge::PortNote;
 use xplane_bridge::datarefs::CAPTURE_PORT;
 use xplane_bridge::packet::ToSimulator;
@@ -47,7 +47,10 @@ pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), T
             Ok(received) => received,
             // Some systems report here that an earlier datagram met a closed port.
             Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => continue,
-            Err(source) => return Err(socket_failed(source)),
+            Err(error) => {
+                let text = format!("the recorder's UDP socket failed: {error}");
+                return Err(TapeError::Failed(text));
+            }
         };
         while tasks.try_join_next().is_some() {}
         clients.retain(|_, client| !client.is_closed());
@@ -141,14 +144,9 @@ impl Client {
     ) -> std::io::Result<Self> {
         let towards_simulator = bind(&route).await?;
         for direction in [Direction::ToSimulator, Direction::FromSimulator] {
-            let channel = Channel::Udp {
-                client: number,
-                direction,
-            };
-            route
-                .tape_thread
-                .add_channel(channel, &[("client", address.to_string())])
-                .await;
+            let about = [("client", address.to_string())];
+            let channel = channel(number, direction);
+            route.tape_thread.add_channel(channel, &about).await;
         }
         tracing::info!(%address, number, "client");
         Ok(Self {
@@ -189,7 +187,7 @@ impl Client {
     async fn pass_to_simulator(&mut self, datagram: &[u8]) {
         self.route
             .tape_thread
-            .datagram(self.number, Direction::ToSimulator, datagram)
+            .write(channel(self.number, Direction::ToSimulator), datagram)
             .await;
         let packet = ToSimulator::decode(datagram);
         if let Ok(packet) = &packet {
@@ -231,7 +229,7 @@ impl Client {
     async fn pass_to_client(&mut self, datagram: &mut [u8]) {
         self.route
             .tape_thread
-            .datagram(self.number, Direction::FromSimulator, datagram)
+            .write(channel(self.number, Direction::FromSimulator), datagram)
             .await;
         if datagram.starts_with(b"RREF") && !self.link_port_indices.is_empty() {
             let head = REPLY_HEAD.min(datagram.len());
@@ -273,9 +271,10 @@ async fn bind(route: &Route) -> std::io::Result<UdpSocket> {
     Err(failed.unwrap_or_else(|| std::io::ErrorKind::AddrInUse.into()))
 }
 
-fn socket_failed(source: std::io::Error) -> TapeError {
-    TapeError::Socket {
-        what: "the recorder's UDP socket",
-        source,
+fn channel(number: u32, direction: Direction) -> Channel {
+    Channel {
+        traffic: Traffic::Udp,
+        number,
+        direction,
     }
 }

@@ -9,10 +9,11 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::scenario::Blocks;
 use dataset::geometry::pose::FlightState;
 use dataset::plan::Picture;
+use xplane_bridge::link::FrameHeader;
 use xplane_bridge::{BlockOfTicks, BlockTrial, Simulator};
 
 use super::encoders::Encoders;
-use super::lockstep::{Drawn, check, check_content, request};
+use super::lockstep::{check, check_content, request};
 use crate::generate::error::ScenarioError;
 use crate::generate::event::Event;
 use crate::generate::run::attempt::Attempt;
@@ -28,9 +29,9 @@ pub(crate) async fn capture_blocks(
     weather: &Weather,
     encoders: &mut Encoders,
     attempt: &Attempt<'_, '_>,
-) -> Result<(Vec<Vec<Drawn>>, Option<Blocks>), ScenarioError> {
+) -> Result<(Vec<Vec<FrameHeader>>, Option<Blocks>), ScenarioError> {
     let block_ticks = ticks_of_a_block(simulator.time_runs(), states.len());
-    let mut drawn: Vec<Vec<Drawn>> = vec![Vec::new(); states.len()];
+    let mut drawn: Vec<Vec<FrameHeader>> = vec![Vec::new(); states.len()];
     let mut blocks = Blocks {
         ticks: block_ticks as u32,
         frames_behind: Vec::new(),

@@ -7,11 +7,11 @@ use std::fmt::Debug;
 
 use dataset::conditions::Weather;
 use dataset::corpus::calibration::CameraEntry;
-use dataset::geometry::camera::CameraPose;
 use dataset::geometry::echo::{aircraft_mismatch, camera_mismatch};
-use dataset::geometry::pose::{FlightState, Pose};
+use dataset::geometry::pose::FlightState;
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::plan::Picture;
+use xplane_bridge::link::FrameHeader;
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
 use super::encoders::Encoders;
@@ -22,14 +22,6 @@ use crate::generate::run::attempt::Attempt;
 /// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB per image).
 const UNDER_WAY: usize = 4;
 
-/// Report of the simulator about one image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Drawn {
-    pub(crate) sim_frame: u64,
-    pub(crate) pose: Pose,
-    pub(crate) camera: CameraPose,
-}
-
 /// Captures all images into `encoders`; returns the drawn states by tick and view.
 pub(crate) async fn capture(
     simulator: &mut Simulator,
@@ -37,7 +29,7 @@ pub(crate) async fn capture(
     weather: &Weather,
     encoders: &mut Encoders,
     attempt: &Attempt<'_, '_>,
-) -> Result<Vec<Vec<Drawn>>, ScenarioError> {
+) -> Result<Vec<Vec<FrameHeader>>, ScenarioError> {
     let total = states.len() * views.len();
     let deliver = simulator.deliver();
     let request = |number: usize| {
@@ -50,7 +42,7 @@ pub(crate) async fn capture(
             &views[view].1,
         )
     };
-    let mut drawn: Vec<Vec<Drawn>> = Vec::with_capacity(states.len());
+    let mut drawn: Vec<Vec<FrameHeader>> = Vec::with_capacity(states.len());
     let mut last_sim_frame = None;
     let mut sent = 0;
     let under_way = UNDER_WAY.min(simulator.most_outstanding());
@@ -116,7 +108,8 @@ pub(crate) fn check(
     frame: &CapturedFrame,
     view: &str,
     last_sim_frame: Option<u64>,
-) -> Result<Drawn, ScenarioError> {
+) -> Result<FrameHeader, ScenarioError> {
+    let header = &frame.header;
     let refuse = |what: String| {
         Err(ScenarioError::NotInStep {
             tick: asked.tick,
@@ -127,20 +120,20 @@ pub(crate) fn check(
     let not_in_step = |what: &str, found: &dyn Debug, expected: &dyn Debug| {
         refuse(format!("{what} is {found:?}, expected {expected:?}"))
     };
-    if frame.tick != asked.tick {
-        return not_in_step("tick", &frame.tick, &asked.tick);
+    if header.tick != asked.tick {
+        return not_in_step("tick", &header.tick, &asked.tick);
     }
-    if frame.view != asked.view {
-        return not_in_step("number of the view", &frame.view, &asked.view);
+    if header.view != asked.view {
+        return not_in_step("number of the view", &header.view, &asked.view);
     }
-    if let Some(mismatch) = aircraft_mismatch(&frame.pose, &asked.pose) {
+    if let Some(mismatch) = aircraft_mismatch(&header.pose, &asked.pose) {
         return refuse(format!("the aircraft was drawn with {mismatch}"));
     }
-    if let Some(mismatch) = camera_mismatch(&frame.camera, &asked.camera) {
+    if let Some(mismatch) = camera_mismatch(&header.camera, &asked.camera) {
         return refuse(format!("the camera stood with {mismatch}"));
     }
     let (found, expected) = (
-        (frame.width_px, frame.height_px),
+        (header.width_px, header.height_px),
         (asked.width_px, asked.height_px),
     );
     if found != expected || frame.rgb.len() != asked.rgb_bytes() {
@@ -151,19 +144,15 @@ pub(crate) fn check(
         );
     }
     if let Some(last) = last_sim_frame
-        && frame.sim_frame <= last
+        && header.sim_frame <= last
     {
         return not_in_step(
             "simulator's frame number",
-            &frame.sim_frame,
+            &header.sim_frame,
             &format!("more than {last}"),
         );
     }
-    Ok(Drawn {
-        sim_frame: frame.sim_frame,
-        pose: frame.pose,
-        camera: frame.camera,
-    })
+    Ok(*header)
 }
 
 /// Rejects an empty image.
@@ -174,7 +163,7 @@ pub(crate) fn check_content(
 ) -> Result<(), ScenarioError> {
     match blank(&frame.rgb, weather) {
         Some(color) => Err(ScenarioError::Blank {
-            tick: frame.tick,
+            tick: frame.header.tick,
             view: view.to_owned(),
             color,
             visibility_m: weather.visibility_m,
@@ -202,7 +191,8 @@ fn blank(rgb: &[u8], weather: &Weather) -> Option<[u8; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::geometry::pose::Controls;
+    use dataset::geometry::camera::CameraPose;
+    use dataset::geometry::pose::{Controls, Pose};
 
     fn asked() -> CaptureRequest {
         let pose = Pose {
@@ -239,7 +229,7 @@ mod tests {
             height_px,
             ..
         } = asked();
-        CapturedFrame {
+        let header = FrameHeader {
             tick,
             view,
             sim_frame: 100,
@@ -247,6 +237,9 @@ mod tests {
             camera,
             width_px,
             height_px,
+        };
+        CapturedFrame {
+            header,
             rgb: vec![0; 24].into(),
         }
     }
@@ -287,17 +280,17 @@ mod tests {
     fn every_difference_is_refused_with_tick_and_view() {
         type Change = fn(&mut CapturedFrame);
         let wrong: [(&str, Change); 6] = [
-            ("tick is 4, expected 5", |f| f.tick = 4),
-            ("number of the view", |f| f.view = 0),
+            ("tick is 4, expected 5", |f| f.header.tick = 4),
+            ("number of the view", |f| f.header.view = 0),
             ("the aircraft was drawn with position", |f| {
-                f.pose.latitude_deg += 1e-6;
+                f.header.pose.latitude_deg += 1e-6;
             }),
             ("the camera stood with hfov_deg 10.1", |f| {
-                f.camera.hfov_deg = 10.1;
+                f.header.camera.hfov_deg = 10.1;
             }),
             ("size of the image", |f| f.rgb = vec![0; 23].into()),
             ("frame number is 99, expected \"more than 99\"", |f| {
-                f.sim_frame = 99;
+                f.header.sim_frame = 99;
             }),
         ];
         for (words, change) in wrong {

@@ -62,48 +62,37 @@ impl Platform {
     /// The device call that opens a region, or the whole screen. `display` is X11's; the other systems have only one.
     pub(super) fn call(self, display: &str, part: Option<Rectangle>) -> DeviceCall {
         let option = |name, value: &dyn ToString| (name, value.to_string());
-        let region = |x: &'static str, y: &'static str| {
-            part.map(|part| {
-                let size = format!("{}x{}", part.width_px, part.height_px);
-                vec![
-                    option("video_size", &size),
-                    option(x, &part.x_px),
-                    option(y, &part.y_px),
-                ]
-            })
-            .unwrap_or_default()
+        let (device, input, x, y) = match self {
+            Self::X11 => ("x11grab", display, "grab_x", "grab_y"),
+            Self::Gdi => ("gdigrab", "desktop", "offset_x", "offset_y"),
+            Self::AvFoundation => {
+                return DeviceCall {
+                    device: "avfoundation",
+                    input: "Capture screen 0:none".into(),
+                    options: vec![
+                        option("capture_cursor", &0),
+                        option("framerate", &PUSHED_HZ),
+                        option("pixel_format", &"bgr0"),
+                    ],
+                    crop: part,
+                };
+            }
         };
-        match self {
-            Self::X11 => {
-                let mut options = region("grab_x", "grab_y");
-                options.extend([option("draw_mouse", &0), option("framerate", &UNPACED_HZ)]);
-                DeviceCall {
-                    device: "x11grab",
-                    input: display.to_owned(),
-                    options,
-                    crop: None,
-                }
-            }
-            Self::Gdi => {
-                let mut options = region("offset_x", "offset_y");
-                options.extend([option("draw_mouse", &0), option("framerate", &UNPACED_HZ)]);
-                DeviceCall {
-                    device: "gdigrab",
-                    input: "desktop".into(),
-                    options,
-                    crop: None,
-                }
-            }
-            Self::AvFoundation => DeviceCall {
-                device: "avfoundation",
-                input: "Capture screen 0:none".into(),
-                options: vec![
-                    option("capture_cursor", &0),
-                    option("framerate", &PUSHED_HZ),
-                    option("pixel_format", &"bgr0"),
-                ],
-                crop: part,
-            },
+        let mut options = Vec::new();
+        if let Some(part) = part {
+            let size = format!("{}x{}", part.width_px, part.height_px);
+            options.extend([
+                option("video_size", &size),
+                option(x, &part.x_px),
+                option(y, &part.y_px),
+            ]);
+        }
+        options.extend([option("draw_mouse", &0), option("framerate", &UNPACED_HZ)]);
+        DeviceCall {
+            device,
+            input: input.to_owned(),
+            options,
+            crop: None,
         }
     }
 }

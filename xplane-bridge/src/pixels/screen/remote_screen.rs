@@ -129,6 +129,7 @@ async fn grabbed(
         let found = format!("{payload_bytes} bytes as {width_px}x{height_px} pixels");
         return Err(wrong(link, found));
     }
+    picture.rgb.clear();
     read_payload(stream, payload_bytes, &mut picture.rgb)
         .await
         .map_err(|error| unreachable_screen(link, &error))?;
@@ -146,9 +147,7 @@ async fn ask(
         write_message(stream, request, &[]).await?;
         read_header::<ScreenAnswer>(stream)
             .await?
-            .ok_or(LinkError::Ended {
-                inside: "a conversation",
-            })
+            .ok_or_else(|| LinkError::ended("a conversation"))
     };
     match answer.await {
         Ok((ScreenAnswer::Error { text }, _)) => Err(PixelError::Unusable(format!(

@@ -61,17 +61,7 @@ pub(super) fn displaced(
 }
 
 fn moved_by(pose: Pose, ecef_m: DVec3) -> Pose {
-    let Geodetic {
-        latitude_deg,
-        longitude_deg,
-        altitude_msl_m,
-    } = Geodetic::from_ecef(pose.position().to_ecef() + ecef_m);
-    Pose {
-        latitude_deg,
-        longitude_deg,
-        altitude_msl_m,
-        ..pose
-    }
+    pose.moved_to(Geodetic::from_ecef(pose.position().to_ecef() + ecef_m))
 }
 
 /// A rectangle in an image, with fractions of pixels.

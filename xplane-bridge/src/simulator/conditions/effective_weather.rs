@@ -90,7 +90,7 @@ impl Simulator {
 
     /// True if the unit of the wind at the aircraft is known: where winds are written in knots it is not, unless it was measured to follow.
     fn knows_unit_of_wind(&self) -> bool {
-        let profile = self.description.profile.current();
+        let profile = self.profile.current();
         profile.is_none_or(|profile| {
             !profile.winds_are_in_knots() || profile.follows(EffectiveQuantity::WindSpeed)
         })
@@ -121,7 +121,7 @@ impl Simulator {
 
     /// True if a quantity was measured to follow the written value, and no later experience contradicts it.
     fn must_follow(&self, quantity: EffectiveQuantity) -> bool {
-        let profile = self.description.profile.current();
+        let profile = self.profile.current();
         profile.is_some_and(|profile: &Profile| profile.follows(quantity))
             && !self.not_followed.contains(&quantity)
     }

@@ -17,7 +17,7 @@ use crate::datarefs::{
     COMMAND_REGENERATE_WEATHER, DatarefWrite, RUNNING_TIME_S, TEMPERATURE_C, UPDATE_IMMEDIATELY,
     WEATHER_PRESET, WEATHER_SOURCE, WeatherSource, needs_repeating_after_regeneration,
 };
-use crate::error::BridgeError;
+use crate::error::{BridgeError, reads};
 use crate::profile::Profile;
 use crate::simulator::Simulator;
 
@@ -71,7 +71,7 @@ impl Simulator {
             self.pause_for_weather(PRESET_PAUSE).await;
         }
         self.write_weather(writes).await?;
-        let profile = self.description.profile.current();
+        let profile = self.profile.current();
         if profile.is_none_or(Profile::regenerates) {
             self.regenerate(writes).await?;
         } else {
@@ -118,7 +118,7 @@ impl Simulator {
 
     /// Timeout of the weather here.
     fn weather_patience(&self) -> Duration {
-        match self.description.profile.current() {
+        match self.profile.current() {
             Some(profile) => profile.weather_patience(PATIENCE),
             None => PATIENCE,
         }
@@ -127,7 +127,7 @@ impl Simulator {
     /// Waits until the weather reads as it was written; writes it once more if it is late.
     ///
     /// # Errors
-    /// [`BridgeError::WeatherNotTaken`] if that does not help either.
+    /// [`BridgeError::NotTaken`] if that does not help either.
     pub(crate) async fn await_weather(
         &mut self,
         writes: &[DatarefWrite],
@@ -209,11 +209,7 @@ impl Simulator {
             if found.iter().any(Option::is_some) {
                 heard = Instant::now();
             } else if heard.elapsed() > MAX_HITCH {
-                return Err(BridgeError::NobodyAnswers {
-                    address: self.address,
-                    waited: heard.elapsed(),
-                    refused: false,
-                });
+                return Err(BridgeError::silent(self.address, heard.elapsed()));
             }
             let weather = &found[..expected.len()];
             unchanged = if before == weather { unchanged + 1 } else { 0 };
@@ -267,11 +263,24 @@ fn is_temperature(write: &DatarefWrite) -> bool {
 }
 
 fn not_taken(missing: Missing) -> BridgeError {
-    BridgeError::WeatherNotTaken {
+    let maker = match missing.made_by {
+        Some(WeatherSource::Real) => "real weather is on (weather_source reads 1)",
+        Some(WeatherSource::ControlPad) => "an instructor's pad sets it (weather_source reads 2)",
+        Some(WeatherSource::Plugin) => "another plugin sets it (weather_source reads 3)",
+        Some(WeatherSource::Preset) | None => "something holds it",
+    };
+    BridgeError::NotTaken {
+        text: format!(
+            "the weather does not become what was set: {} was set to {}, but {} {:?} later, although it was written once more and given as \
+             long again. X-Plane 12 keeps old clouds for up to a minute and lets temperatures slide for some; longer means that {maker}. Set \
+             the weather to manual and static in X-Plane, switch off other weather plugins, and run the same command again",
+            missing.write.name,
+            missing.write.value,
+            reads(missing.found, "does not answer"),
+            missing.patience
+        ),
         name: missing.write.name,
         wanted: missing.write.value,
         found: missing.found,
-        patience: missing.patience,
-        made_by: missing.made_by,
     }
 }

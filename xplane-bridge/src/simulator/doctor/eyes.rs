@@ -134,12 +134,9 @@ impl<'a> Eyes<'a> {
             }
             frames.push(self.simulator.receive_frame().await?);
         }
-        frames
-            .try_into()
-            .map_err(|frames: Vec<_>| BridgeError::WrongAnswer {
-                expected: format!("{N} images"),
-                found: frames.len().to_string(),
-            })
+        frames.try_into().map_err(|frames: Vec<_>| {
+            BridgeError::wrong_answer(format_args!("{N} images"), frames.len())
+        })
     }
 
     /// Takes a completely settled image; time and weather continue afterwards.

@@ -77,7 +77,7 @@ pub(super) async fn lockstep(
         }
     };
     let each = began.elapsed() / frames.len() as u32;
-    let profile = simulator.description().profile.current();
+    let profile = simulator.profile().current();
     let restless = profile.is_some_and(Profile::pictures_move);
     if let Err(found) = judge(&frames, restless) {
         let hint = "Do not record like this. More settle frames may help; a plugin that moves the camera or the aircraft must go";
@@ -170,8 +170,8 @@ pub(super) fn request(
 /// Checks the frames; the error names the one out of step. In a restless scene (water), images are not compared.
 fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(), String> {
     for (asked, frame) in frames {
-        let aircraft = aircraft_mismatch(&frame.pose, &asked.pose);
-        let camera = camera_mismatch(&frame.camera, &asked.camera);
+        let aircraft = aircraft_mismatch(&frame.header.pose, &asked.pose);
+        let camera = camera_mismatch(&frame.header.camera, &asked.camera);
         for (what, mismatch) in [("aircraft", aircraft), ("camera", camera)] {
             if let Some(mismatch) = mismatch {
                 return Err(format!(
@@ -185,10 +185,10 @@ fn judge(frames: &[(CaptureRequest, CapturedFrame)], restless: bool) -> Result<(
         let [(_, before), (_, after)] = pair else {
             continue;
         };
-        if after.sim_frame <= before.sim_frame {
+        if after.header.sim_frame <= before.header.sim_frame {
             return Err(format!(
                 "frame number {} comes after {}",
-                after.sim_frame, before.sim_frame
+                after.header.sim_frame, before.header.sim_frame
             ));
         }
     }
@@ -259,6 +259,7 @@ pub(super) fn runway(place: &PlaceOnGround) -> Runway {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::link::FrameHeader;
 
     const PLACE: PlaceOnGround = PlaceOnGround {
         latitude_deg: 1.35,
@@ -271,7 +272,7 @@ mod tests {
     fn sound() -> Vec<(CaptureRequest, CapturedFrame)> {
         let frame = |tick: u32, moved_m: f64| {
             let request = request(&PLACE, tick, moved_m, ANY_SIZE, Deliver::Picture);
-            let frame = CapturedFrame {
+            let header = FrameHeader {
                 tick,
                 view: 0,
                 sim_frame: u64::from(tick) + 7,
@@ -279,6 +280,9 @@ mod tests {
                 camera: request.camera,
                 width_px: request.width_px,
                 height_px: request.height_px,
+            };
+            let frame = CapturedFrame {
+                header,
                 rgb: vec![if moved_m > 0.0 { 200 } else { 100 }; 64].into(),
             };
             (request, frame)
@@ -297,13 +301,13 @@ mod tests {
         type Fault = fn(&mut [(CaptureRequest, CapturedFrame)]);
         let faults: [(&str, Fault); 5] = [
             ("tick 2: the aircraft", |frames| {
-                frames[2].1.pose.latitude_deg += 1e-6;
+                frames[2].1.header.pose.latitude_deg += 1e-6;
             }),
             ("tick 1: the camera", |frames| {
-                frames[1].1.camera.hfov_deg += 0.01;
+                frames[1].1.header.camera.hfov_deg += 0.01;
             }),
             ("frame number 7 comes after 8", |frames| {
-                frames[2].1.sim_frame = 7;
+                frames[2].1.header.sim_frame = 7;
             }),
             ("the same pose at once", |frames| {
                 frames[1].1.rgb = vec![90; 64].into();

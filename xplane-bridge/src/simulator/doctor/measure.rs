@@ -9,11 +9,8 @@ use futures_util::future::LocalBoxFuture;
 use serde_json::json;
 
 use super::eyes::{Eyes, noon_zulu_s};
-use super::pace;
-use super::pictures::PictureFindings;
-use super::sky::SkyFindings;
 use super::talk::PlaceOnGround;
-use super::{Check, DoctorOptions, Measuring};
+use super::{Check, DoctorOptions, Measuring, pace, pictures, sky};
 use crate::Simulator;
 use crate::datarefs::{DatarefWrite, Generation, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
@@ -31,9 +28,9 @@ pub(super) async fn measure(
     options: &DoctorOptions,
     note: &mut (dyn FnMut(Check) + Send),
 ) {
-    match (options.measuring, simulator.description().profile.current()) {
+    match (options.measuring, simulator.profile().current()) {
         (Measuring::Never, _) => {
-            let known = &simulator.description().profile;
+            let known = simulator.profile();
             return note(Check::skipped(
                 NAME,
                 format!("not measured; this simulator {known}"),
@@ -55,9 +52,13 @@ pub(super) async fn measure(
     }
     // A clock that follows the computer's continues in a pause, and the sun with it.
     let clock = simulator.take_clock(place.longitude_deg).await;
+    let mut profile = Profile {
+        grabbing,
+        ..unmeasured(simulator)
+    };
     let mut eyes = Eyes::at(simulator, place);
-    let pictures = PictureFindings::measure(&mut eyes).await;
-    pictures.checks().into_iter().for_each(&mut *note);
+    pictures::measure(&mut eyes, &mut profile).await;
+    pictures::checks(&profile).into_iter().for_each(&mut *note);
     // Weather changes while time runs.
     let gone_on = match eyes.simulator.let_go().await {
         Ok(()) => eyes.simulator.resume().await,
@@ -66,11 +67,10 @@ pub(super) async fn measure(
     if let Err(error) = gone_on {
         tracing::warn!(%error, "the simulator does not continue");
     }
-    let sky = SkyFindings::measure(&mut eyes).await;
-    sky.checks().into_iter().for_each(&mut *note);
-    let mut profile = profile(simulator, pictures, sky, grabbing);
+    sky::measure(&mut eyes, &mut profile).await;
+    sky::checks(&profile).into_iter().for_each(&mut *note);
     // As a recording does: with the frames to settle that were just measured.
-    simulator.description.profile = KnownProfile::Current(Box::new(profile.clone()));
+    simulator.profile = KnownProfile::Current(Box::new(profile.clone()));
     profile.pace = pace::measure(simulator, &place, &options.screen, options.intent.as_ref()).await;
     if let (Finding::Found(pace), Generation::XPlane11) = (&mut profile.pace, simulator.generation)
     {
@@ -99,8 +99,7 @@ impl Simulator {
         aircraft: &'a Pose,
     ) -> LocalBoxFuture<'a, Result<(), BridgeError>> {
         Box::pin(async move {
-            let description = &self.description;
-            if description.plugin.is_none() || description.profile.current().is_some() {
+            if self.description.plugin.is_none() || self.profile.current().is_some() {
                 return Ok(());
             }
             let place = PlaceOnGround {
@@ -114,25 +113,20 @@ impl Simulator {
             self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
             self.write_surely(ZULU_TIME_S, noon_zulu_s(aircraft.longitude_deg) as f32)
                 .await?;
-            let mut eyes = Eyes::at(self, place);
-            let pictures = PictureFindings::measure(&mut eyes).await;
+            let mut profile = unmeasured(self);
+            pictures::measure(&mut Eyes::at(self, place), &mut profile).await;
             self.let_go().await?;
             self.resume().await?;
-            let sky = SkyFindings::nothing("only `dtd doctor` measures the weather");
-            let grabbing = Finding::NotMeasured("only `dtd doctor` measures it".into());
-            let profile = profile(self, pictures, sky, grabbing);
-            self.description.profile = KnownProfile::PicturesOnly(Box::new(profile));
+            self.profile = KnownProfile::PicturesOnly(Box::new(profile));
             Ok(())
         })
     }
 }
 
-fn profile(
-    simulator: &Simulator,
-    pictures: PictureFindings,
-    sky: SkyFindings,
-    grabbing: Finding<Grabbing>,
-) -> Profile {
+/// Profile of the connected simulator before anything was measured.
+fn unmeasured(simulator: &Simulator) -> Profile {
+    const WEATHER: &str = "only `dtd doctor` measures the weather";
+    const NOTHING_NEW: &str = "nothing new shows";
     let description = simulator.description();
     let window = super::window::picture_size(description);
     Profile {
@@ -141,26 +135,23 @@ fn profile(
         dtd: env!("CARGO_PKG_VERSION").into(),
         simulator: format!("{} {}", description.name, description.version),
         plugin: description.plugin.clone(),
-        pixels: pictures
-            .still_pictures_move
-            .found()
-            .map(|_| simulator.pixels()),
-        window: match window {
-            Some(size) => Finding::Found(size),
-            None => Finding::NotMeasured("it draws images of any size".into()),
-        },
-        grabbing,
-        wind_unit: sky.wind_unit,
-        visibility_needs_regeneration: sky.visibility_needs_regeneration,
-        clouds_need_regeneration: sky.clouds_need_regeneration,
-        clouds_take_s: sky.clouds_take_s,
-        weather_follows: sky.weather_follows,
-        pause_shows_poses: pictures.pause_shows_poses,
-        frames_until_still: pictures.frames_until_still,
-        frames_until_settled: pictures.frames_until_settled,
-        still_pictures_move: pictures.still_pictures_move,
-        callbacks: pictures.callbacks,
-        pace: Finding::NotMeasured("only `dtd doctor` and `dtd generate` measure it".into()),
+        pixels: None,
+        window: window.map_or_else(
+            || Finding::not_measured("it draws images of any size"),
+            Finding::Found,
+        ),
+        grabbing: Finding::not_measured("only `dtd doctor` measures it"),
+        wind_unit: Finding::not_measured(WEATHER),
+        visibility_needs_regeneration: Finding::not_measured(WEATHER),
+        clouds_need_regeneration: Finding::not_measured(WEATHER),
+        clouds_take_s: Finding::not_measured(WEATHER),
+        weather_follows: following::nothing(WEATHER),
+        pause_shows_poses: Finding::not_measured(NOTHING_NEW),
+        frames_until_still: Finding::not_measured(NOTHING_NEW),
+        frames_until_settled: Finding::not_measured(NOTHING_NEW),
+        still_pictures_move: Finding::not_measured(NOTHING_NEW),
+        callbacks: Finding::not_measured(NOTHING_NEW),
+        pace: Finding::not_measured("only `dtd doctor` and `dtd generate` measure it"),
     }
 }
 
@@ -181,7 +172,7 @@ async fn keep(simulator: &mut Simulator, profile: Profile) -> Check {
 impl Simulator {
     /// Measures without earlier measurements, on both sides. If this examination is aborted there is no profile.
     async fn forget_profile(&mut self) -> Result<(), BridgeError> {
-        self.description.profile = KnownProfile::None;
+        self.profile = KnownProfile::None;
         let request = Request::KeepProfile { profile: json!({}) };
         let doing = "forgetting the profile";
         self.link
@@ -214,7 +205,7 @@ impl Simulator {
 
     /// The clock that must run while images are taken here, if one must.
     pub(super) fn running_clock(&self, clock: Clock) -> Option<Clock> {
-        let profile = self.description.profile.current();
+        let profile = self.profile.current();
         profile
             .is_some_and(Profile::time_has_to_run)
             .then_some(clock)

@@ -68,8 +68,8 @@ fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize>
     let has_margins = simulator.may_have_margins(simulator.pixels())
         && picture_size(description)
             .is_some_and(|window| intent.pictures.margins_in(window).is_some());
-    let time_has_to_run = description
-        .profile
+    let time_has_to_run = simulator
+        .profile()
         .current()
         .is_some_and(Profile::time_has_to_run);
     (has_margins && !time_has_to_run).then_some(intent.pictures)
@@ -171,8 +171,7 @@ fn flight(place: &PlaceOnGround, size: PictureSize) -> (Vec<FlightState>, Camera
 async fn settled(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, BridgeError> {
     let paused = !eyes
         .simulator
-        .description()
-        .profile
+        .profile()
         .current()
         .is_some_and(Profile::time_has_to_run);
     eyes.hold(settle_frames, paused).await?;
@@ -187,8 +186,8 @@ async fn settled(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, Bridge
     Ok(Pace {
         measured_by: PacedBy::Doctor,
         size: PictureSize {
-            width_px: first.width_px,
-            height_px: first.height_px,
+            width_px: first.header.width_px,
+            height_px: first.header.height_px,
         },
         in_blocks: false,
         settle_frames,

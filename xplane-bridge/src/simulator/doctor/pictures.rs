@@ -5,121 +5,86 @@ use super::eyes::{Eyes, SAME, SETTLED, Shot};
 use super::lockstep::difference;
 use crate::error::BridgeError;
 use crate::link::PixelKind;
-use crate::profile::{CallbackOrders, Finding};
+use crate::profile::{CallbackOrders, Finding, Profile};
 
 /// Settle frames that are tried.
 const TRIED: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
 /// Number of frames in which callbacks are watched.
 const WATCHED: u32 = 60;
 
-pub(super) struct PictureFindings {
-    pub(super) pause_shows_poses: Finding<bool>,
-    pub(super) still_pictures_move: Finding<bool>,
-    pub(super) frames_until_still: Finding<u32>,
-    pub(super) frames_until_settled: Finding<u32>,
-    pub(super) callbacks: Finding<CallbackOrders>,
+/// Measures, one after the other, since each depends on the previous one.
+pub(super) async fn measure(eyes: &mut Eyes<'_>, profile: &mut Profile) {
+    if let Some(reason) = eyes.blind() {
+        profile.pause_shows_poses = Finding::not_measured(&reason);
+        profile.still_pictures_move = Finding::not_measured(&reason);
+        profile.frames_until_still = Finding::not_measured(&reason);
+        profile.frames_until_settled = Finding::not_measured(&reason);
+        profile.callbacks = callbacks(eyes).await;
+        return;
+    }
+    let noise = eyes.noise(Shot::BEHIND).await;
+    let level = *noise.as_ref().unwrap_or(&0.0);
+    profile.pixels = noise.is_ok().then(|| eyes.simulator.pixels());
+    profile.still_pictures_move = finding(noise.map(|noise| noise > 0.0));
+    let pause_shows_poses = shows_poses(eyes, level).await;
+    profile.pause_shows_poses = pause_shows_poses.unwrap_or_else(Finding::not_measured);
+    profile.callbacks = callbacks(eyes).await;
+    let Some(&is_paused) = profile.pause_shows_poses.found() else {
+        return;
+    };
+    profile.frames_until_still = if !is_paused {
+        Finding::not_measured("images are taken while time runs")
+    } else if profile.pictures_move() {
+        Finding::not_measured("images move by themselves")
+    } else {
+        until_still(eyes).await
+    };
+    let until_settled = until_settled(eyes, level, is_paused).await;
+    profile.frames_until_settled = until_settled.unwrap_or_else(Finding::not_measured);
 }
 
-impl PictureFindings {
-    /// Measures, one after the other, since each depends on the previous one.
-    pub(super) async fn measure(eyes: &mut Eyes<'_>) -> Self {
-        if let Some(reason) = eyes.blind() {
-            return Self {
-                callbacks: callbacks(eyes).await,
-                ..Self::nothing(&reason)
+/// For a person.
+pub(super) fn checks(profile: &Profile) -> Vec<Check> {
+    let pause = match &profile.pause_shows_poses {
+        Finding::Found(false) => Check::warning(
+            "pause",
+            "a pause keeps the image that was there: a pose that is written then does not show",
+            "Nothing: images are taken with time running. If another plugin holds the pause or the camera, switch it off and measure again",
+        ),
+        other => Check::measured("pause", other, |_| {
+            "poses and cameras that are written in a pause show".into()
+        }),
+    };
+    vec![
+        Check::measured("still pictures", &profile.still_pictures_move, |moves| {
+            let found = if *moves {
+                "move by themselves in a pause (water): nothing waits for two that agree"
+            } else {
+                "two of the same scene, a second apart, are the same"
             };
-        }
-        let still_pictures_move = finding(eyes.noise(Shot::BEHIND).await);
-        let noise = still_pictures_move.found().copied().unwrap_or(0.0);
-        let pause_shows_poses = shows_poses(eyes, noise).await;
-        let pause_shows_poses = pause_shows_poses.unwrap_or_else(Finding::not_measured);
-        let paused = Self {
-            still_pictures_move: map(still_pictures_move, |noise| noise > 0.0),
-            callbacks: callbacks(eyes).await,
-            ..Self::nothing("nothing new shows")
-        };
-        let Some(&is_paused) = pause_shows_poses.found() else {
-            return Self {
-                pause_shows_poses,
-                ..paused
-            };
-        };
-        let moves = paused.still_pictures_move.found() == Some(&true);
-        let unsteady = match (is_paused, moves) {
-            (false, _) => Some("images are taken while time runs"),
-            (true, true) => Some("images move by themselves"),
-            (true, false) => None,
-        };
-        Self {
-            pause_shows_poses,
-            frames_until_still: match unsteady {
-                Some(why) => Finding::NotMeasured(why.into()),
-                None => until_still(eyes).await,
-            },
-            frames_until_settled: until_settled(eyes, noise, is_paused)
-                .await
-                .unwrap_or_else(Finding::not_measured),
-            ..paused
-        }
-    }
-
-    fn nothing(reason: &str) -> Self {
-        Self {
-            pause_shows_poses: Finding::NotMeasured(reason.into()),
-            still_pictures_move: Finding::NotMeasured(reason.into()),
-            frames_until_still: Finding::NotMeasured(reason.into()),
-            frames_until_settled: Finding::NotMeasured(reason.into()),
-            callbacks: Finding::NotMeasured(reason.into()),
-        }
-    }
-
-    /// For a person.
-    pub(super) fn checks(&self) -> Vec<Check> {
-        let pause = match &self.pause_shows_poses {
-            Finding::Found(false) => Check::warning(
-                "pause",
-                "a pause keeps the image that was there: a pose that is written then does not show",
-                "Nothing: images are taken with time running. If another plugin holds the pause or the camera, switch it off and measure again",
-            ),
-            other => Check::measured("pause", other, |_| {
-                "poses and cameras that are written in a pause show".into()
-            }),
-        };
-        vec![
-            Check::measured("still pictures", &self.still_pictures_move, |moves| {
-                let found = if *moves {
-                    "move by themselves in a pause (water): nothing waits for two that agree"
-                } else {
-                    "two of the same scene, a second apart, are the same"
-                };
-                found.into()
-            }),
-            pause,
-            Check::measured("frames", &self.frames_until_still, |frames| {
-                format!(
-                    "the aircraft moved: two images in a row agree after {frames} frames at most"
-                )
-            }),
-            Check::measured("exposure", &self.frames_until_settled, |frames| {
-                format!(
-                    "the camera turned: the image is the final one with settle_frames = {frames}"
-                )
-            }),
-            Check::measured("callbacks", &self.callbacks, |found| {
-                let orders: Vec<String> = found
-                    .orders
-                    .iter()
-                    .map(|(order, frames)| format!("{frames}x {order}"))
-                    .collect();
-                format!(
-                    "in {} frames, {} cycles: {}",
-                    found.frames,
-                    found.cycles,
-                    orders.join("; ")
-                )
-            }),
-        ]
-    }
+            found.into()
+        }),
+        pause,
+        Check::measured("frames", &profile.frames_until_still, |frames| {
+            format!("the aircraft moved: two images in a row agree after {frames} frames at most")
+        }),
+        Check::measured("exposure", &profile.frames_until_settled, |frames| {
+            format!("the camera turned: the image is the final one with settle_frames = {frames}")
+        }),
+        Check::measured("callbacks", &profile.callbacks, |found| {
+            let orders: Vec<String> = found
+                .orders
+                .iter()
+                .map(|(order, frames)| format!("{frames}x {order}"))
+                .collect();
+            format!(
+                "in {} frames, {} cycles: {}",
+                found.frames,
+                found.cycles,
+                orders.join("; ")
+            )
+        }),
+    ]
 }
 
 /// Measures whether a different shot changes the image in a pause. If not, it must do so while time runs: in fog all images look alike.
@@ -156,9 +121,12 @@ async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
         let frames = eyes
             .take([here, there, here, there, here, there, here])
             .await?;
-        let gaps = frames
-            .windows(2)
-            .map(|pair| pair[1].sim_frame.saturating_sub(pair[0].sim_frame));
+        let gaps = frames.windows(2).map(|pair| {
+            pair[1]
+                .header
+                .sim_frame
+                .saturating_sub(pair[0].header.sim_frame)
+        });
         Ok(gaps.max().unwrap_or(0) as u32)
     };
     finding(measured.await)
@@ -200,13 +168,6 @@ async fn callbacks(eyes: &mut Eyes<'_>) -> Finding<CallbackOrders> {
     finding(watched.await)
 }
 
-pub(super) fn finding<T>(measured: Result<T, BridgeError>) -> Finding<T> {
+fn finding<T>(measured: Result<T, BridgeError>) -> Finding<T> {
     measured.map_or_else(Finding::not_measured, Finding::Found)
-}
-
-fn map<T, U>(finding: Finding<T>, with: impl FnOnce(T) -> U) -> Finding<U> {
-    match finding {
-        Finding::Found(value) => Finding::Found(with(value)),
-        Finding::NotMeasured(reason) => Finding::NotMeasured(reason),
-    }
 }

@@ -1,10 +1,8 @@
 //! Measures how X-Plane 12 handles written weather, by values read back, its gauges and images. The original weather is restored.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
-use dataset::corpus::effective_weather::EffectiveQuantity;
 use dataset::numbers::units::MPS_PER_KNOT;
 use tokio::time::{Instant, sleep};
 
@@ -20,7 +18,7 @@ use crate::datarefs::{
     weather_writes,
 };
 use crate::error::BridgeError;
-use crate::profile::{Finding, WindUnit};
+use crate::profile::{Finding, Profile, WindUnit};
 
 /// The wind at the aircraft, knots.
 const WIND_GAUGE_KT: &str = "sim/cockpit2/gauges/indicators/wind_speed_kts";
@@ -53,91 +51,74 @@ const CALM: Weather = Weather {
     turbulence_ratio: 0.0,
 };
 
-pub(super) struct SkyFindings {
-    pub(super) wind_unit: Finding<WindUnit>,
-    pub(super) visibility_needs_regeneration: Finding<bool>,
-    pub(super) clouds_need_regeneration: Finding<bool>,
-    pub(super) clouds_take_s: Finding<f64>,
-    pub(super) weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
+/// Measures, and restores the weather.
+pub(super) async fn measure(eyes: &mut Eyes<'_>, profile: &mut Profile) {
+    if eyes.simulator.generation == Generation::XPlane11 {
+        let reason = "X-Plane 11 has other datarefs, on which reports agree";
+        return mark_unmeasured(profile, reason);
+    }
+    let before = match eyes.simulator.weather_now().await {
+        Ok(before) => before,
+        Err(error) => return mark_unmeasured(profile, &error.to_string()),
+    };
+    measure_any(eyes, profile).await;
+    if let Err(error) = eyes.simulator.put_weather_back(&before).await {
+        tracing::warn!(%error, "the weather was not put back");
+    }
 }
 
-impl SkyFindings {
-    /// Measures, and restores the weather.
-    pub(super) async fn measure(eyes: &mut Eyes<'_>) -> Self {
-        if eyes.simulator.generation == Generation::XPlane11 {
-            return Self::nothing("X-Plane 11 has other datarefs, on which reports agree");
-        }
-        let before = match eyes.simulator.weather_now().await {
-            Ok(before) => before,
-            Err(error) => return Self::nothing(&error.to_string()),
-        };
-        let found = Self::measure_any(eyes).await;
-        if let Err(error) = eyes.simulator.put_weather_back(&before).await {
-            tracing::warn!(%error, "the weather was not put back");
-        }
-        found
-    }
+async fn measure_any(eyes: &mut Eyes<'_>, profile: &mut Profile) {
+    let visibility = visibility(eyes).await;
+    profile.visibility_needs_regeneration = visibility.unwrap_or_else(Finding::not_measured);
+    let regenerate = profile.visibility_needs_regeneration.found() == Some(&true);
+    let clouds = clouds(eyes, regenerate).await;
+    (profile.clouds_take_s, profile.clouds_need_regeneration) = clouds
+        .unwrap_or_else(|error| (Finding::not_measured(&error), Finding::not_measured(error)));
+    let wind_unit = wind(eyes.simulator, regenerate).await;
+    profile.wind_unit = wind_unit.unwrap_or_else(Finding::not_measured);
+    let unit = profile.wind_unit.found().copied();
+    profile.weather_follows = following::measure(eyes.simulator, unit).await;
+}
 
-    async fn measure_any(eyes: &mut Eyes<'_>) -> Self {
-        let visibility = visibility(eyes).await;
-        let visibility = visibility.unwrap_or_else(Finding::not_measured);
-        let regenerate = visibility.found() == Some(&true);
-        let clouds = clouds(eyes, regenerate).await;
-        let (clouds_take_s, clouds) = clouds
-            .unwrap_or_else(|error| (Finding::not_measured(&error), Finding::not_measured(error)));
-        let wind_unit = wind(eyes.simulator, regenerate).await;
-        let wind_unit = wind_unit.unwrap_or_else(Finding::not_measured);
-        Self {
-            visibility_needs_regeneration: visibility,
-            clouds_need_regeneration: clouds,
-            clouds_take_s,
-            weather_follows: following::measure(eyes.simulator, wind_unit.found().copied()).await,
-            wind_unit,
-        }
-    }
+fn mark_unmeasured(profile: &mut Profile, reason: &str) {
+    profile.wind_unit = Finding::not_measured(reason);
+    profile.visibility_needs_regeneration = Finding::not_measured(reason);
+    profile.clouds_need_regeneration = Finding::not_measured(reason);
+    profile.clouds_take_s = Finding::not_measured(reason);
+    profile.weather_follows = following::nothing(reason);
+}
 
-    pub(super) fn nothing(reason: &str) -> Self {
-        Self {
-            wind_unit: Finding::NotMeasured(reason.into()),
-            visibility_needs_regeneration: Finding::NotMeasured(reason.into()),
-            clouds_need_regeneration: Finding::NotMeasured(reason.into()),
-            clouds_take_s: Finding::NotMeasured(reason.into()),
-            weather_follows: following::nothing(reason),
+/// For a person.
+pub(super) fn checks(profile: &Profile) -> Vec<Check> {
+    let needs = |what: &'static str| {
+        move |needed: &bool| {
+            let when = if *needed { "only after" } else { "without" };
+            format!("{what} shows {when} {COMMAND_REGENERATE_WEATHER}")
         }
-    }
-
-    /// For a person.
-    pub(super) fn checks(&self) -> Vec<Check> {
-        let needs = |what: &'static str| {
-            move |needed: &bool| {
-                let when = if *needed { "only after" } else { "without" };
-                format!("{what} shows {when} {COMMAND_REGENERATE_WEATHER}")
-            }
-        };
-        vec![
-            Check::measured(
-                "visibility",
-                &self.visibility_needs_regeneration,
-                needs("a visibility that was written"),
-            ),
-            Check::measured("clouds", &self.clouds_take_s, |took_s| {
-                format!("read back {took_s:.0} s after they were written")
-            }),
-            Check::measured(
-                "cloud pictures",
-                &self.clouds_need_regeneration,
-                needs("a cover that reads back"),
-            ),
-            Check::measured("wind unit", &self.wind_unit, |unit| {
-                let unit = match unit {
-                    WindUnit::MetersPerSecond => "metres per second",
-                    WindUnit::Knots => "knots",
-                };
-                format!("{WIND_SPEED} is in {unit}, by {WIND_GAUGE_KT}")
-            }),
-            following::check(&self.weather_follows),
-        ]
-    }
+    };
+    vec![
+        Check::measured(
+            "visibility",
+            &profile.visibility_needs_regeneration,
+            needs("a visibility that was written"),
+        ),
+        Check::measured("clouds", &profile.clouds_take_s, |took_s| {
+            format!("read back {took_s:.0} s after they were written")
+        }),
+        Check::measured(
+            "cloud pictures",
+            &profile.clouds_need_regeneration,
+            needs("a cover that reads back"),
+        ),
+        Check::measured("wind unit", &profile.wind_unit, |unit| {
+            let unit = match unit {
+                WindUnit::MetersPerSecond => "metres per second",
+                WindUnit::Knots => "knots",
+            };
+            format!("{WIND_SPEED} is in {unit}, by {WIND_GAUGE_KT}")
+        }),
+        following::check(&profile.weather_follows),
+    ]
 }
 
 impl Simulator {
@@ -329,15 +310,19 @@ fn layers(covered: bool, generation: Generation) -> Result<Vec<DatarefWrite>, Br
         clouds: if covered { vec![layer] } else { Vec::new() },
         ..CALM
     };
-    let all = weather_writes(&weather, generation)?.into_iter();
-    Ok(all
-        .filter(|write| {
-            let name = write.name.split('[').next();
-            [CLOUD_TYPE, CLOUD_COVER, CLOUD_BASE, CLOUD_TOP]
-                .into_iter()
-                .any(|cloud| name == Some(cloud))
-        })
-        .collect())
+    let clouds = [CLOUD_TYPE, CLOUD_COVER, CLOUD_BASE, CLOUD_TOP];
+    writes_of(&clouds, &weather, generation)
+}
+
+/// The writes of these arrays for a weather.
+fn writes_of(
+    arrays: &[&str],
+    weather: &Weather,
+    generation: Generation,
+) -> Result<Vec<DatarefWrite>, BridgeError> {
+    let mut writes = weather_writes(weather, generation)?;
+    writes.retain(|write| arrays.contains(&write.name.split('[').next().unwrap_or_default()));
+    Ok(writes)
 }
 
 /// Writes clouds once and waits until all slots read so; returns how long it took, seconds of simulated or real time, whichever is
@@ -377,14 +362,8 @@ async fn wind(
             wind_from_true_deg: 90.0,
             ..CALM
         };
-        let winds = weather_writes(&any, simulator.generation)?
-            .into_iter()
-            .filter(|write| {
-                let name = write.name.split('[').next();
-                [WIND_ALTITUDE, WIND_SPEED, WIND_DIRECTION]
-                    .into_iter()
-                    .any(|wind| name == Some(wind))
-            });
+        let winds = [WIND_ALTITUDE, WIND_SPEED, WIND_DIRECTION];
+        let winds = writes_of(&winds, &any, simulator.generation)?;
         simulator.write_steady(winds).await?;
         if regenerate {
             simulator.command_once(COMMAND_REGENERATE_WEATHER).await?;

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::conditions::Clock;
-use tokio::time::Instant;
 
 use super::{Check, DoctorOptions};
 use crate::datarefs::{
@@ -69,11 +68,7 @@ impl Talk {
 
     /// All values, as far as they arrive; none if the socket fails, which is equivalent for a reader.
     pub(super) async fn read(&mut self, names: &[&str]) -> Vec<Option<f32>> {
-        let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
-        let read = self
-            .udp
-            .read_until(names, Instant::now() + self.wait, all)
-            .await;
+        let read = self.udp.read_all(names, self.wait).await;
         read.unwrap_or_else(|_| vec![None; names.len()])
     }
 
@@ -83,19 +78,13 @@ impl Talk {
         name: &str,
         expected: impl Fn(f32) -> bool,
     ) -> Option<f32> {
-        let met = |values: &[Option<f32>]| values[0].is_some_and(&expected);
-        let read = self
-            .udp
-            .read_until(&[name], Instant::now() + self.wait, met)
-            .await;
-        read.ok()?.first().copied()?
+        let read = self.udp.read_one(name, self.wait, expected).await;
+        read.ok().flatten()
     }
 
     pub(super) async fn version(&mut self) -> Result<f32, Silence> {
-        let deadline = Instant::now() + self.wait;
-        let came = |values: &[Option<f32>]| values[0].is_some();
-        match self.udp.read_until(&[VERSION], deadline, came).await {
-            Ok(values) => values[0].ok_or(Silence::Nothing),
+        match self.udp.read_one(VERSION, self.wait, |_| true).await {
+            Ok(version) => version.ok_or(Silence::Nothing),
             Err(BridgeError::NobodyAnswers { refused: true, .. }) => Err(Silence::Refused),
             Err(_) => Err(Silence::Nothing),
         }

@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use super::{Check, Intent, Verdict};
-use crate::link::{PictureSize, PixelKind, SimulatorWindow};
-use crate::pixels::{PixelChoice, Screen};
+use crate::Simulator;
+use crate::link::{Hello, PictureSize, PixelKind, SimulatorWindow};
+use crate::pixels::{Lag, PixelChoice, PixelSource, Screen};
 use crate::profile::{Finding, Grabbing};
-use crate::{Simulator, SimulatorDescription};
 
 pub(super) const NAME: &str = "window";
 
 /// The required image size; `None` if the simulator draws any.
-pub(super) fn picture_size(description: &SimulatorDescription) -> Option<PictureSize> {
+pub(super) fn picture_size(description: &Hello) -> Option<PictureSize> {
     let of_window = description.window.as_ref().map(SimulatorWindow::size);
     description.drawn_size.or(of_window)
 }
@@ -98,7 +98,10 @@ async fn grabbed(
     let picture_px = (size.width_px, size.height_px);
     match simulator.use_pixels(choice, picture_px, screen).await {
         Ok(_) => {
-            let lag = simulator.pixels.lag().unwrap_or_default();
+            let lag = match &simulator.pixels {
+                PixelSource::Screen(source) => source.lag(),
+                _ => Lag::default(),
+            };
             *grabbing = Finding::Found(Grabbing {
                 late_grabs: lag.grabs,
                 lag_ms: lag.time.as_secs_f64() * 1e3,

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{ATTEMPTS, READY_TIMEOUT, START_TIMEOUT, lat_lon};
+use super::{ATTEMPTS, READY_TIMEOUT, START_TIMEOUT, lat_lon, not_placed};
 use crate::datarefs::SCENERY_LOADING;
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
@@ -45,13 +45,8 @@ impl Simulator {
                 None => break,
             }
         }
-        Err(BridgeError::NotPlaced {
-            by: "PREL",
-            attempts,
-            wanted_latitude_deg: wanted.latitude_deg,
-            wanted_longitude_deg: wanted.longitude_deg,
-            found: found.map(|found| (found.latitude_deg, found.longitude_deg)),
-        })
+        let found = found.as_ref().map(lat_lon);
+        Err(not_placed(wanted, "PREL", attempts, found))
     }
 
     /// Waits until X-Plane has loaded the flight. While it loads it does not answer, and requests sent meanwhile are executed later, or not
@@ -64,7 +59,7 @@ impl Simulator {
         let mut heard = began;
         let mut quiet = 0;
         while quiet < QUIET_READINGS {
-            match self.read_one(SCENERY_LOADING, |_| true).await? {
+            match self.read_soon(SCENERY_LOADING).await? {
                 Some(loading) => {
                     heard = Instant::now();
                     quiet = if loading == 0.0 { quiet + 1 } else { 0 };
@@ -81,15 +76,13 @@ impl Simulator {
 
     fn still_loading(&self, began: Instant, heard: Instant) -> BridgeError {
         if heard.elapsed() < READY_TIMEOUT * 2 {
-            BridgeError::StillLoading {
-                waited: began.elapsed(),
-            }
+            BridgeError::Failed(format!(
+                "X-Plane has been loading scenery for {:.0?} (dataref {SCENERY_LOADING} is not 0). Look for a message in X-Plane, start any \
+                 flight, and run the same command again",
+                began.elapsed()
+            ))
         } else {
-            BridgeError::NobodyAnswers {
-                address: self.address,
-                waited: heard.elapsed(),
-                refused: false,
-            }
+            BridgeError::silent(self.address, heard.elapsed())
         }
     }
 }

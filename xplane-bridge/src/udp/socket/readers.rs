@@ -74,7 +74,7 @@ impl Readers {
 
     /// Gives values to their readers; returns the numbers that have none. A value that is not finite does not count: the dataref stays
     /// without one, as if the simulator had not answered.
-    pub(super) fn hand_out(&self, values: impl Iterator<Item = DatarefValue>) -> Vec<i32> {
+    pub(super) fn hand_out(&self, values: impl IntoIterator<Item = DatarefValue>) -> Vec<i32> {
         let mut unwanted = Vec::new();
         let mut by_reader: BTreeMap<i32, Vec<DatarefValue>> = BTreeMap::new();
         for value in values {
@@ -162,7 +162,7 @@ mod tests {
                 index: first,
                 value,
             };
-            let unwanted = readers.hand_out([strange].into_iter());
+            let unwanted = readers.hand_out([strange]);
             assert!(unwanted.is_empty() && values.try_recv().is_err(), "{value}");
         }
         let mut positions = readers.positions();

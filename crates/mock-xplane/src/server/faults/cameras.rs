@@ -7,8 +7,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use dataset::geometry::camera::CameraPose;
-use dataset::geometry::pose::{Controls, Pose};
+use dataset::geometry::pose::Pose;
 use dataset::numbers::units::Degrees;
 use glam::DVec2;
 use rand::{RngExt, SeedableRng};
@@ -120,29 +119,9 @@ impl FaultyCameras {
         }
         let seed = self.seed;
         let view = self.views.entry(request.view);
-        let content = view
-            .or_insert_with(|| View::new(seed, request.view))
-            .content(&faults, request);
-        Drawn {
-            request: CaptureRequest {
-                time_ns: content.time_ns,
-                pose: content.pose,
-                controls: content.controls,
-                camera: content.camera,
-                ..*request
-            },
-            shift_px: content.shift_px,
-        }
+        view.or_insert_with(|| View::new(seed, request.view))
+            .drawn_for(&faults, request)
     }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Content {
-    time_ns: i64,
-    pose: Pose,
-    controls: Controls,
-    camera: CameraPose,
-    shift_px: DVec2,
 }
 
 /// A view's images since the flight began.
@@ -152,9 +131,9 @@ struct View {
     random: ChaCha12Rng,
     /// Phases of the shake along both axes, radians.
     phases: [[f64; SINUSOIDS.len()]; 2],
-    /// Requested contents that a late image may still need, the oldest first.
-    requested: VecDeque<Content>,
-    shown: Option<Content>,
+    /// Requests that a late image may still need, the oldest first.
+    requested: VecDeque<CaptureRequest>,
+    shown: Option<Drawn>,
 }
 
 impl View {
@@ -180,48 +159,46 @@ impl View {
         }
     }
 
-    fn content(&mut self, faults: &[CameraFaultKind], request: &CaptureRequest) -> Content {
+    fn drawn_for(&mut self, faults: &[CameraFaultKind], request: &CaptureRequest) -> Drawn {
         let last = self.requested.back();
         if last.is_some_and(|last| last.time_ns >= request.time_ns) {
             self.begin_flight();
         }
-        let requested = Content {
-            time_ns: request.time_ns,
-            pose: request.pose,
-            controls: request.controls,
-            camera: request.camera,
+        self.requested.push_back(*request);
+        let mut drawn = Drawn {
+            request: *request,
             shift_px: DVec2::ZERO,
         };
-        self.requested.push_back(requested);
-        let (mut content, mut sticks) = (requested, false);
+        let mut sticks = false;
         for fault in faults {
             match *fault {
                 CameraFaultKind::Late(by) => {
-                    let past = self.past(nanoseconds(by));
-                    content.time_ns = past.time_ns;
-                    content.pose = past.pose;
-                    content.controls = past.controls;
+                    drawn.request = CaptureRequest {
+                        camera: drawn.request.camera,
+                        ..self.past(nanoseconds(by))
+                    };
                 }
                 CameraFaultKind::Shakes {
                     rms_px,
                     frequency_hz,
-                } => content.shift_px += self.shake_px(rms_px, frequency_hz, request.time_ns),
+                } => drawn.shift_px += self.shake_px(rms_px, frequency_hz, request.time_ns),
                 CameraFaultKind::Turns { right_deg, after } => {
                     if request.time_ns >= nanoseconds(after) {
-                        turn_right(&mut content.camera.pose, right_deg);
+                        turn_right(&mut drawn.request.camera.pose, right_deg);
                     }
                 }
                 CameraFaultKind::Sticks(share) => sticks |= self.random.random::<f64>() < share,
             }
         }
-        let shown = self.shown.filter(|_| sticks).unwrap_or(content);
+        let mut shown = self.shown.filter(|_| sticks).unwrap_or(drawn);
+        shown.request.tick = request.tick;
         self.shown = Some(shown);
         shown
     }
 
-    /// The content at some time before the latest request: on the cubic through the two requests before it and the two after it, as far as
+    /// The latest request as of some time before it: on the cubic through the two requests before it and the two after it, as far as
     /// there are any. A straight line between requests two seconds apart would fly gusts in corners.
-    fn past(&mut self, by_ns: i64) -> Content {
+    fn past(&mut self, by_ns: i64) -> CaptureRequest {
         let latest = self.requested[self.requested.len() - 1];
         let time_ns = latest.time_ns - by_ns;
         while self.requested.len() > 2 && self.requested[2].time_ns <= time_ns {
@@ -229,14 +206,14 @@ impl View {
         }
         let after = (self.requested).partition_point(|request| request.time_ns <= time_ns);
         let Some(before) = after.checked_sub(1) else {
-            return Content {
+            return CaptureRequest {
                 time_ns,
                 pose: out_of_sight(latest.pose),
                 ..latest
             };
         };
         let around = before.saturating_sub(1)..self.requested.len().min(after + 2);
-        let near: Vec<Content> = self.requested.range(around).copied().collect();
+        let near: Vec<CaptureRequest> = self.requested.range(around).copied().collect();
         let before = self.requested[before];
         let on_curve = |of: fn(&Pose) -> f64| {
             interpolated(
@@ -247,11 +224,12 @@ impl View {
         // Angles as differences, so that a full turn between two requests does not count.
         let angle = |of: fn(&Pose) -> f64| {
             let first_deg = of(&before.pose);
-            let turned_deg = |near: &Content| Degrees(of(&near.pose) - first_deg).wrapped_180().0;
+            let turned_deg =
+                |near: &CaptureRequest| Degrees(of(&near.pose) - first_deg).wrapped_180().0;
             let turned = near.iter().map(|near| (near.time_ns, turned_deg(near)));
             first_deg + interpolated(time_ns, turned)
         };
-        Content {
+        CaptureRequest {
             time_ns,
             pose: Pose {
                 latitude_deg: on_curve(|pose| pose.latitude_deg),
@@ -262,8 +240,7 @@ impl View {
                 roll_deg: angle(|pose| pose.roll_deg),
             },
             controls: before.controls,
-            camera: latest.camera,
-            shift_px: DVec2::ZERO,
+            ..latest
         }
     }
 
@@ -317,6 +294,8 @@ fn turn_right(camera: &mut Pose, right_deg: f64) {
 
 #[cfg(test)]
 mod tests {
+    use dataset::geometry::camera::CameraPose;
+    use dataset::geometry::pose::Controls;
     use xplane_bridge::link::Deliver;
 
     use super::*;

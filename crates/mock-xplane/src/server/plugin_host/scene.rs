@@ -136,32 +136,25 @@ impl PluginScene {
         scene
     }
 
-    /// The answer to a question; `None` if the fake never asks it.
+    /// The answer to a question, or null to a statement; `None` if the fake never says it.
     pub(super) fn answer(&mut self, what: &str, arguments: &[Value]) -> Option<Value> {
         let text = |at: usize| arguments.get(at)?.as_str();
         let number = |at: usize| arguments.get(at)?.as_f64();
         let vector = || Some(DVec3::new(number(0)?, number(1)?, number(2)?));
         let index = || arguments.get(1)?.as_u64().map(|index| index as usize);
-        Some(match what {
-            "kind" => self.kind(text(0)?),
+        match what {
+            "kind" => return Some(self.kind(text(0)?)),
             "want" => {
                 let (name, at) = (text(0)?, index()?);
                 self.get(name, at)?;
                 self.wanted.push((name.to_owned(), at));
-                Value::Null
             }
-            "want_nothing" => {
-                self.wanted.clear();
-                Value::Null
-            }
+            "want_nothing" => self.wanted.clear(),
             "values" => {
                 let values = self.wanted.iter().map(|(name, at)| self.get(name, *at));
-                json!(values.collect::<Option<Vec<f64>>>()?)
+                return Some(json!(values.collect::<Option<Vec<f64>>>()?));
             }
-            "set" => {
-                self.set(text(0)?, index()?, number(2)?);
-                Value::Null
-            }
+            "set" => self.set(text(0)?, index()?, number(2)?),
             "command" => {
                 let path = text(0)?;
                 if path.starts_with(AUTOPILOT) && !self.flies() {
@@ -173,69 +166,40 @@ impl PluginScene {
                 }
                 let known = self.world.lock().command(path);
                 self.capture_on_command(path);
-                json!(known)
+                return Some(json!(known));
             }
             "knows_command" => {
                 let path = text(0)?;
-                json!(World::commands().any(|known| known == path))
+                return Some(json!(World::commands().any(|known| known == path)));
             }
-            "lose_camera" => {
-                self.world.lock().lose_camera();
-                Value::Null
-            }
-            "let_others_fly" => {
-                self.world.lock().let_others_fly(number(0)? != 0.0);
-                Value::Null
-            }
-            "others_fly" => json!(self.world.lock().others_fly),
-            "place_user" => {
-                let position = place(vector()?);
-                self.begin_flight(position, number(3)?, number(4)?);
-                Value::Null
-            }
+            "lose_camera" => self.world.lock().lose_camera(),
+            "let_others_fly" => self.world.lock().let_others_fly(number(0)? != 0.0),
+            "others_fly" => return Some(json!(self.world.lock().others_fly)),
+            "place_user" => self.begin_flight(place(vector()?), number(3)?, number(4)?),
             "world_to_local" => {
-                let [x, y, z] = self.frame.local(place(vector()?)).to_array();
-                json!([x, y, z])
+                return Some(json!(self.frame.local(place(vector()?)).to_array()));
             }
-            "local_to_world" => {
-                let place = self.frame.world(vector()?);
-                json!([
-                    place.latitude_deg,
-                    place.longitude_deg,
-                    place.altitude_msl_m
-                ])
+            "local_to_world" => return Some(coordinates(self.frame.world(vector()?))),
+            "ground_below" => {
+                let ground = self.ground_below(vector()?);
+                return Some(json!(ground.map(|ground| ground.to_array())));
             }
-            "ground_below" => json!(self.ground_below(vector()?).map(|ground| ground.to_array())),
-            "publish" => {
-                self.world.lock().set_own(text(0)?, number(1)?);
-                Value::Null
-            }
+            "publish" => self.world.lock().set_own(text(0)?, number(1)?),
             "begin_frame" => {
                 let frame = self.begin_frame();
-                let Geodetic {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_msl_m,
-                } = self.frame.origin;
-                json!([frame, [latitude_deg, longitude_deg, altitude_msl_m]])
+                return Some(json!([frame, coordinates(self.frame.origin)]));
             }
-            "own_camera" => {
-                self.show_own_view();
-                Value::Null
-            }
+            "own_camera" => self.show_own_view(),
             "place_camera" => {
                 let mut world = self.world.lock();
                 for (at, name) in CAMERA.into_iter().enumerate() {
                     world.set_own(&format!("{VIEW}{name}"), number(at)?);
                 }
-                Value::Null
             }
-            "log" => {
-                tracing::info!(plugin = text(0)?);
-                Value::Null
-            }
+            "log" => tracing::info!(plugin = text(0)?),
             _ => return None,
-        })
+        }
+        Some(Value::Null)
     }
 
     /// The image of the plugin's pose and camera, with overlays: `windows` too, or not yet.
@@ -836,6 +800,14 @@ fn rotation(psi_deg: f64, theta_deg: f64, phi_deg: f64) -> DMat3 {
         theta_deg.to_radians(),
         phi_deg.to_radians(),
     )
+}
+
+fn coordinates(place: Geodetic) -> Value {
+    json!([
+        place.latitude_deg,
+        place.longitude_deg,
+        place.altitude_msl_m
+    ])
 }
 
 fn place(at: DVec3) -> Geodetic {

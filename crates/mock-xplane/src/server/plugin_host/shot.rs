@@ -126,7 +126,7 @@ impl Painter {
         }
         let eye = shot.camera.pose.position().to_ecef();
         let away = (pose.position().to_ecef() - eye) / self.scale;
-        at(pose, eye + away)
+        pose.moved_to(Geodetic::from_ecef(eye + away))
     }
 }
 
@@ -189,24 +189,7 @@ fn out_of_sight(shot: &Shot) -> Pose {
 
 /// Moved along its own axes, forward, right and down.
 fn moved(pose: Pose, by_m: DVec3) -> Pose {
-    at(
-        pose,
-        pose.position().to_ecef() + pose.ecef_from_body() * by_m,
-    )
-}
-
-fn at(pose: Pose, ecef: DVec3) -> Pose {
-    let Geodetic {
-        latitude_deg,
-        longitude_deg,
-        altitude_msl_m,
-    } = Geodetic::from_ecef(ecef);
-    Pose {
-        latitude_deg,
-        longitude_deg,
-        altitude_msl_m,
-        ..pose
-    }
+    pose.moved_to(Geodetic::from_ecef(pose.body_point_to_ecef(by_m)))
 }
 
 #[cfg(test)]

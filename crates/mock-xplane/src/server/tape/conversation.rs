@@ -243,7 +243,7 @@ fn difference(asked: &Value, recorded: &Value) -> Option<String> {
 mod tests {
     use serde_json::json;
     use std::path::Path;
-    use xplane_tape::{Channel, Direction, TapeInfo, TapeReader, TapeWriter};
+    use xplane_tape::{Channel, Direction, TapeReader, TapeWriter, Traffic};
 
     use super::*;
 
@@ -253,12 +253,12 @@ mod tests {
         requests: &[(Value, f32)],
     ) -> (Conversation, Vec<MessagePosition>, TapeReader) {
         let path = folder.join("a.mcap");
-        let info = TapeInfo::new("x".into(), "now".into());
-        let channel = Channel::Link {
-            connection: 1,
+        let channel = Channel {
+            traffic: Traffic::Link,
+            number: 1,
             direction: Direction::ToSimulator,
         };
-        let mut tape = TapeWriter::create(&path, &info).unwrap();
+        let mut tape = TapeWriter::create(&path, "x", "now").unwrap();
         for (request, _) in requests {
             tape.write(channel, 0, request.to_string().as_bytes())
                 .unwrap();

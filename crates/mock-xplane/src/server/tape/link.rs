@@ -9,8 +9,8 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 use xplane_bridge::link::doorway::Doorway;
-use xplane_bridge::link::{Answer, LinkError};
-use xplane_tape::{LinkMessage, MAGIC, MessagePosition};
+use xplane_bridge::link::{Answer, LinkError, MAGIC};
+use xplane_tape::{LinkMessage, MessagePosition};
 
 use super::loading::is_hello;
 use super::{Playback, Player};
@@ -35,9 +35,7 @@ pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Resu
 async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkError> {
     stream.set_nodelay(true)?;
     let hello = timeout(player.patience.hello, admit(&mut stream, &player)).await;
-    let mut next = hello.unwrap_or(Err(LinkError::Ended {
-        inside: "the time for a hello",
-    }))?;
+    let mut next = hello.unwrap_or_else(|_late| Err(LinkError::ended("the time for a hello")))?;
     while let Some(message) = next {
         let player = player.clone();
         let answer = spawn_blocking(move || player.answer(&message)).await;
@@ -49,9 +47,7 @@ async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkErr
         };
         next = timeout(MAX_SILENCE, exchange)
             .await
-            .unwrap_or(Err(LinkError::Ended {
-                inside: "a long silence",
-            }))?;
+            .unwrap_or_else(|_late| Err(LinkError::ended("a long silence")))?;
     }
     Ok(())
 }

@@ -6,13 +6,11 @@ use std::path::Path;
 use serde_json::Value;
 use xplane_bridge::datarefs::VERSION;
 use xplane_bridge::link::LINK_VERSION;
-use xplane_bridge::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
-use xplane_tape::{Channel, Direction, Entry, LinkMessage, MessagePosition, TapeError, TapeReader};
+use xplane_bridge::packet::{DatarefValue, FromSimulator, SubscribeDataref, ToSimulator};
+use xplane_tape::{Direction, Entry, LinkMessage, MessagePosition, TapeError, TapeReader, Traffic};
 
-use super::conversation::{Context, Conversation};
-use super::history::Histories;
-use super::positions::Positions;
-use super::shown_weather::ShownWeather;
+use super::Playback;
+use super::conversation::Context;
 
 /// The version to report if no client asked for it on the tape: 12.4.0.
 const USUAL_VERSION: i32 = 124_009;
@@ -20,10 +18,7 @@ const USUAL_VERSION: i32 = 124_009;
 /// A tape prepared for replay.
 pub(super) struct Loaded {
     pub(super) reader: TapeReader,
-    pub(super) histories: Histories,
-    pub(super) shown_weather: ShownWeather,
-    pub(super) positions: Positions,
-    pub(super) conversation: Conversation,
+    pub(super) playback: Playback,
     /// Version of the recorded simulator, 124009 for 12.4.0.
     pub(super) version: i32,
     /// Version of the recorded capture link.
@@ -35,91 +30,72 @@ pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
     let mut reader = TapeReader::open(path)?;
     let mut loading = Loading::default();
     while let Some(entry) = reader.next_entry()? {
-        let what = entry.channel.topic();
-        loading
-            .take(entry)
-            .map_err(|(sequence, found)| TapeError::BadMessage {
-                path: path.to_owned(),
-                sequence,
-                topic: what,
-                found,
-            })?;
+        let (sequence, topic) = (entry.place.sequence(), entry.channel.topic());
+        loading.take(entry).map_err(|found| {
+            let tape = path.display();
+            TapeError::BadInput(format!(
+                "tape {tape}: message {sequence} on {topic}: {found}"
+            ))
+        })?;
     }
     if !reader.is_whole() {
         tracing::warn!(path = %path.display(), "the tape has no end: its recorder was killed");
     }
-    let histories = loading.histories;
-    let version = histories
+    let playback = Playback {
+        context: Context::default(),
+        ..loading.playback
+    };
+    let version = playback
+        .histories
         .first_value(VERSION)
         .map_or(USUAL_VERSION, |version| version as i32);
     tracing::info!(
         path = %path.display(),
-        datarefs = histories.count(),
-        requests = loading.conversation.count(),
-        positions = loading.positions.count(),
+        datarefs = playback.histories.count(),
+        requests = playback.conversation.count(),
+        positions = playback.positions.count(),
         "tape loaded"
     );
     Ok(Loaded {
         link_version: reader.link_version().unwrap_or(LINK_VERSION),
         reader,
-        histories,
-        shown_weather: loading.shown_weather,
-        positions: loading.positions,
-        conversation: loading.conversation,
+        playback,
         version,
     })
 }
 
 #[derive(Default)]
 struct Loading {
-    histories: Histories,
-    shown_weather: ShownWeather,
-    positions: Positions,
-    conversation: Conversation,
-    context: Context,
+    playback: Playback,
     /// Per client, the dataref of each index.
     subscribed: HashMap<u32, HashMap<i32, String>>,
     /// Unanswered requests by connection.
     open: HashMap<u32, VecDeque<(Value, Context, MessagePosition)>>,
 }
 
-/// Number and fault of a message.
-type Bad = (u32, String);
-
 impl Loading {
-    fn take(&mut self, entry: Entry) -> Result<(), Bad> {
-        match entry.channel {
-            Channel::Udp {
-                client,
-                direction: Direction::ToSimulator,
-            } => self.said(client, &entry.data),
-            Channel::Udp {
-                client,
-                direction: Direction::FromSimulator,
-            } => self.heard(client, entry.data),
-            Channel::Link {
-                connection,
-                direction: Direction::ToSimulator,
-            } => return self.asked(connection, entry),
-            Channel::Link {
-                connection,
-                direction: Direction::FromSimulator,
-            } => self.answered(connection, entry.place),
+    /// Takes one entry; the error says what is wrong with it.
+    fn take(&mut self, entry: Entry) -> Result<(), String> {
+        let number = entry.channel.number;
+        match (entry.channel.traffic, entry.channel.direction) {
+            (Traffic::Udp, Direction::ToSimulator) => self.said(number, &entry.data),
+            (Traffic::Udp, Direction::FromSimulator) => self.heard(number, entry.data),
+            (Traffic::Link, Direction::ToSimulator) => return self.asked(number, entry),
+            (Traffic::Link, Direction::FromSimulator) => self.answered(number, entry.place),
         }
         Ok(())
     }
 
-    /// A client's datagram. Datagrams that we do not send have no answer that a replay could give.
     fn said(&mut self, client: u32, datagram: &[u8]) {
         match ToSimulator::decode(datagram) {
             Ok(ToSimulator::SubscribeDataref(request)) => self.subscribe(client, request),
             Ok(ToSimulator::WriteDataref(write)) => {
-                self.histories.add_write(&write.path, write.value);
-                self.context.write(&write.path, write.value);
+                self.playback.histories.add_write(&write.path, write.value);
+                self.playback.context.write(&write.path, write.value);
             }
-            Ok(ToSimulator::Command(command)) => self.histories.add_command(&command.path),
+            Ok(ToSimulator::Command(command)) => self.playback.histories.add_command(&command.path),
             Ok(ToSimulator::PlaceAtStart(_)) => {
-                self.positions.add_placing(datagram);
+                self.playback.positions.add_placing(datagram);
             }
             _ => {}
         }
@@ -136,30 +112,31 @@ impl Loading {
     }
 
     fn heard(&mut self, client: u32, datagram: Vec<u8>) {
-        if let Ok(values) = DatarefValuesView::new(&datagram) {
+        if let Ok(FromSimulator::DatarefValues(received)) = FromSimulator::decode(&datagram) {
             let numbers = self.subscribed.entry(client).or_default();
-            for value in values.iter() {
-                if let Some(path) = numbers.get(&value.index) {
-                    self.histories.add_value(client, path, value.value);
-                    self.shown_weather
-                        .add_value(&self.context, path, value.value);
+            let playback = &mut self.playback;
+            for DatarefValue { index, value } in received.values {
+                if let Some(path) = numbers.get(&index) {
+                    playback.histories.add_value(client, path, value);
+                    playback
+                        .shown_weather
+                        .add_value(&playback.context, path, value);
                 }
             }
         } else if datagram.starts_with(b"RPOS") {
-            self.positions.add(datagram);
+            self.playback.positions.add(datagram);
         }
     }
 
-    fn asked(&mut self, connection: u32, entry: Entry) -> Result<(), Bad> {
-        let sequence = entry.place.sequence();
-        let message = LinkMessage::parse(entry.data).map_err(|bad| (sequence, bad.to_string()))?;
+    fn asked(&mut self, connection: u32, entry: Entry) -> Result<(), String> {
+        let message = LinkMessage::parse(entry.data).map_err(|bad| bad.to_string())?;
         let request: Value = serde_json::from_slice(message.header())
-            .map_err(|error| (sequence, format!("its header is not JSON: {error}")))?;
+            .map_err(|error| format!("its header is not JSON: {error}"))?;
         if is_hello(&request) {
-            self.context.clear();
+            self.playback.context.clear();
         }
         let open = self.open.entry(connection).or_default();
-        open.push_back((request, self.context.clone(), entry.place));
+        open.push_back((request, self.playback.context.clone(), entry.place));
         Ok(())
     }
 
@@ -167,7 +144,9 @@ impl Loading {
     fn answered(&mut self, connection: u32, place: MessagePosition) {
         let open = self.open.entry(connection).or_default();
         if let Some((request, context, at)) = open.pop_front() {
-            self.conversation.add(&request, &context, at, place);
+            self.playback
+                .conversation
+                .add(&request, &context, at, place);
         }
     }
 }

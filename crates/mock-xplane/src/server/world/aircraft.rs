@@ -158,13 +158,7 @@ impl Aircraft {
             }
             "local_x" | "local_y" | "local_z" => {
                 let local = DVec3::new(read("local_x"), read("local_y"), read("local_z"));
-                let Geodetic {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_msl_m,
-                } = self.frame.world(local);
-                (pose.latitude_deg, pose.longitude_deg) = (latitude_deg, longitude_deg);
-                pose.altitude_msl_m = altitude_msl_m;
+                *pose = pose.moved_to(self.frame.world(local));
                 self.state.on_ground = is_on_ground(pose);
             }
             "local_vx" => self.state.velocity_east_mps = read("local_vx"),

@@ -1,6 +1,5 @@
 //! The only airport of the stand-in's world: WSSS, with runway 02L.
 
-use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::pose::Pose;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
@@ -22,15 +21,8 @@ const GLIDE_PATH_DEG: f64 = 3.0;
 /// Pose of a forgotten aircraft: 500 NM to the north, on the ground.
 pub(crate) fn far_away() -> Pose {
     let threshold = ON_THRESHOLD.position().lat_lon();
-    let LatLon {
-        latitude_deg,
-        longitude_deg,
-    } = threshold.destination(0.0, FAR_AWAY_NM * METERS_PER_NAUTICAL_MILE);
-    Pose {
-        latitude_deg,
-        longitude_deg,
-        ..ON_THRESHOLD
-    }
+    let place = threshold.destination(0.0, FAR_AWAY_NM * METERS_PER_NAUTICAL_MILE);
+    ON_THRESHOLD.moved_to(place.at_altitude_m(ON_THRESHOLD.altitude_msl_m))
 }
 
 /// Pose on the extended centreline and the glide path, this far before the threshold.
@@ -38,15 +30,7 @@ pub(crate) fn far_away() -> Pose {
 pub(crate) fn on_final(distance_nm: f64) -> Pose {
     let distance_m = distance_nm * METERS_PER_NAUTICAL_MILE;
     let threshold = ON_THRESHOLD.position().lat_lon();
-    let LatLon {
-        latitude_deg,
-        longitude_deg,
-    } = threshold.destination(ON_THRESHOLD.heading_true_deg + 180.0, distance_m);
-    Pose {
-        latitude_deg,
-        longitude_deg,
-        altitude_msl_m: ON_THRESHOLD.altitude_msl_m
-            + distance_m * GLIDE_PATH_DEG.to_radians().tan(),
-        ..ON_THRESHOLD
-    }
+    let place = threshold.destination(ON_THRESHOLD.heading_true_deg + 180.0, distance_m);
+    let above_m = distance_m * GLIDE_PATH_DEG.to_radians().tan();
+    ON_THRESHOLD.moved_to(place.at_altitude_m(ON_THRESHOLD.altitude_msl_m + above_m))
 }

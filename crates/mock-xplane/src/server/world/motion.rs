@@ -68,12 +68,8 @@ pub(super) fn fly_on(state: &mut FlightState, elapsed_s: f64) -> Rates {
             state.velocity_east_mps,
             state.velocity_down_mps,
         );
-    let Geodetic {
-        latitude_deg,
-        longitude_deg,
-        altitude_msl_m,
-    } = Geodetic::from_ecef(position.to_ecef() + position.ecef_from_ned() * travelled_m);
-    (pose.latitude_deg, pose.longitude_deg) = (latitude_deg, longitude_deg);
-    pose.altitude_msl_m = altitude_msl_m;
+    *pose = pose.moved_to(Geodetic::from_ecef(
+        position.to_ecef() + position.ecef_from_ned() * travelled_m,
+    ));
     rates
 }
