@@ -7,9 +7,7 @@ use mock_xplane::server::{Addresses, BuiltIn, ServerOptions};
 use serde_json::{Value, json};
 use testkit_simulator::client::web_request;
 use testkit_simulator::{quiet, serving_with, web_flight};
-use tokio::net::UdpSocket;
 use tokio::time::timeout;
-use xplane_bridge::packet::{ToSimulator, WriteDataref};
 
 const COVER: &str = "sim/weather/region/cloud_coverage_percent";
 const LATITUDE: &str = "sim/flightmodel/position/latitude";
@@ -53,14 +51,14 @@ async fn value(addresses: Addresses, name: &str) -> Value {
     found["data"].clone()
 }
 
-async fn write_covers(addresses: Addresses, covers: [f32; 2]) {
-    let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    for (at, value) in covers.into_iter().enumerate() {
-        let path = format!("{COVER}[{at}]");
-        let write = ToSimulator::WriteDataref(WriteDataref { path, value });
-        let datagram = write.encode().unwrap();
-        udp.send_to(&datagram, addresses.udp).await.unwrap();
-    }
+async fn write(addresses: Addresses, name: &str, data: Value) {
+    let path = format!(
+        "/v3/datarefs/{}/value",
+        id(addresses, "datarefs", name).await
+    );
+    request(addresses, "PATCH", &path, &json!({ "data": data }))
+        .await
+        .unwrap();
 }
 
 /// Waits until a dataref is as it should be.
@@ -77,7 +75,7 @@ async fn until(addresses: Addresses, name: &str, right: impl Fn(&Value) -> bool)
 async fn clouds_come_late_by_the_simulators_clock_which_may_run_faster() {
     let addresses = start("late_clouds", 100.0).await;
     let began = Instant::now();
-    write_covers(addresses, [0.5, 0.25]).await;
+    write(addresses, COVER, json!([0.5, 0.25, 0.0])).await;
     assert_eq!(value(addresses, COVER).await, json!([0.0, 0.0, 0.0]));
     until(addresses, COVER, |cover| *cover == json!([0.5, 0.25, 0.0])).await;
     // 55 s at 100 times the speed; frames that a busy machine skips only make it longer.
@@ -101,8 +99,8 @@ async fn without_quirks_a_start_is_answered_and_clouds_read_as_written() {
     let addresses = start("none", 1.0).await;
     let answer = request(addresses, "POST", "/v3/flight", &web_flight()).await;
     assert_eq!(answer, Some(json!({ "error_code": "success" })));
-    write_covers(addresses, [0.5, 0.25]).await;
-    until(addresses, COVER, |cover| *cover == json!([0.5, 0.25, 0.0])).await;
+    write(addresses, COVER, json!([0.5, 0.25, 0.0])).await;
+    assert_eq!(value(addresses, COVER).await, json!([0.5, 0.25, 0.0]));
     let icao = value(addresses, "sim/aircraft/view/acf_ICAO").await;
     assert!(
         icao.as_str().is_some_and(|text| text.starts_with("QjczO")),

@@ -74,13 +74,14 @@ async fn the_list_is_empty_until_a_flight_is_loaded_and_the_flight_has_place_tim
     assert_eq!(capabilities["api"]["versions"], json!(["v1", "v2", "v3"]));
     assert_eq!(capabilities["x-plane"]["version"], "12.4.0");
     assert_eq!(running.get("/api/v1/datarefs").await, json!([]));
+    assert_eq!(running.get("/api/v1/datarefs/count").await, json!(0));
 
     let (status, body) = running
         .request("POST", "/api/v3/flight", &web_flight())
         .await;
     assert_eq!((status, body), (200, json!({ "error_code": "success" })));
-    let list = running.get("/api/v2/datarefs").await;
-    assert!(list.as_array().unwrap().len() > 50, "{list}");
+    let count = running.get("/api/v2/datarefs/count").await;
+    assert!(count.as_u64().unwrap() > 50, "{count}");
     assert_eq!(running.value("sim/time/local_date_days").await, json!(79));
     let zulu_s = running
         .value("sim/time/zulu_time_sec")
@@ -176,13 +177,42 @@ async fn a_flight_that_is_wrong_is_refused_and_a_whole_number_for_a_float_is_sil
 }
 
 #[tokio::test]
-async fn datarefs_are_listed_and_read_and_commands_done() {
+async fn datarefs_are_listed_read_and_written_with_and_without_index_and_commands_done() {
     let running = start(quiet()).await;
     let latitude = running
         .record("datarefs", "sim/flightmodel/position/latitude")
         .await;
     assert_eq!(latitude["value_type"], "double");
     assert_eq!(latitude["is_writable"], false);
+    let id = latitude["id"].as_u64().unwrap();
+    let value = format!("/api/v3/datarefs/{id}/value");
+    let (status, body) = running
+        .request("PATCH", &value, &json!({ "data": 50.0 }))
+        .await;
+    assert_eq!(
+        (status, body["error_code"].as_str()),
+        (403, Some("dataref_is_readonly"))
+    );
+
+    let clouds = "sim/weather/region/cloud_base_msl_m";
+    let id = running.id("datarefs", clouds).await;
+    let element = format!("/api/v3/datarefs/{id}/value?index=1");
+    let (status, body) = running
+        .request("PATCH", &element, &json!({ "data": 600.5 }))
+        .await;
+    assert_eq!((status, body), (200, Value::Null));
+    assert_eq!(running.get(&element).await, json!(600.5));
+    let whole = format!("/api/v3/datarefs/{id}/value");
+    assert_eq!(running.get(&whole).await, json!([0.0, 600.5, 0.0]));
+    running
+        .request("PATCH", &whole, &json!({ "data": [1.0, 2.0, 3.0] }))
+        .await;
+    assert_eq!(running.get(&whole).await, json!([1.0, 2.0, 3.0]));
+    let (status, _) = running
+        .request("PATCH", &whole, &json!({ "data": 7.0 }))
+        .await;
+    assert_eq!(status, 400, "a list set like a number");
+
     // A text, in base 64.
     let file = running.value("sim/aircraft/view/acf_relative_path").await;
     assert_eq!(file, "QWlyY3JhZnQvU3RhbmQtaW4vYWlybGluZXIuYWNm");

@@ -1,4 +1,4 @@
-//! X-Plane 12's Web API: reading datarefs, commands and flights over HTTP, without the WebSocket.
+//! X-Plane 12's Web API: datarefs, commands and flights over HTTP, without the WebSocket.
 //!
 //! Input: requests of clients on this computer. Output: JSON. `v1` has datarefs, `v2` adds commands, `v3` flights; the world behind
 //! it is the same as for UDP and the capture link. Written from Laminar's "X-Plane Web API" and "Flight Initialization API".
@@ -98,7 +98,11 @@ fn end_if_unread(stream: &TcpStream) {
 fn router(service: Arc<WebApiService>) -> Router {
     let one = Router::new()
         .route("/datarefs", get(datarefs::list))
-        .route("/datarefs/{id}/value", get(datarefs::read));
+        .route("/datarefs/count", get(datarefs::count))
+        .route(
+            "/datarefs/{id}/value",
+            get(datarefs::read).patch(datarefs::write),
+        );
     let two = one
         .clone()
         .route("/commands", get(commands::list))

@@ -1,9 +1,10 @@
-//! Datarefs over HTTP: listing and reading them. Our clients set them over UDP.
+//! Datarefs over HTTP: listing, reading and setting them.
 
 use std::sync::Arc;
 
 use axum::Json;
 use axum::extract::{Path, Query, State};
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::refusal::Refusal;
@@ -73,13 +74,45 @@ pub(super) async fn list(
     Json(json!({ "data": data }))
 }
 
+pub(super) async fn count(State(service): State<Arc<WebApiService>>) -> Json<Value> {
+    Json(json!({ "data": service.dataref_records().len() }))
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Element {
+    index: Option<usize>,
+}
+
 pub(super) async fn read(
     State(service): State<Arc<WebApiService>>,
     Path(id): Path<u64>,
+    Query(Element { index }): Query<Element>,
 ) -> Result<Json<Value>, Refusal> {
     let name = service.dataref(id)?;
     let world = service.world.lock();
     let missing = || Refusal::not_found("invalid_dataref_id", "no such dataref");
     let (dataref, values) = world.datarefs().find(name).ok_or_else(missing)?;
-    Ok(Json(json!({ "data": value::whole(dataref, values) })))
+    let data = match index {
+        None => value::whole(dataref, values),
+        Some(index) => value::element(dataref, values, index).ok_or_else(|| {
+            Refusal::bad_request("invalid_index", format!("{name} has no element {index}"))
+        })?,
+    };
+    Ok(Json(json!({ "data": data })))
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Write {
+    data: Value,
+}
+
+pub(super) async fn write(
+    State(service): State<Arc<WebApiService>>,
+    Path(id): Path<u64>,
+    Query(Element { index }): Query<Element>,
+    Json(Write { data }): Json<Write>,
+) -> Result<Json<Value>, Refusal> {
+    let name = service.dataref(id)?;
+    value::write(&mut service.world.lock(), name, index, &data)?;
+    Ok(Json(Value::Null))
 }
