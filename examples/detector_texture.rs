@@ -137,8 +137,8 @@ fn search_all(
             found
                 .into_iter()
                 .map(|sighting| ScoredBox {
-                    pixel_box: sighting.pixel_box,
-                    score: sighting.score,
+                    pixel_box: sighting.found.pixel_box,
+                    score: sighting.found.score,
                 })
                 .collect(),
         );

@@ -14,7 +14,6 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::outcome::{Outcome, Searched};
-use crate::recall::OVERALL_NM;
 use dataset::conditions::sight::Sight;
 
 /// Distance from the centre of gravity to the visible part's centre: removes most bias in the bundled simulator's images, at all distances.
@@ -197,11 +196,6 @@ impl AccuracyTally {
         Ok(())
     }
 
-    /// Errors of boxes from 1 to 10 NM.
-    pub(crate) fn boxes(&self) -> BoxErrors {
-        self.boxes_in(OVERALL_NM)
-    }
-
     /// Errors of boxes, mile by mile.
     pub(crate) fn boxes_by_nm(&self) -> Vec<BoxErrors> {
         let distances = self.boxes.iter().map(|error| error.distance_nm);
@@ -229,11 +223,6 @@ impl AccuracyTally {
         WIDTH_BINS_PX.into_iter().enumerate().map(bin).collect()
     }
 
-    /// Errors of the disparity from 1 to 10 NM.
-    pub(crate) fn disparity(&self) -> DisparityErrors {
-        self.disparity_in(OVERALL_NM)
-    }
-
     /// Errors of the disparity, mile by mile.
     pub(crate) fn disparity_by_nm(&self) -> Vec<DisparityErrors> {
         let distances = self.pairs.iter().map(|pair| pair.distance_nm);
@@ -243,7 +232,8 @@ impl AccuracyTally {
             .collect()
     }
 
-    fn boxes_in(&self, [from_nm, to_nm]: [f64; 2]) -> BoxErrors {
+    /// Errors of boxes in a bin of distances.
+    pub(crate) fn boxes_in(&self, [from_nm, to_nm]: [f64; 2]) -> BoxErrors {
         let here = || {
             self.boxes
                 .iter()
@@ -257,7 +247,8 @@ impl AccuracyTally {
         }
     }
 
-    fn disparity_in(&self, [from_nm, to_nm]: [f64; 2]) -> DisparityErrors {
+    /// Errors of the disparity in a bin of distances.
+    pub(crate) fn disparity_in(&self, [from_nm, to_nm]: [f64; 2]) -> DisparityErrors {
         let here = || {
             self.pairs
                 .iter()
@@ -328,6 +319,7 @@ fn bins(distances_nm: impl Iterator<Item = f32>) -> impl Iterator<Item = [f64; 2
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recall::OVERALL_NM;
 
     #[test]
     fn errors_are_sorted_into_miles_and_summed_up_from_1_to_10() {
@@ -353,7 +345,7 @@ mod tests {
             .map(|bin| (bin.from_nm, bin.boxes, bin.errors.cx_px.unwrap().median))
             .collect();
         assert_eq!(bins, [(0.0, 1, 9.0), (5.0, 3, 2.0), (12.0, 1, 7.0)]);
-        let overall = tally.boxes();
+        let overall = tally.boxes_in(OVERALL_NM);
         assert_eq!(
             (overall.boxes, overall.errors.cx_px.unwrap().deviation),
             (3, 1.4826)
@@ -384,7 +376,7 @@ mod tests {
             ],
             ..AccuracyTally::default()
         };
-        let errors = tally.disparity();
+        let errors = tally.disparity_in(OVERALL_NM);
         assert_eq!((errors.pairs, errors.registered), (3, 2));
         assert_eq!(errors.unregistered["faint"], 1);
         assert_eq!(errors.boxes_px.unwrap().median, 0.5);

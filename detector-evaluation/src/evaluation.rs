@@ -8,11 +8,11 @@ use dataset::corpus::Corpus;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::files::json_file::{write_atomically, write_json};
 use dataset::work::watch::Watch;
-use labeller::{DetectOptions, Failure, Findings, Searcher};
+use labeller::{DetectOptions, Failure, Findings, Mode, Searcher};
 
 use crate::error::{Error, Result};
 use crate::figures::{EvaluatedModel, Evaluation, RegistrationFigures, Tally};
-use crate::mode::EvaluatedMode;
+use crate::mode;
 use crate::outcome::Searched;
 use crate::outcome::picture::pictures_of;
 use crate::report;
@@ -27,7 +27,7 @@ pub struct EvaluationOptions {
     /// Options of the search in the videos; its mode is replaced by each of `modes`.
     pub detect: DetectOptions,
     /// The modes to compare.
-    pub modes: Vec<EvaluatedMode>,
+    pub modes: Vec<Mode>,
     /// Folder of the results.
     pub out: PathBuf,
 }
@@ -63,7 +63,7 @@ pub fn evaluate_detector(
         .iter()
         .map(|&mode| {
             let mut detect = options.detect.clone();
-            detect.mode = mode.detect_mode();
+            detect.mode = mode;
             Ok((mode, Searcher::load(&options.model, &detect)?))
         })
         .collect::<Result<Vec<_>>>()?;
@@ -141,9 +141,9 @@ struct Run<'a> {
     corpus: &'a Corpus,
     model: EvaluatedModel,
     store: SearchStore,
-    searchers: Vec<(EvaluatedMode, Searcher)>,
+    searchers: Vec<(Mode, Searcher)>,
     pictures_done: AtomicU64,
-    counted: BTreeMap<EvaluatedMode, (Tally, Candidates)>,
+    counted: BTreeMap<Mode, (Tally, Candidates)>,
     /// The shortest visibility of each weather, metres.
     visibility_m: BTreeMap<String, f64>,
 }
@@ -177,7 +177,7 @@ impl Run<'_> {
     /// Findings in a scenario, from the search or from an earlier one.
     fn findings(
         &self,
-        mode: EvaluatedMode,
+        mode: Mode,
         searcher: &Searcher,
         scenario: &OpenScenario,
         watch: &dyn Watch,
@@ -208,10 +208,12 @@ impl Run<'_> {
         let (mut modes, mut examples) = (BTreeMap::new(), Vec::new());
         for (mode, (tally, candidates)) in self.counted {
             let figures = tally.figures(range_weather.as_ref(), &recall_weathers);
-            modes.insert(mode.key().to_owned(), figures);
+            modes.insert(mode::key(mode).to_owned(), figures);
             examples.push((mode, candidates.cut(self.corpus)?));
         }
-        let first = examples.first().and_then(|(mode, _)| modes.get(mode.key()));
+        let first = examples
+            .first()
+            .and_then(|(mode, _)| modes.get(mode::key(*mode)));
         let registration = first.and_then(RegistrationFigures::of);
         let evaluation = Evaluation {
             dtd: env!("CARGO_PKG_VERSION").into(),

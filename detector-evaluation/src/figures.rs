@@ -16,7 +16,9 @@ use crate::average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};
 use crate::error::Result;
 use crate::false_alarms::{AlarmTally, FalseAlarms};
 use crate::outcome::Searched;
-use crate::recall::{Condition, Counts, NotExpected, Range, Recall, RecallBin, RecallTally};
+use crate::recall::{
+    Condition, Counts, NotExpected, OVERALL_NM, Range, Recall, RecallBin, RecallTally,
+};
 use dataset::conditions::sight::Sight;
 
 /// The whole file.
@@ -65,7 +67,7 @@ pub struct ModeFigures {
     /// Processor time an image, decoding included.
     pub cpu_ms_per_picture: Option<f64>,
     /// Processor time by stage.
-    pub cpu_ms_by_stage: Option<StageCost>,
+    pub cpu_ms_by_stage: Option<CpuTime>,
     /// All images, each counted once.
     pub pictures: PictureFigures,
     /// Figures by weather.
@@ -86,19 +88,6 @@ pub struct ModeFigures {
     pub disparity_by_nm: Vec<DisparityErrors>,
     /// Average precision, COCO's way.
     pub average_precision: AveragePrecision,
-}
-
-/// Processor time an image by stage, milliseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct StageCost {
-    /// Decoding the video.
-    pub decode: f64,
-    /// Conversion to RGB.
-    pub convert: f64,
-    /// The model.
-    pub infer: f64,
-    /// Everything else: cutting windows, merging boxes, tracks, registration.
-    pub rest: f64,
 }
 
 /// All searched images: `total` is the sum of all other numbers but `found`, `confirmed` and `missed` in each part.
@@ -226,7 +215,8 @@ impl Tally {
         let recall = &self.recall;
         let is_open = |at: &Condition<'_>| recall_weathers.iter().any(|name| name == at.weather);
         let pictures = recall.pictures();
-        let cost = (pictures > 0).then(|| StageCost::of(&self.cpu_s, pictures));
+        let per_picture_ms = |seconds: f64| 1e3 * seconds / pictures as f64;
+        let cost = (pictures > 0).then(|| self.cpu_s.map(per_picture_ms));
         let false_alarms = self.alarms.of(|_| true);
         let by_weather = recall.weathers().map(|name| {
             let mut figures = condition(recall, |at| at.weather == name);
@@ -254,10 +244,10 @@ impl Tally {
             by_weather: by_weather.collect(),
             by_time: by_time.collect(),
             false_alarms,
-            boxes: self.accuracy.boxes(),
+            boxes: self.accuracy.boxes_in(OVERALL_NM),
             boxes_by_nm: self.accuracy.boxes_by_nm(),
             by_width: self.accuracy.by_width(),
-            disparity: self.accuracy.disparity(),
+            disparity: self.accuracy.disparity_in(OVERALL_NM),
             disparity_by_nm: self.accuracy.disparity_by_nm(),
             average_precision: self.precision.figures(),
         }
@@ -284,23 +274,6 @@ impl SightCounts {
             in_sight: of(Sight::Open),
             hidden_by_haze: of(Sight::Haze),
             maybe_hidden_by_cloud: of(Sight::Cloud),
-        }
-    }
-}
-
-impl StageCost {
-    /// All stages together.
-    pub fn total(&self) -> f64 {
-        self.decode + self.convert + self.infer + self.rest
-    }
-
-    fn of(cpu_s: &CpuTime, pictures: u64) -> Self {
-        let ms = |seconds: f64| 1e3 * seconds / pictures as f64;
-        Self {
-            decode: ms(cpu_s.decode),
-            convert: ms(cpu_s.convert),
-            infer: ms(cpu_s.infer),
-            rest: ms(cpu_s.rest),
         }
     }
 }

@@ -13,7 +13,7 @@ mod error;
 mod evaluation;
 mod false_alarms;
 mod figures;
-mod mode;
+pub mod mode;
 mod outcome;
 mod recall;
 mod report;
@@ -28,8 +28,7 @@ pub use evaluation::{Ended, EvaluationOptions, evaluate_detector};
 pub use false_alarms::{AlarmCounts, FalseAlarms};
 pub use figures::{
     ConditionFigures, EvaluatedModel, Evaluation, ModeFigures, PictureFigures, RegistrationBin,
-    RegistrationFigures, SightCounts, StageCost,
+    RegistrationFigures, SightCounts,
 };
-pub use mode::EvaluatedMode;
 pub use recall::{Counts, NotExpected, Range, Recall, RecallBin};
 pub use search_store::REPORT;

@@ -5,31 +5,29 @@ pub(crate) mod example;
 use dataset::numbers::spread::Spread;
 use minijinja::context;
 use report_page::chart::{Axis, LegendEntry, Panel, Stroke, colour, svg};
-use report_page::crop::Crop;
 use report_page::page::{drawn, page as page_of, value};
 use report_page::table::{Cell, Table, or_dash};
 use report_page::{optional, percent, signed};
-use serde::Serialize;
 
 use crate::accuracy::{BoxSpreads, DisparityErrors};
 use crate::error::Result;
 use crate::figures::{ConditionFigures, Evaluation, ModeFigures};
-use crate::mode::EvaluatedMode;
+use crate::mode;
 use crate::recall::{BIN_NM, Recall, RecallBin};
 use example::{Example, Kind};
 
 const TEMPLATE: &str = include_str!("report/report.html");
 
-type Mode<'a> = (EvaluatedMode, &'a ModeFigures);
+type Mode<'a> = (labeller::Mode, &'a ModeFigures);
 
 /// The evaluation page.
 pub(crate) fn page(
     evaluation: &Evaluation,
-    examples: &[(EvaluatedMode, Vec<Example>)],
+    examples: &[(labeller::Mode, Vec<Example>)],
 ) -> Result<String> {
-    let modes = EvaluatedMode::ALL.into_iter();
+    let modes = labeller::Mode::ALL.into_iter();
     let modes: Vec<Mode<'_>> = modes
-        .filter_map(|mode| Some((mode, evaluation.modes.get(mode.key())?)))
+        .filter_map(|mode| Some((mode, evaluation.modes.get(mode::key(mode))?)))
         .collect();
     let lines = |of: &dyn Fn(&ModeFigures) -> Line| -> Vec<Line> {
         modes.iter().map(|(_, figures)| of(figures)).collect()
@@ -42,13 +40,13 @@ pub(crate) fn page(
         .map(|(name, of)| (&**name, Line::of_recall(&of.recall_by_nm)))
         .unzip();
     let disparities: Vec<Line> = first.map(disparity_lines).unwrap_or_default();
-    let titles = modes.iter().map(|(mode, _)| mode.title());
+    let titles = modes.iter().map(|(mode, _)| mode::title(*mode));
     let of_modes = |table: &dyn Fn(&ModeFigures) -> Table| {
         let tables = modes.iter();
         let tables = tables.map(|(mode, figures)| {
             let mut table = table(figures);
-            table.label = format!("{}: {}", table.label, mode.title());
-            (mode.title(), table)
+            table.label = format!("{}: {}", table.label, mode::title(*mode));
+            (mode::title(*mode), table)
         });
         value(tables.collect::<Vec<_>>())
     };
@@ -64,7 +62,7 @@ pub(crate) fn page(
             by_size => of_modes(&accuracy_by_size),
             precision_and_cost => value(precision_and_cost(&modes)),
             bin_nm => BIN_NM,
-            first_mode => modes.first().map(|(mode, _)| mode.title()),
+            first_mode => modes.first().map(|(mode, _)| mode::title(*mode)),
             mode_series => value(legend(titles)),
             weather_series => value(legend(names.into_iter())),
             disparity_series => value(legend(["boxes", "registered"].into_iter())),
@@ -177,9 +175,9 @@ fn searches(evaluation: &Evaluation, modes: &[Mode<'_>]) -> Table {
     for (mode, figures) in modes {
         let range = &figures.range;
         let [low, high] = range.effective_range_interval_nm;
-        let [paper_max, paper_effective] = mode.paper().unwrap_or_default();
+        let [paper_max, paper_effective] = mode::paper(*mode).unwrap_or_default();
         table.row([
-            Cell::strong(mode.title()).with_note(mode.how()),
+            Cell::strong(mode::title(*mode)).with_note(mode::how(*mode)),
             Cell::from(optional(range.max_range_nm, 2)).with_note(paper_max),
             Cell::from(optional(range.effective_range_nm, 1)).with_note(paper_effective),
             format!("{} to {}", optional(low, 1), optional(high, 1)).into(),
@@ -202,7 +200,7 @@ fn accounts(modes: &[Mode<'_>]) -> Table {
     for (mode, figures) in modes {
         let pictures = &figures.pictures;
         let expected = &pictures.expected;
-        let mut title = mode.title();
+        let mut title = mode::title(*mode);
         for (name, counts) in [
             ("in sight", &expected.in_sight),
             ("beyond the visibility", &expected.hidden_by_haze),
@@ -352,7 +350,7 @@ fn precision_and_cost(modes: &[Mode<'_>]) -> Table {
         let stages = figures.cpu_ms_by_stage.unwrap_or_default();
         let precision = [ap.ap, ap.ap50, ap.ap_small, ap.ap_medium, ap.ap_large];
         let stages = [stages.decode, stages.convert, stages.infer, stages.rest];
-        let cells = [mode.title().to_owned()]
+        let cells = [mode::title(*mode).to_owned()]
             .into_iter()
             .chain(precision.map(|ap| optional(ap, 3)))
             .chain(stages.map(|stage| optional(Some(stage), 1)));
@@ -361,58 +359,20 @@ fn precision_and_cost(modes: &[Mode<'_>]) -> Table {
     table
 }
 
-/// A mode's examples.
-#[derive(Serialize)]
-struct Gallery {
-    title: &'static str,
-    kinds: Vec<KindOfExample>,
-}
+/// A mode's title, and its examples by the name of their kind.
+type Gallery<'a> = (&'static str, Vec<(&'static str, Vec<&'a Example>)>);
 
-#[derive(Serialize)]
-struct KindOfExample {
-    name: &'static str,
-    examples: Vec<Shown>,
-}
-
-#[derive(Serialize)]
-struct Shown {
-    crop: Crop,
-    truth: Option<[f64; 4]>,
-    found: Option<[f64; 4]>,
-    place: String,
-    note: String,
-}
-
-fn gallery((mode, examples): &(EvaluatedMode, Vec<Example>)) -> Gallery {
-    let shown = |example: &Example| {
-        let [truth, found] = example.boxes();
-        Shown {
-            crop: example.crop.clone(),
-            truth,
-            found,
-            place: example.candidate.place(),
-            note: example.candidate.note.clone(),
-        }
-    };
+fn gallery((mode, examples): &(labeller::Mode, Vec<Example>)) -> Gallery<'_> {
     let kinds = [
         (Kind::Hit, "The farthest that were found"),
         (Kind::Miss, "The nearest that were missed in sight"),
         (Kind::FalseAlarm, "The surest boxes that are no aircraft"),
     ];
-    Gallery {
-        title: mode.title(),
-        kinds: kinds
-            .into_iter()
-            .map(|(kind, name)| KindOfExample {
-                name,
-                examples: examples
-                    .iter()
-                    .filter(|e| e.candidate.kind == kind)
-                    .map(shown)
-                    .collect(),
-            })
-            .collect(),
-    }
+    let of_kind = |(kind, name)| {
+        let examples = examples.iter();
+        (name, examples.filter(|of| of.kind == kind).collect())
+    };
+    (mode::title(*mode), kinds.into_iter().map(of_kind).collect())
 }
 
 fn interval(recall: &Recall) -> String {
@@ -446,7 +406,7 @@ mod tests {
     #[test]
     fn the_page_of_an_evaluation_without_images_has_all_tables() {
         let figures = Tally::default().figures(None, &[]);
-        let modes = EvaluatedMode::ALL.into_iter();
+        let modes = labeller::Mode::ALL.into_iter();
         let evaluation = Evaluation {
             dtd: "0".into(),
             model: EvaluatedModel {
@@ -462,13 +422,13 @@ mod tests {
             range_weather: None,
             recall_weathers: Vec::new(),
             modes: modes
-                .map(|mode| (mode.key().to_owned(), figures.clone()))
+                .map(|mode| (mode::key(mode).to_owned(), figures.clone()))
                 .collect(),
             registration: None,
         };
         let page = page(&evaluation, &[]).unwrap();
         // Two per mode by distance and size, one per mode by conditions, and three over all modes.
-        let tables = 3 * EvaluatedMode::ALL.len() + 3;
+        let tables = 3 * labeller::Mode::ALL.len() + 3;
         assert_eq!(page.matches("<table>").count(), tables);
         assert_eq!(page.matches("<svg").count(), 3, "no chart of disparities");
     }

@@ -24,11 +24,11 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::{own_path, resolved};
 use dataset::tables::image_rows::ImageRow;
 use dataset::tables::registrations::Registration;
-use labeller::{CpuTime, Findings};
+use labeller::{CpuTime, Findings, Mode};
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
-use crate::mode::EvaluatedMode;
+use crate::mode;
 
 const SEARCHED: &str = "searched";
 /// All figures.
@@ -70,8 +70,8 @@ impl SearchStore {
         };
         workshop::refuse_strangers(root, "is not the folder of an evaluation:", is_own)?;
         let searched = own_path(root, SEARCHED)?;
-        for mode in EvaluatedMode::ALL {
-            own_path(&searched, mode.key())?;
+        for mode in Mode::ALL {
+            own_path(&searched, mode::key(mode))?;
         }
         Ok(Self {
             root: root.to_owned(),
@@ -82,7 +82,7 @@ impl SearchStore {
     /// Earlier findings of this search in a scenario.
     pub(crate) fn load(
         &self,
-        mode: EvaluatedMode,
+        mode: Mode,
         search: &str,
         scenario: &OpenScenario,
     ) -> Result<Option<Findings>> {
@@ -117,13 +117,13 @@ impl SearchStore {
     /// Stores the findings.
     pub(crate) fn keep(
         &self,
-        mode: EvaluatedMode,
+        mode: Mode,
         search: &str,
         scenario: &OpenScenario,
         findings: &Findings,
     ) -> Result<()> {
         let [record, detections, registrations] = self.paths(mode, &scenario.id());
-        let folder = self.root.join(SEARCHED).join(mode.key());
+        let folder = self.root.join(SEARCHED).join(mode::key(mode));
         fs::create_dir_all(&folder).map_err(dataset::Error::io("create", &folder))?;
         findings.detections.write(&detections)?;
         Registration::write(&findings.registrations, &registrations)?;
@@ -143,8 +143,8 @@ impl SearchStore {
         self.root.join(name)
     }
 
-    fn paths(&self, mode: EvaluatedMode, scenario: &str) -> [PathBuf; 3] {
-        let folder = self.root.join(SEARCHED).join(mode.key());
+    fn paths(&self, mode: Mode, scenario: &str) -> [PathBuf; 3] {
+        let folder = self.root.join(SEARCHED).join(mode::key(mode));
         ["json", "parquet", "registrations.parquet"]
             .map(|ending| folder.join(format!("{scenario}.{ending}")))
     }

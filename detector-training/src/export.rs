@@ -59,10 +59,9 @@ impl Layers {
             AttributeProto::ints("kernel_shape", &[side, side]),
             AttributeProto::ints("strides", &[side, side]),
         ];
-        let map = self
-            .graph
-            .node("Conv", &["images", &weight, &bias], attributes);
-        self.graph.node("Relu", &[&map], vec![])
+        let inputs = ["images", &weight, &bias];
+        let map = self.graph.node("Conv", &inputs, attributes);
+        self.graph.plain("Relu", &[&map])
     }
 
     fn convolution(&mut self, layer: &Convolution, map: &str) -> String {
@@ -79,31 +78,26 @@ impl Layers {
 
     fn rectified(&mut self, layer: &Convolution, map: &str) -> String {
         let map = self.convolution(layer, map);
-        self.graph.node("Relu", &[&map], vec![])
+        self.graph.plain("Relu", &[&map])
     }
 
     /// A layer over a map `[.., channels, ..]` divided by its mean, plus one over the logarithm of that mean.
     fn normalised(&mut self, layer: &Convolution, of_strength: &Convolution, map: &str) -> String {
         let channels = layer.weight.dims()[0] / layer.kernel.pow(2);
         // The mean over channels as a 1x1 convolution, with the floor as its bias: ONNX Runtime keeps its blocked layout then.
-        let weight = self.graph.floats(
-            &[1, channels as i64, 1, 1],
-            &vec![1.0 / channels as f32; channels],
-        );
+        let shares = vec![1.0 / channels as f32; channels];
+        let weight = self.graph.floats(&[1, channels as i64, 1, 1], &shares);
         let floor = self.graph.floats(&[1], &[NORMALISATION_FLOOR]);
-        let mean = self.graph.node(
-            "Conv",
-            &[map, &weight, &floor],
-            vec![AttributeProto::ints("kernel_shape", &[1, 1])],
-        );
-        let shape = self.graph.node("Div", &[map, &mean], vec![]);
+        let attributes = vec![AttributeProto::ints("kernel_shape", &[1, 1])];
+        let mean = (self.graph).node("Conv", &[map, &weight, &floor], attributes);
+        let shape = self.graph.plain("Div", &[map, &mean]);
         let shape = self.convolution(layer, &shape);
         let floor = self.graph.number(f64::from(NORMALISATION_FLOOR));
-        let strength = self.graph.node("Div", &[&mean, &floor], vec![]);
-        let strength = self.graph.node("Log", &[&strength], vec![]);
+        let strength = self.graph.plain("Div", &[&mean, &floor]);
+        let strength = self.graph.plain("Log", &[&strength]);
         let strength = self.convolution(of_strength, &strength);
-        let sum = self.graph.node("Add", &[&shape, &strength], vec![]);
-        self.graph.node("Relu", &[&sum], vec![])
+        let sum = self.graph.plain("Add", &[&shape, &strength]);
+        self.graph.plain("Relu", &[&sum])
     }
 
     fn upsampled_onto(&mut self, lateral: &Convolution, coarse: &str, finer: &str) -> String {
@@ -115,83 +109,67 @@ impl Layers {
             AttributeProto::text("coordinate_transformation_mode", "asymmetric"),
         ];
         let map = self.graph.node("Resize", &[&map, "", &scales], attributes);
-        self.graph.node("Add", &[&map, finer], vec![])
+        self.graph.plain("Add", &[&map, finer])
     }
 
     /// Equivalent of `grid::peaks`, for all cells at once.
     fn decode(&mut self, raw: &str) {
-        let logit = self.channels(raw, 0..1);
-        let (least, most) = (self.graph.number(-MAX_LOGIT), self.graph.number(MAX_LOGIT));
-        let logit = self.graph.node("Clip", &[&logit, &least, &most], vec![]);
-        let score = self.graph.node("Sigmoid", &[&logit], vec![]);
+        let logit = self.graph.slice(raw, 0..1, 1);
+        let logit = self.clipped(&logit, MAX_LOGIT);
+        let score = self.graph.plain("Sigmoid", &[&logit]);
 
-        let offset = self.channels(raw, 1..3);
+        let offset = self.graph.slice(raw, 1..3, 1);
         let stride = self.graph.number(STRIDE_PX as f64);
-        let offset = self.graph.node("Mul", &[&offset, &stride], vec![]);
+        let offset = self.graph.plain("Mul", &[&offset, &stride]);
         let centers = self.centers(&score);
-        let center = self.graph.node("Add", &[&offset, &centers], vec![]);
+        let center = self.graph.plain("Add", &[&offset, &centers]);
 
-        let size = self.channels(raw, 3..5);
-        let (least, most) = (
-            self.graph.number(-MAX_LOG_SIZE),
-            self.graph.number(MAX_LOG_SIZE),
-        );
-        let size = self.graph.node("Clip", &[&size, &least, &most], vec![]);
-        let size = self.graph.node("Exp", &[&size], vec![]);
-        let anchor = self
-            .graph
-            .floats(&[1, 2, 1, 1], &ANCHOR_PX.map(|px| px as f32));
-        let size = self.graph.node("Mul", &[&size, &anchor], vec![]);
+        let size = self.graph.slice(raw, 3..5, 1);
+        let size = self.clipped(&size, MAX_LOG_SIZE);
+        let size = self.graph.plain("Exp", &[&size]);
+        let anchor_px = ANCHOR_PX.map(|px| px as f32);
+        let anchor = self.graph.floats(&[1, 2, 1, 1], &anchor_px);
+        let size = self.graph.plain("Mul", &[&size, &anchor]);
 
         let boxes = self.graph.concat(&[&center, &size], 1);
-        let weighted = self.graph.node("Mul", &[&boxes, &score], vec![]);
+        let weighted = self.graph.plain("Mul", &[&boxes, &score]);
         let sum = self.pool("AveragePool", &weighted);
         let weight = self.pool("AveragePool", &score);
-        let mean = self.graph.node("Div", &[&sum, &weight], vec![]);
+        let mean = self.graph.plain("Div", &[&sum, &weight]);
 
         let largest = self.pool("MaxPool", &score);
-        let below = self.graph.node("Less", &[&score, &largest], vec![]);
-        let peak = self.graph.node("Not", &[&below], vec![]);
+        let below = self.graph.plain("Less", &[&score, &largest]);
+        let peak = self.graph.plain("Not", &[&below]);
         let peak = self.graph.cast(&peak, FLOAT);
 
         let rows = self.graph.concat(&[&mean, &score, &peak], 1);
         let shape = self.graph.integers(&[0, 6, -1]);
-        let rows = self.graph.node("Reshape", &[&rows, &shape], vec![]);
-        self.graph.node(
-            "Transpose",
-            &[&rows],
-            vec![AttributeProto::ints("perm", &[0, 2, 1])],
-        );
+        let rows = self.graph.plain("Reshape", &[&rows, &shape]);
+        let attributes = vec![AttributeProto::ints("perm", &[0, 2, 1])];
+        self.graph.node("Transpose", &[&rows], attributes);
         self.graph.name_last("output");
+    }
+
+    fn clipped(&mut self, value: &str, most: f64) -> String {
+        let [least, most] = [-most, most].map(|end| self.graph.number(end));
+        self.graph.plain("Clip", &[value, &least, &most])
     }
 
     /// Cell centres of a map with one channel, pixels: `[batch, 2, rows, columns]`, right and down. Counted in the graph, so that the input
     /// may have any size.
     fn centers(&mut self, map: &str) -> String {
-        let (stride, before_first) = (
-            self.graph.number(STRIDE_PX as f64),
-            self.graph.number(cell_center_px(0) - STRIDE_PX as f64),
-        );
-        let (nothing, one) = (self.graph.number(0.0), self.graph.number(1.0));
-        let zeros = self.graph.node("Mul", &[map, &nothing], vec![]);
-        let ones = self.graph.node("Add", &[&zeros, &one], vec![]);
+        let stride_px = STRIDE_PX as f64;
+        let numbers = [stride_px, cell_center_px(0) - stride_px, 0.0, 1.0];
+        let [stride, before_first, nothing, one] = numbers.map(|number| self.graph.number(number));
+        let zeros = self.graph.plain("Mul", &[map, &nothing]);
+        let ones = self.graph.plain("Add", &[&zeros, &one]);
         let [right, down] = [3, 2].map(|axis| {
             let axis = self.graph.integer(axis);
-            let count = self.graph.node("CumSum", &[&ones, &axis], vec![]);
-            let pixels = self.graph.node("Mul", &[&count, &stride], vec![]);
-            self.graph.node("Add", &[&pixels, &before_first], vec![])
+            let count = self.graph.plain("CumSum", &[&ones, &axis]);
+            let pixels = self.graph.plain("Mul", &[&count, &stride]);
+            self.graph.plain("Add", &[&pixels, &before_first])
         });
         self.graph.concat(&[&right, &down], 1)
-    }
-
-    fn channels(&mut self, map: &str, range: std::ops::Range<i64>) -> String {
-        let (start, end, axis) = (
-            self.graph.integers(&[range.start]),
-            self.graph.integers(&[range.end]),
-            self.graph.integers(&[1]),
-        );
-        self.graph
-            .node("Slice", &[map, &start, &end, &axis], vec![])
     }
 
     fn pool(&mut self, operator: &str, map: &str) -> String {

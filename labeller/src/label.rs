@@ -7,7 +7,7 @@ mod track;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use airframe::{Configuration, Mesh, boeing_737_800};
+use airframe::{Configuration, boeing_737_800};
 use dataset::conditions::transmission;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::scenario::ScenarioRecord;
@@ -221,53 +221,37 @@ pub(crate) fn cameras(scenario: &OpenScenario, record: &ScenarioRecord) -> Resul
 }
 
 fn truth_boxes(record: &ScenarioRecord, frames: &Frames, cameras: &[Camera]) -> Vec<TruthBox> {
-    let mut shape = Shape::default();
     let mut boxes = Vec::new();
-    for row in &frames.rows {
-        let mesh = shape.at(row.controls);
-        for (view, camera) in record.views.iter().zip(cameras) {
-            let Some(seen) = project(mesh, &row.pose, camera, record.touchdown.altitude_msl_m)
-            else {
-                continue;
-            };
-            boxes.push(TruthBox {
-                tick: row.tick,
-                view: view.clone(),
-                class: AIRCRAFT_CLASS.into(),
-                pixel_box: seen.pixel_box,
-                visible_fraction: seen.visible_fraction,
-                truncation: seen.truncation,
-                transmission: transmission(seen.range_m, record.conditions.weather.visibility_m),
-            });
+    // Flaps and gear move during only a few ticks of a flight.
+    for rows in frames.rows.chunk_by(|a, b| a.controls == b.controls) {
+        let Controls {
+            flap_ratio,
+            gear_ratio,
+        } = rows[0].controls;
+        let mesh = boeing_737_800(Configuration {
+            flap_ratio,
+            gear_ratio,
+        });
+        for row in rows {
+            for (view, camera) in record.views.iter().zip(cameras) {
+                let Some(seen) = project(&mesh, &row.pose, camera, record.touchdown.altitude_msl_m)
+                else {
+                    continue;
+                };
+                let visibility_m = record.conditions.weather.visibility_m;
+                boxes.push(TruthBox {
+                    tick: row.tick,
+                    view: view.clone(),
+                    class: AIRCRAFT_CLASS.into(),
+                    pixel_box: seen.pixel_box,
+                    visible_fraction: seen.visible_fraction,
+                    truncation: seen.truncation,
+                    transmission: transmission(seen.range_m, visibility_m),
+                });
+            }
         }
     }
     boxes
-}
-
-/// Mesh for the last requested controls: flaps and gear move during only a few ticks of a flight.
-#[derive(Default)]
-struct Shape {
-    latest: Option<(Controls, Mesh)>,
-}
-
-impl Shape {
-    fn at(&mut self, controls: Controls) -> &Mesh {
-        let kept = self.latest.take().filter(|(known, _)| *known == controls);
-        let (_, mesh) = self.latest.insert(kept.unwrap_or_else(|| {
-            let Controls {
-                flap_ratio,
-                gear_ratio,
-            } = controls;
-            (
-                controls,
-                boeing_737_800(Configuration {
-                    flap_ratio,
-                    gear_ratio,
-                }),
-            )
-        }));
-        mesh
-    }
 }
 
 #[cfg(test)]

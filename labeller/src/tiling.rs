@@ -7,7 +7,6 @@
 pub(crate) mod row_band;
 pub(crate) mod search_windows;
 
-use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use crate::detector::{Detector, PictureView, ScoredBox, keep_best};
@@ -96,10 +95,8 @@ impl TilingSettings {
 /// An aircraft that was found in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sighting {
-    /// The box in the original frame.
-    pub pixel_box: PixelBox,
-    /// Confidence of the second pass, 0 to 1.
-    pub score: f64,
+    /// The box in the original frame, with the confidence of the second pass.
+    pub found: ScoredBox,
     /// Number of the window of the first pass (row-major, from 0) that saw it.
     pub tile: u32,
 }
@@ -119,7 +116,7 @@ pub fn find_aircraft(
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
     let mut found = search_picture(detector, picture, settings)?.sightings;
-    found.retain(|sighting| sighting.score >= settings.score);
+    found.retain(|sighting| sighting.found.score >= settings.score);
     Ok(found)
 }
 
@@ -136,7 +133,7 @@ pub(crate) fn search_picture(
     );
     let windows: Vec<_> = hits
         .iter()
-        .map(|hit| window_around(&hit.pixel_box, picture_px, size))
+        .map(|hit| window_around(&hit.found.pixel_box, picture_px, size))
         .collect();
     let answers = detector.detect(picture, &windows, settings.least_score())?;
     let sightings = hits
@@ -149,27 +146,10 @@ pub(crate) fn search_picture(
             sightings,
             settings.merge_iou,
             settings.most_windows,
-            Sighting::scored,
+            |sighting| sighting.found,
         ),
         hits: hits.len(),
     })
-}
-
-impl Sighting {
-    pub(crate) fn of(found: ScoredBox, tile: u32) -> Self {
-        Self {
-            pixel_box: found.pixel_box,
-            score: found.score,
-            tile,
-        }
-    }
-
-    pub(crate) fn scored(&self) -> ScoredBox {
-        ScoredBox {
-            pixel_box: self.pixel_box,
-            score: self.score,
-        }
-    }
 }
 
 /// Hits in the tiles, best first, in the coordinates of the frame.
@@ -192,23 +172,24 @@ fn first_pass(
     let answers = detector.detect(picture, &tiles, settings.tile_score)?;
     let mut hits = Vec::new();
     for (tile, boxes) in (0..).zip(answers) {
-        hits.extend(boxes.into_iter().map(|found| Sighting::of(found, tile)));
+        hits.extend(boxes.into_iter().map(|found| Sighting { found, tile }));
     }
     Ok(keep_best(
         hits,
         settings.merge_iou,
         settings.most_windows,
-        Sighting::scored,
+        |sighting| sighting.found,
     ))
 }
 
 /// The best second-pass box that overlaps the hit which requested it. Other aircraft in the window have their own hits.
 fn confirm(hit: &Sighting, boxes: Vec<ScoredBox>) -> Option<Sighting> {
+    let tile = hit.tile;
     boxes
         .into_iter()
-        .map(|found| Sighting::of(found, hit.tile))
-        .filter(|sighting| sighting.pixel_box.iou(&hit.pixel_box) > 0.0)
+        .filter(|found| found.pixel_box.iou(&hit.found.pixel_box) > 0.0)
         .max_by(|a, b| a.score.total_cmp(&b.score))
+        .map(|found| Sighting { found, tile })
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::time::Instant;
 use dataset::corpus::Corpus;
 use trainer::{
     EstimatorMetrics, EvaluationConfig, JudgedSide, Metrics, RunFolder, TableEvaluationConfig,
-    TableMetrics, evaluate_table,
+    TableMetrics, TickCounts, evaluate_table,
 };
 
 use super::Outcome;
@@ -90,20 +90,12 @@ pub(crate) fn evaluate(
 fn print_table_metrics(metrics: &TableMetrics) {
     print_estimators(&metrics.estimators, false);
     let flights = &metrics.split.test;
-    let ticks = &metrics.ticks;
-    let seen = ticks.seen.map_or(String::new(), |seen| {
-        format!(", {seen} seen by at least one view")
-    });
-    println!(
-        "on {} of {}: {} with the aircraft there{seen}, {} hidden by fog",
-        count(flights.scenarios, "scenario"),
-        match flights.trajectories {
-            1 => "1 trajectory".to_owned(),
-            many => format!("{many} trajectories"),
-        },
-        count(ticks.there, "tick"),
-        ticks.hidden_by_fog
-    );
+    let trajectories = match flights.trajectories {
+        1 => "1 trajectory".to_owned(),
+        many => format!("{many} trajectories"),
+    };
+    let scenarios = count(flights.scenarios, "scenario");
+    print_ticks(&format!("{scenarios} of {trajectories}"), &metrics.ticks);
     print_stated_intervals(&metrics.estimators);
 }
 
@@ -159,13 +151,7 @@ fn print_judged(metrics: &Metrics) {
         (1, _) => "1 held-out trajectory".to_owned(),
         (many, _) => format!("{many} held-out trajectories"),
     };
-    let ticks = &metrics.ticks;
-    println!(
-        "on {trajectories}: {} with the aircraft there, {} seen by at least one view, {} hidden by fog",
-        count(ticks.there, "tick"),
-        ticks.seen,
-        ticks.hidden_by_fog
-    );
+    print_ticks(&trajectories, &metrics.ticks);
     match metrics.disbelieved_boxes {
         0 => {}
         1 => println!(
@@ -180,6 +166,18 @@ fn print_judged(metrics: &Metrics) {
         1 => println!("1 image has only boxes that its edge cuts off: ignored"),
         many => println!("{many} images have only boxes that their edges cut off: ignored"),
     }
+}
+
+/// Prints the numbers of evaluated ticks of these flights.
+fn print_ticks(flights: &str, ticks: &TickCounts) {
+    let seen = ticks.seen.map_or(String::new(), |seen| {
+        format!(", {seen} seen by at least one view")
+    });
+    println!(
+        "on {flights}: {} with the aircraft there{seen}, {} hidden by fog",
+        count(ticks.there, "tick"),
+        ticks.hidden_by_fog
+    );
 }
 
 /// Prints how many of the stated intervals hold the truth.

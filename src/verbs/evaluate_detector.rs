@@ -5,7 +5,7 @@ use std::time::Instant;
 use dataset::corpus::Corpus;
 use dataset::work::watch::Watch;
 use detector_evaluation::{
-    Ended, Error, EvaluatedMode, Evaluation, EvaluationOptions, ModeFigures, evaluate_detector,
+    Ended, Error, Evaluation, EvaluationOptions, ModeFigures, evaluate_detector, mode,
 };
 use labeller::{DetectOptions, Mode};
 
@@ -34,11 +34,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
             only: args.search.scenarios(&corpus)?,
             ..DetectOptions::default()
         },
-        modes: args
-            .mode
-            .iter()
-            .map(|mode| Mode::from(*mode).into())
-            .collect(),
+        modes: args.mode.iter().map(|mode| (*mode).into()).collect(),
         out: args.out.clone(),
     };
     let Some(evaluation) = evaluate(&corpus, &options)? else {
@@ -112,9 +108,9 @@ fn print_summary(evaluation: &Evaluation) {
         "AP",
         "CPU ms",
     ];
-    let modes = EvaluatedMode::ALL
+    let modes = Mode::ALL
         .into_iter()
-        .filter_map(|mode| Some((mode, evaluation.modes.get(mode.key())?)));
+        .filter_map(|mode| Some((mode, evaluation.modes.get(mode::key(mode))?)));
     let rows: Vec<_> = modes.map(|(mode, figures)| row(mode, figures)).collect();
     print_table(&heading, &rows);
     if let Some(weather) = &evaluation.range_weather {
@@ -140,7 +136,7 @@ fn print_summary(evaluation: &Evaluation) {
     }
 }
 
-fn row(mode: EvaluatedMode, figures: &ModeFigures) -> Vec<String> {
+fn row(mode: Mode, figures: &ModeFigures) -> Vec<String> {
     let number = |value: Option<f64>, decimals: usize| {
         value.map_or_else(|| "-".into(), |value| format!("{value:.decimals$}"))
     };
@@ -148,7 +144,7 @@ fn row(mode: EvaluatedMode, figures: &ModeFigures) -> Vec<String> {
     let deviation =
         |spread: Option<dataset::numbers::spread::Spread>| number(spread.map(|s| s.deviation), 3);
     vec![
-        mode.title().to_lowercase(),
+        mode::title(mode).to_lowercase(),
         number(figures.range.max_range_nm, 2),
         number(figures.range.effective_range_nm, 2),
         percent(figures.recall.recall),

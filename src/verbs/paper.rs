@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
-use detector_evaluation::{EvaluatedMode, EvaluationOptions};
+use detector_evaluation::EvaluationOptions;
 use generator::plan::expand;
 use generator::sweep::Sweep;
 use labeller::detector::ModelFile;
@@ -363,10 +363,10 @@ impl Experiment<'_> {
         let hash = identity(model)?;
         let out = format!("{}{}", Place::RANGES_OF, short(&hash));
         let corpus = Corpus::open(&self.place(Place::RangeCorpus)).map_err(Failure::of_corpus)?;
-        let mut modes = vec![EvaluatedMode::AutoSegmentation, EvaluatedMode::Scaled];
+        let mut modes = vec![Mode::Full, Mode::Scaled];
         // A detector that finds little has no track to follow.
         if !is_pretrained {
-            modes.push(EvaluatedMode::Tracked);
+            modes.push(Mode::Tracked);
         }
         let evaluation = evaluate_detector::evaluate(
             &corpus,

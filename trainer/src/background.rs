@@ -76,17 +76,16 @@ struct ViewPlace {
     top: Option<usize>,
 }
 
-/// A reference with the turn from its view's first reference, and the horizontal standard deviation.
+/// A reference with its direction.
 #[derive(Debug, Clone)]
 struct PlacedReference {
     scenario: String,
-    turn_rad: DVec3,
-    sd_px: f64,
+    direction: CameraDirection,
     reference: Reference,
 }
 
 /// Camera turn in a scenario from the first reference, and its horizontal standard deviation, pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct CameraDirection {
     turn_rad: DVec3,
     sd_px: f64,
@@ -182,8 +181,7 @@ impl ViewBackgrounds {
             .into_iter()
             .map(|(scenario, picture)| PlacedReference {
                 scenario,
-                turn_rad: DVec3::ZERO,
-                sd_px: 0.0,
+                direction: CameraDirection::default(),
                 reference: Reference::of(picture),
             });
         let mut all = Self {
@@ -218,27 +216,19 @@ impl ViewBackgrounds {
             else {
                 break;
             };
-            all.place_reference(to, &located);
+            all.references[to].direction = located;
             done.push(to);
         }
         for _ in 0..5 {
             for &to in &done[1..] {
                 if let Some(located) = place(&all, &done, to) {
-                    all.place_reference(to, &located);
+                    all.references[to].direction = located;
                 }
             }
         }
-        let mut index = 0;
-        all.references.retain(|_| {
-            index += 1;
-            done.contains(&(index - 1))
-        });
+        let mut numbers = 0..count;
+        (all.references).retain(|_| numbers.next().is_some_and(|number| done.contains(&number)));
         all
-    }
-
-    fn place_reference(&mut self, reference: usize, located: &CameraDirection) {
-        let placed = &mut self.references[reference];
-        (placed.turn_rad, placed.sd_px) = (located.turn_rad, located.sd_px);
     }
 
     fn motion(&self, from: usize, to: &Compared) -> Option<Aligned> {
@@ -252,7 +242,7 @@ impl ViewBackgrounds {
     }
 
     fn located(&self, from: usize, measured: &Aligned) -> CameraDirection {
-        let from = &self.references[from];
+        let from = &self.references[from].direction;
         let sd_px = (UNDERSTATED * measured.sd_px).hypot(from.sd_px);
         CameraDirection {
             turn_rad: after(measured.motion.turn_rad, from.turn_rad),
@@ -432,8 +422,8 @@ impl Backgrounds {
                     .iter()
                     .map(|placed| StoredReference {
                         scenario: placed.scenario.clone(),
-                        turn_rad: placed.turn_rad.to_array(),
-                        sd_px: placed.sd_px,
+                        turn_rad: placed.direction.turn_rad.to_array(),
+                        sd_px: placed.direction.sd_px,
                     })
                     .collect(),
             });
@@ -503,8 +493,10 @@ impl Backgrounds {
                 };
                 references.push(PlacedReference {
                     scenario: placed.scenario.clone(),
-                    turn_rad: DVec3::from_array(placed.turn_rad),
-                    sd_px: placed.sd_px,
+                    direction: CameraDirection {
+                        turn_rad: DVec3::from_array(placed.turn_rad),
+                        sd_px: placed.sd_px,
+                    },
                     reference: Reference::of(picture),
                 });
             }

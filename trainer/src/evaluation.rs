@@ -28,9 +28,9 @@ use crate::evaluation::answers::{Answers, JudgedTicks};
 use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
     AgainstOneView, EstimatorMetrics, Metrics, RemovedFigures, SideCount, SingleViewFigures,
-    SplitSummary, TickCounts, TrainingFigures, WithoutViews,
+    SplitSummary, TrainingFigures, WithoutViews,
 };
-use crate::evaluation::prediction_table::add_answers;
+use crate::evaluation::prediction_table::{add_answers, judged_ticks};
 use crate::evaluation::rules::EvaluationRules;
 use crate::evaluation::view_removal::{Remaining, ViewRemoval};
 use crate::run::estimator::{Answered, Estimator, Task};
@@ -141,7 +141,7 @@ pub fn evaluate(
     if config.out.is_none() {
         sealed.write(&new)?;
     }
-    write_json_unsynced(&new.evaluation_path(), &judged)?;
+    write_json_unsynced(&new.path(RunFolder::EVALUATION), &judged)?;
     let mut predictions = TableParts::new(&new.predictions_path());
     let mut steps = Steps { watch, done: 0 };
     let all = evaluation.answers(None, &mut steps, |flown| {
@@ -170,21 +170,15 @@ pub fn evaluate(
         (estimator.name().to_owned(), figures)
     });
     let estimators = estimators.collect();
-    let judged_ticks = || ticks.ticks().iter();
-    let found: usize = judged_ticks().map(|s| s.detections()).sum();
+    let found: usize = ticks.ticks().iter().map(|s| s.detections()).sum();
     let metrics = Metrics {
         rules: rules.clone(),
         split: split_summary(&trained.summary, samples, config.side, all.seen()),
-        ticks: TickCounts {
-            there: judged_ticks().count(),
-            hidden_by_fog: judged_ticks().filter(|s| rules.is_hidden(s)).count(),
-            seen: all.seen(),
-            common: common.iter().filter(|&&common| common).count(),
-        },
+        ticks: ticks.counts(Some(all.seen()), &common),
         disbelieved_boxes: found - all.boxes(),
         dropped_training_boxes: trained.summary.dropped_training_boxes.clone(),
         deviations_from_paper: trained.deviations_from_paper(),
-        cut_off_boxes: judged_ticks().map(|sample| sample.cut_off).sum(),
+        cut_off_boxes: ticks.ticks().iter().map(|s| s.cut_off).sum(),
         training: TrainingFigures {
             stages: trained.summary.stages.clone(),
             training_s: trained.summary.training_s,
@@ -368,19 +362,9 @@ impl<'a> Evaluation<'a> {
         let judged: Vec<usize> = (0..flown.flight.len())
             .filter(|&tick| flown.is_judged[tick])
             .collect();
-        let of_tick = |tick: usize| &flown.flight[tick];
-        let samples = || judged.iter().map(|&tick| of_tick(tick));
-        let scenario = |sample: &Sample| &self.samples.scenarios[sample.scenario].id;
+        let ticks: Vec<&Sample> = judged.iter().map(|&tick| &flown.flight[tick]).collect();
         let detections = judged.iter().map(|&tick| flown.believed[tick].detections());
-        let table = TableWriter::new()
-            .text("scenario", samples().map(scenario))
-            .u32("tick", samples().map(|sample| sample.tick))
-            .u32("detections", detections.map(|views| views as u32))
-            .bool(
-                "hidden_by_fog",
-                samples().map(|sample| self.rules.is_hidden(sample)),
-            )
-            .f64("dtd_m", samples().map(|sample| sample.dtd_m));
+        let table = judged_ticks(&ticks, Some(detections.collect()), self.samples, self.rules);
         add_answers(table, &judged, flown.answered)
     }
 }

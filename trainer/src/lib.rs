@@ -43,7 +43,7 @@ pub use evaluation::figures;
 pub use evaluation::judged::JudgedSide;
 pub use evaluation::judged_table::{TableEvaluationConfig, TableMetrics, evaluate_table};
 pub use evaluation::metrics::{
-    ErrorFigures, EstimatorMetrics, Metrics, SideCount, SplitFigures, SplitSummary,
+    ErrorFigures, EstimatorMetrics, Metrics, SideCount, SplitFigures, SplitSummary, TickCounts,
 };
 pub use evaluation::prediction::{Predicted, predict};
 pub use evaluation::rules::EvaluationRules;

@@ -169,11 +169,15 @@ impl Samples {
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
         refuse_unplanned(&planned, &folders)?;
-        let mut found = Self::empty(corpus, &folders, asked)?;
+        let detections = choose_detections(corpus, &folders, asked)?;
+        let mut found = Self::empty(corpus, &folders, detections)?;
         found.absent_scenarios = absent(&splits, &folders);
         for folder in &folders {
             let scenario = folder.open()?;
-            found.add_scenario(&scenario, &splits, range)?;
+            let record = scenario.record()?;
+            let side = side_of(&scenario, &record, &splits)?;
+            let observed = found.observe(&scenario, record, side, Moment::Hindsight)?;
+            found.add_labelled(&scenario, observed, range)?;
         }
         found.refuse_flights_on_two_sides(corpus)?;
         found.refuse_mixed_registrations()?;
@@ -232,7 +236,8 @@ impl Samples {
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
         refuse_unplanned(&planned, &folders)?;
-        let mut found = Self::empty(corpus, &folders, asked)?;
+        let detections = choose_detections(corpus, &folders, asked)?;
+        let mut found = Self::empty(corpus, &folders, detections)?;
         let mut flights = Vec::new();
         for folder in &folders {
             let scenario = folder.open()?;
@@ -246,8 +251,11 @@ impl Samples {
         Ok((found, flights))
     }
 
-    fn empty(corpus: &Corpus, folders: &[ScenarioFolder], asked: Option<&str>) -> Result<Self> {
-        let detections = choose_detections(corpus, folders, asked)?;
+    fn empty(
+        corpus: &Corpus,
+        folders: &[ScenarioFolder],
+        detections: NamedDetections,
+    ) -> Result<Self> {
         let rig = Rig::of(corpus, folders)?;
         Ok(Self {
             views: rig.cameras.keys().cloned().collect(),
@@ -313,18 +321,6 @@ impl Samples {
     pub(crate) fn registered_with(&self) -> Option<&RegisteredWith> {
         let mut scenarios = self.scenarios.iter();
         scenarios.find_map(|scenario| scenario.registered_with.as_ref())
-    }
-
-    fn add_scenario(
-        &mut self,
-        scenario: &OpenScenario,
-        splits: &Splits,
-        range: DistanceRange,
-    ) -> Result<()> {
-        let record = scenario.record()?;
-        let side = side_of(scenario, &record, splits)?;
-        let observed = self.observe(scenario, record, side, Moment::Hindsight)?;
-        self.add_labelled(scenario, observed, range)
     }
 
     /// Adds a scenario with samples for its labelled ticks.

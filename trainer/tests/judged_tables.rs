@@ -48,7 +48,7 @@ fn a_table_of_the_predictions_of_a_run_gets_exactly_the_figures_of_the_run() {
     assert!(stated.is_some(), "the intervals of the table are judged");
     let (there, common) = (expected.ticks.there, expected.ticks.common);
     assert_eq!((found.ticks.there, found.ticks.common), (there, common));
-    assert_eq!(found.ticks.seen, Some(expected.ticks.seen));
+    assert_eq!(found.ticks.seen, expected.ticks.seen);
     assert_eq!(found.ticks.hidden_by_fog, expected.ticks.hidden_by_fog);
     assert_eq!(
         found.judged.scenarios_blake3,

@@ -83,7 +83,7 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
     }
     // Hashes of empty content would also be equal.
     let baselines =
-        |run: &RunFolder| -> Value { read_json(&run.baselines_path(), "baselines").unwrap() };
+        |run: &RunFolder| -> Value { read_json(&run.path("baselines.json"), "baselines").unwrap() };
     let (old, new) = (baselines(&run), baselines(&refitted));
     let cameras = |baselines: &Value| baselines["self_calibrated"]["cameras"].clone();
     assert_eq!(cameras(&old)[1], cameras(&new)[1]);

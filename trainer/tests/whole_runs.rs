@@ -204,11 +204,12 @@ fn numbers_that_no_training_leaves_are_refused_by_file() {
         );
     }
     fs::write(run.weights_path(), weights).unwrap();
-    for (path, field, name) in [
-        (run.normalisation_path(), "offset_px", "normalisation.json"),
-        (run.normalisation_path(), "scale_px", "normalisation.json"),
-        (run.baselines_path(), "constant_px", "baselines.json"),
+    for (field, name) in [
+        ("offset_px", "normalisation.json"),
+        ("scale_px", "normalisation.json"),
+        ("constant_px", "baselines.json"),
     ] {
+        let path = run.path(name);
         let text = fs::read_to_string(&path).unwrap();
         let at = text.find(field).unwrap();
         let digit = at + text[at..].find(|c: char| c.is_ascii_digit()).unwrap();

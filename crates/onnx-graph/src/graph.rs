@@ -1,5 +1,7 @@
 //! Graph builder. Values are identified by generated names.
 
+use std::ops::Range;
+
 use prost::Message;
 
 use crate::proto::{
@@ -56,6 +58,13 @@ impl Graph {
     /// Values joined along an axis.
     pub fn concat(&mut self, parts: &[&str], axis: i64) -> String {
         self.node("Concat", parts, vec![AttributeProto::int("axis", axis)])
+    }
+
+    /// Slice along an axis.
+    pub fn slice(&mut self, value: &str, part: Range<i64>, axis: i64) -> String {
+        let ends = [part.start, part.end, axis];
+        let [from, to, axis] = ends.map(|number| self.integers(&[number]));
+        self.plain("Slice", &[value, &from, &to, &axis])
     }
 
     /// Converts the elements to an element type from [`crate::proto`].

@@ -9,6 +9,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::tables::pixel_box::PixelBox;
 use report_page::crop::Crop;
+use serde::Serialize;
 
 use crate::error::Result;
 use crate::outcome::{Outcome, Searched};
@@ -28,7 +29,7 @@ pub(crate) enum Kind {
 /// An example that may be shown.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Candidate {
-    pub(crate) kind: Kind,
+    kind: Kind,
     scenario: String,
     view: String,
     tick: u32,
@@ -36,7 +37,7 @@ pub(crate) struct Candidate {
     truth: Option<PixelBox>,
     found: Option<PixelBox>,
     /// Score, or the reason for a miss.
-    pub(crate) note: String,
+    note: String,
     /// Rank: smaller ones come first.
     rank: f64,
     /// Group with a single shown example: view, and mile or track.
@@ -49,11 +50,17 @@ pub(crate) struct Candidates {
     by_kind: BTreeMap<Kind, Vec<Candidate>>,
 }
 
-/// A candidate with the image around it.
-#[derive(Debug, Clone, PartialEq)]
+/// An example as the report shows it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Example {
-    pub(crate) candidate: Candidate,
-    pub(crate) crop: Crop,
+    #[serde(skip)]
+    pub(crate) kind: Kind,
+    crop: Crop,
+    /// Lines around the ground-truth box and the found one: left, top, width and height in the crop, pixels.
+    truth: Option<[f64; 4]>,
+    found: Option<[f64; 4]>,
+    place: String,
+    note: String,
 }
 
 impl Candidates {
@@ -151,43 +158,36 @@ impl Candidates {
                     next_tick += 1;
                 }
                 let size = [reader.width(), reader.height()];
-                cut[index] = Some(Example::of(candidate.clone(), &rgb, size)?);
+                cut[index] = Some(Example::of(candidate, &rgb, size)?);
             }
         }
         Ok(cut.into_iter().flatten().collect())
     }
 }
 
-impl Candidate {
-    /// Place of the example, in words.
-    pub(crate) fn place(&self) -> String {
-        let Self {
-            scenario,
-            view,
-            tick,
-            distance_nm,
-            ..
-        } = self;
-        format!("{distance_nm:.1} NM; {scenario}, {view}, tick {tick}")
-    }
-}
-
 impl Example {
-    fn of(candidate: Candidate, rgb: &[u8], picture: [u32; 2]) -> Result<Self> {
+    fn of(candidate: &Candidate, rgb: &[u8], picture: [u32; 2]) -> Result<Self> {
+        let Candidate {
+            kind, truth, found, ..
+        } = *candidate;
         // A miss is shown where the aircraft is.
-        let shown = match candidate.kind {
-            Kind::Miss => candidate.truth.or(candidate.found),
-            Kind::Hit | Kind::FalseAlarm => candidate.found,
+        let shown = match kind {
+            Kind::Miss => truth.or(found),
+            Kind::Hit | Kind::FalseAlarm => found,
         };
         let around = shown.unwrap_or(PixelBox::from_edges(0.0, 0.0, 0.0, 0.0));
         let crop = Crop::around(&around, rgb, picture)?;
-        Ok(Self { candidate, crop })
-    }
-
-    /// The lines around the ground-truth box and the found one: left, top, width and height in the crop, pixels.
-    pub(crate) fn boxes(&self) -> [Option<[f64; 4]>; 2] {
-        let Candidate { truth, found, .. } = &self.candidate;
-        [truth, found].map(|pixel_box| Some(self.crop.frame_of(pixel_box.as_ref()?)))
+        Ok(Self {
+            kind,
+            truth: truth.map(|truth| crop.frame_of(&truth)),
+            found: found.map(|found| crop.frame_of(&found)),
+            place: format!(
+                "{:.1} NM; {}, {}, tick {}",
+                candidate.distance_nm, candidate.scenario, candidate.view, candidate.tick
+            ),
+            note: candidate.note.clone(),
+            crop,
+        })
     }
 }
 

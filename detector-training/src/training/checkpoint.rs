@@ -119,8 +119,9 @@ impl<'a> Checkpoint<'a> {
         self.folder.join(STATE)
     }
 
-    fn part_path(&self, step: u64, part: &str) -> PathBuf {
-        self.folder.join(format!("{step}.{part}"))
+    /// Paths of the network and the optimizer after these steps.
+    fn parts(&self, step: u64) -> [PathBuf; 2] {
+        PARTS.map(|part| self.folder.join(format!("{step}.{part}")))
     }
 
     fn refused(&self, fault: &str) -> Error {
@@ -136,15 +137,12 @@ impl<'a> Checkpoint<'a> {
     /// Writes the training and removes the previous checkpoint.
     pub(crate) fn save(&self, training: &Saved) -> Result<()> {
         fs::create_dir_all(&self.folder).map_err(dataset::Error::io("create", &self.folder))?;
-        let step = training.position.step;
+        let current = self.parts(training.position.step);
+        let [network, optimizer] = &current;
+        let fault = |error| self.fault(error);
         let record = training.network.clone().into_record();
-        record
-            .save(self.part_path(step, "network"))
-            .map_err(|error| self.fault(error))?;
-        training
-            .optimizer
-            .save(self.part_path(step, "optimizer"))
-            .map_err(|error| self.fault(error))?;
+        record.save(network).map_err(fault)?;
+        training.optimizer.save(optimizer).map_err(fault)?;
         write_json(
             &self.state_path(),
             &State {
@@ -153,15 +151,9 @@ impl<'a> Checkpoint<'a> {
                 hard_places: training.hard.clone(),
             },
         )?;
-        for entry in fs::read_dir(&self.folder).map_err(dataset::Error::io("list", &self.folder))? {
-            let path = entry
-                .map_err(dataset::Error::io("list", &self.folder))?
-                .path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            let old = [".network", ".optimizer"]
-                .iter()
-                .any(|part| name.ends_with(part));
-            if old && !name.starts_with(&format!("{step}.")) {
+        for path in content(&self.folder)? {
+            let ending = path.extension().unwrap_or_default();
+            if PARTS.iter().any(|part| ending == *part) && !current.contains(&path) {
                 fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
             }
         }
@@ -180,17 +172,11 @@ impl<'a> Checkpoint<'a> {
                 state.config
             )));
         }
-        let step = state.position.step;
-        let record = ModuleRecord::load(self.part_path(step, "network"))
-            .map_err(|error| self.fault(error))?;
-        fresh.network = fresh
-            .network
-            .try_load_record(record)
-            .map_err(|error| self.fault(error))?;
-        fresh.optimizer = fresh
-            .optimizer
-            .load(self.part_path(step, "optimizer"))
-            .map_err(|error| self.fault(error))?;
+        let [network, optimizer] = self.parts(state.position.step);
+        let fault = |error| self.fault(error);
+        let record = ModuleRecord::load(network).map_err(fault)?;
+        fresh.network = fresh.network.try_load_record(record).map_err(fault)?;
+        fresh.optimizer = fresh.optimizer.load(optimizer).map_err(fault)?;
         fresh.position = state.position;
         fresh.hard = state.hard_places;
         Ok(fresh)

@@ -123,8 +123,8 @@ impl Flight<'_> {
         let kept: Vec<_> = of_tracks.iter().flat_map(|all| thinned(all)).collect();
         let relation = ViewRelation::robust(&kept)?;
         let lag = ViewLag {
-            lag_ms: -1e3 * relation.offset.seconds,
-            lag_sd_ms: (1e3 * relation.offset.sd_s).hypot(MIN_LAG_SD_MS),
+            lag_ms: -1e3 * relation.offset_s,
+            lag_sd_ms: (1e3 * relation.offset_sd_s).hypot(MIN_LAG_SD_MS),
         };
         if lag.lag_ms.abs().max(lag.lag_sd_ms) > MAX_LAG_MS {
             return None;

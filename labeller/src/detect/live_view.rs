@@ -7,7 +7,7 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
 use super::mode::Mode;
-use super::pairs::best_box::{best_counted_of, best_of};
+use super::pairs::best_box::best_of;
 use super::pictures::image::{Image, patch};
 use super::sequence::{Sequence, Tracked, TrackedImage};
 use crate::detector::Detector;
@@ -76,8 +76,9 @@ impl ViewSearch {
         self.last_s = Some(time_s);
         let detector = &mut *self.detector;
         let TrackedImage { boxes, mode, .. } = self.sequence.look(detector, image, time_s)?;
-        let best = best_of(&boxes);
-        let counted = best_counted_of(&boxes);
+        let ranked = |found: &Tracked| (found.is_confirmed, found.score, found.pixel_box);
+        let best = best_of(boxes.iter().map(ranked));
+        let counted = best_of(boxes.iter().filter(|found| found.counts).map(ranked));
         let at = (self.images, time_s);
         self.images = self.images.wrapping_add(1);
         let (_, state) = self.camera.look(at, image.lumas(), best, counted);

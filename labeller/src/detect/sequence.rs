@@ -168,7 +168,7 @@ impl Sequence {
         let sightings = found
             .into_iter()
             .flatten()
-            .map(|found| Sighting::of(found, 0));
+            .map(|found| Sighting { found, tile: 0 });
         Ok(SearchedImage {
             sightings: self.best(sightings.collect()),
             mode: SearchMode::Scaled,
@@ -203,7 +203,7 @@ impl Sequence {
             });
             let whole =
                 whole.filter(|found| is_whole(&found.pixel_box, window, shown_px, picture_px));
-            sightings.extend(whole.map(|found| Sighting::of(found, crop)));
+            sightings.extend(whole.map(|found| Sighting { found, tile: crop }));
         }
         Ok(SearchedImage {
             sightings: self.best(sightings),
@@ -218,7 +218,7 @@ impl Sequence {
 
     fn best(&self, sightings: Vec<Sighting>) -> Vec<Sighting> {
         let (iou, most) = (self.tiling.merge_iou, self.tiling.most_windows);
-        keep_best(sightings, iou, most, Sighting::scored)
+        keep_best(sightings, iou, most, |sighting| sighting.found)
     }
 
     /// Assigns the boxes to tracks.
@@ -232,8 +232,8 @@ impl Sequence {
         let tracked = |((found, seen), track): ((&Sighting, &FoundBox), Option<u32>)| {
             let track = track?;
             Some(Tracked {
-                pixel_box: found.pixel_box,
-                score: found.score,
+                pixel_box: found.found.pixel_box,
+                score: found.found.score,
                 tile: found.tile,
                 track,
                 is_faint: seen.is_faint,
@@ -251,8 +251,8 @@ impl Sequence {
 
     fn seen(&self, sightings: &[Sighting]) -> Vec<FoundBox> {
         let seen = |sighting: &Sighting| FoundBox {
-            pixel_box: sighting.pixel_box,
-            is_faint: sighting.score < self.tiling.score,
+            pixel_box: sighting.found.pixel_box,
+            is_faint: sighting.found.score < self.tiling.score,
         };
         sightings.iter().map(seen).collect()
     }

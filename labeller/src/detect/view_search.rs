@@ -14,7 +14,7 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 
 use super::mode::Mode;
-use super::pairs::best_box::{best_counted_of, best_of};
+use super::pairs::best_box::best_of;
 use super::pictures::image::{Image, patch};
 use super::pictures::{Pictures, ViewTick, ViewTicks};
 use super::sequence::{Sequence, Tracked, TrackedImage};
@@ -114,9 +114,10 @@ pub(crate) fn search_view(
             Source::Search(search) => search.look(&mut pictures, &view.id, tick)?,
             Source::Known(known) => of_picture(known, &view.id, tick.tick),
         };
-        let best = best_of(&found.boxes);
+        let best = best_of(found.boxes.iter().map(ranked));
         if let Some(camera) = &mut camera {
-            let counted = best_counted_of(&found.boxes);
+            let counts = |found: &&Detection| found.counts_live.unwrap_or(found.confirmed);
+            let counted = best_of(found.boxes.iter().filter(counts).map(ranked));
             let at = (tick.tick, tick.time_s);
             looks.push(camera.look(at, pictures.lumas(), best, counted));
         }
@@ -140,6 +141,10 @@ pub(crate) fn search_view(
     })
 }
 
+fn ranked(found: &Detection) -> (bool, f64, PixelBox) {
+    (found.confirmed, found.score, found.pixel_box)
+}
+
 /// Health rows.
 fn health_of(
     view: &str,
@@ -151,7 +156,8 @@ fn health_of(
         .map(|look| {
             let first = (detections.boxes).partition_point(|found| found.tick < look.tick);
             let here = (detections.boxes[first..].iter()).take_while(|b| b.tick == look.tick);
-            best_of(here.filter(|found| found.view == view && found.confirmed))
+            let here = here.filter(|found| found.view == view && found.confirmed);
+            best_of(here.map(ranked))
         })
         .collect();
     let judged = judge(&looks, &confirmed);

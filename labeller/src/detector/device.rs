@@ -36,14 +36,6 @@ enum Provider {
     DirectMl,
 }
 
-/// Provider name, and advice for finding a library that has it.
-struct Facts {
-    word: &'static str,
-    /// True if several devices are numbered.
-    is_numbered: bool,
-    advice: &'static str,
-}
-
 impl Provider {
     const ALL: [Self; 6] = [
         Self::Cpu,
@@ -54,41 +46,41 @@ impl Provider {
         Self::DirectMl,
     ];
 
-    const fn facts(self) -> Facts {
+    const fn word(self) -> &'static str {
         match self {
-            Self::Cpu => Facts {
-                word: "cpu",
-                is_numbered: false,
-                advice: "every build of ONNX Runtime has it",
-            },
-            Self::Cuda => Facts {
-                word: "cuda",
-                is_numbered: true,
-                advice: "the Python package onnxruntime-gpu has it, and needs NVIDIA's CUDA and cuDNN libraries in the versions that it \
-                         names",
-            },
-            Self::TensorRt => Facts {
-                word: "tensorrt",
-                is_numbered: true,
-                advice: "the Python package onnxruntime-gpu has it, and needs NVIDIA's CUDA, cuDNN and TensorRT libraries in the versions \
-                         that it names",
-            },
-            Self::OpenVino => Facts {
-                word: "openvino",
-                is_numbered: true,
-                advice: "the Python package onnxruntime-openvino has it; a GPU needs Intel's driver, too",
-            },
-            Self::CoreMl => Facts {
-                word: "coreml",
-                is_numbered: false,
-                advice: "builds of ONNX Runtime for macOS have it",
-            },
-            Self::DirectMl => Facts {
-                word: "directml",
-                is_numbered: true,
-                advice: "only builds of ONNX Runtime for Windows have it, such as the Python package onnxruntime-directml",
-            },
+            Self::Cpu => "cpu",
+            Self::Cuda => "cuda",
+            Self::TensorRt => "tensorrt",
+            Self::OpenVino => "openvino",
+            Self::CoreMl => "coreml",
+            Self::DirectMl => "directml",
         }
+    }
+
+    /// Advice for finding a library that has it.
+    const fn advice(self) -> &'static str {
+        match self {
+            Self::Cpu => "every build of ONNX Runtime has it",
+            Self::Cuda => {
+                "the Python package onnxruntime-gpu has it, and needs NVIDIA's CUDA and cuDNN libraries in the versions that it names"
+            }
+            Self::TensorRt => {
+                "the Python package onnxruntime-gpu has it, and needs NVIDIA's CUDA, cuDNN and TensorRT libraries in the versions that it \
+                 names"
+            }
+            Self::OpenVino => {
+                "the Python package onnxruntime-openvino has it; a GPU needs Intel's driver, too"
+            }
+            Self::CoreMl => "builds of ONNX Runtime for macOS have it",
+            Self::DirectMl => {
+                "only builds of ONNX Runtime for Windows have it, such as the Python package onnxruntime-directml"
+            }
+        }
+    }
+
+    /// True if several devices are numbered.
+    const fn is_numbered(self) -> bool {
+        !matches!(self, Self::Cpu | Self::CoreMl)
     }
 
     /// True if the loaded library has the provider.
@@ -121,12 +113,12 @@ impl Device {
         if !self.provider.is_available() {
             let available = Provider::ALL.into_iter();
             let available = available.filter(|provider| provider.is_available());
-            let available: Vec<_> = available.map(|provider| provider.facts().word).collect();
+            let available: Vec<_> = available.map(Provider::word).collect();
             return Err(Error::Runtime(format!(
                 "{} cannot run a model on {self}: it has only {}; {}; name its library with --onnx-runtime or {PATH_VARIABLE}",
                 runtime.library.display(),
                 available.join(", "),
-                self.provider.facts().advice
+                self.provider.advice()
             )));
         }
         let number = self.number.map(i32::from);
@@ -181,7 +173,7 @@ impl Device {
         Error::Runtime(format!(
             "{} cannot run a model on {self}: {error}; {}",
             runtime.library.display(),
-            self.provider.facts().advice
+            self.provider.advice()
         ))
     }
 }
@@ -200,7 +192,7 @@ fn openvino_on_processor() -> String {
 
 impl fmt::Display for Device {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.provider.facts().word)?;
+        f.write_str(self.provider.word())?;
         self.number.map_or(Ok(()), |number| write!(f, ":{number}"))
     }
 }
@@ -221,15 +213,12 @@ impl FromStr for Device {
         };
         let provider = Provider::ALL
             .into_iter()
-            .find(|provider| provider.facts().word == word)
+            .find(|provider| provider.word() == word)
             .ok_or(
                 "expected cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N from 0 on, e.g. cuda:1",
             )?;
-        let Facts {
-            word, is_numbered, ..
-        } = provider.facts();
         let number = number.map(|found| {
-            if !is_numbered {
+            if !provider.is_numbered() {
                 return Err(format!("{word} takes no number"));
             }
             found.parse().map_err(|_| {

@@ -16,12 +16,12 @@ use super::model_file::ModelFile;
 use super::outputs::BoxOutputs;
 use super::plausibility::Plausibility;
 use super::profile::ModelProfile;
-use super::profile::aircraft_class::Classes;
+use super::profile::aircraft_class::aircraft_class;
 use super::profile::metadata::ModelMetadata;
 use super::window::{PictureView, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, ModelFault, Result};
-use ort_output::{boxes_in, forms_of, inputs_in_words, outputs_in_words, read_answer};
+use ort_output::{forms_of, inputs_in_words, outputs_in_words, read_answer};
 use sessions::Sessions;
 
 /// Probe window for models that may take any size, in units of the stride: small, and not square.
@@ -138,12 +138,8 @@ impl OrtDetector {
                      or name another layout",
                 )));
             }
-            let classes = Classes {
-                said: profile.aircraft_class,
-                names: metadata.names.as_ref(),
-                count,
-            };
-            let class = classes.aircraft().map_err(with_shapes)?;
+            let class = aircraft_class(profile.aircraft_class, metadata.names.as_ref(), count);
+            let class = class.map_err(with_shapes)?;
             Ok(Output {
                 boxes,
                 meaning,
@@ -176,7 +172,7 @@ impl OrtDetector {
             score_floor,
         };
         self.run(run, size_px, |outputs| {
-            boxes_in(outputs, boxes, &decoding, windows)
+            read_answer(outputs, boxes, |answer| decoding.decode(answer, windows))
         })
     }
 

@@ -1,5 +1,7 @@
 pub(crate) mod blob_finder;
 
+use dataset::tables::pixel_box::PixelBox;
+
 use super::*;
 use blob_finder::{BlobFinder, paint_blob};
 
@@ -22,7 +24,10 @@ fn find(width_px: u32, height_px: u32, blobs: &[PixelBox]) -> (Vec<Sighting>, Bl
 }
 
 fn boxes_of(found: &[Sighting]) -> Vec<PixelBox> {
-    found.iter().map(|sighting| sighting.pixel_box).collect()
+    found
+        .iter()
+        .map(|sighting| sighting.found.pixel_box)
+        .collect()
 }
 
 /// A box of whole pixels, from its first to its last column and row.
@@ -49,14 +54,8 @@ fn coordinates_come_back_exactly_from_every_tile() {
     for (tile, (column, row)) in (0..).zip(places) {
         let blob = pixels((column, column + 6), (row, row + 2));
         let (found, _) = find(WIDTH, HEIGHT, &[blob]);
-        assert_eq!(
-            found,
-            [Sighting {
-                pixel_box: blob,
-                score: 1.0,
-                tile
-            }]
-        );
+        assert_eq!(boxes_of(&found), [blob]);
+        assert_eq!((found[0].found.score, found[0].tile), (1.0, tile));
     }
 }
 
@@ -113,7 +112,7 @@ fn a_finder_of_any_size_looks_at_the_whole_picture_and_once_more_at_each_hit() {
         finder.windows_seen = 0;
         find_aircraft(finder, &picture, settings)
     };
-    let is_blob = |found: &[Sighting]| matches!(found, [only] if only.pixel_box == blob);
+    let is_blob = |found: &[Sighting]| matches!(found, [only] if only.found.pixel_box == blob);
     assert!(is_blob(&find(&mut finder, &settings).unwrap()));
     assert_eq!(finder.windows_seen, 2);
     settings.rows = Some(RowBand {

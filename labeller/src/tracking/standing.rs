@@ -77,8 +77,7 @@ pub(super) fn stands_still(boxes: &[TimedBox]) -> bool {
 /// A place at which a track stayed for some images.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stay {
-    cx_px: f64,
-    cy_px: f64,
+    place: Middle,
     lasted_s: f64,
 }
 
@@ -87,22 +86,17 @@ pub(super) fn stays(boxes: &[TimedBox]) -> impl Iterator<Item = Stay> {
     between_hops(boxes)
         .into_iter()
         .filter(|stay| stay.len() >= MIN_BOXES_OF_A_PLACE && keeps_its_place(stay))
-        .map(|stay| {
-            let Middle { cx_px, cy_px, .. } = Middle::of(stay);
-            Stay {
-                cx_px,
-                cy_px,
-                lasted_s: lasted_s(stay),
-            }
+        .map(|stay| Stay {
+            place: Middle::of(stay),
+            lasted_s: lasted_s(stay),
         })
 }
 
 /// True if a track was mostly at places where tracks stayed for a minute: it went from lamp to lamp.
 pub(super) fn is_mostly_at(stays: &[Stay], boxes: &[TimedBox]) -> bool {
     let is_at_one = |(_, seen): &&TimedBox| {
-        let here = stays.iter().filter(|stay| {
-            (seen.cx_px - stay.cx_px).hypot(seen.cy_px - stay.cy_px) < MAX_MOVED_BY_CHANCE_PX
-        });
+        let is_here = |stay: &&Stay| stay.place.distance_px(seen) < MAX_MOVED_BY_CHANCE_PX;
+        let here = stays.iter().filter(is_here);
         here.map(|stay| stay.lasted_s).sum::<f64>() >= MAX_STILL_S
     };
     2 * boxes.iter().filter(is_at_one).count() > boxes.len()
@@ -171,6 +165,7 @@ fn keeps_its_place(boxes: &[TimedBox]) -> bool {
         < chance_px.clamp(MIN_MOVED_PX, MAX_MOVED_BY_CHANCE_PX)
 }
 
+#[derive(Debug, Clone, Copy)]
 struct Middle {
     cx_px: f64,
     cy_px: f64,

@@ -65,14 +65,6 @@ impl CommonSighting {
     }
 }
 
-/// Time difference between the views.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct TimeOffset {
-    /// Added to the second view's times, s: negative for late images.
-    pub(crate) seconds: f64,
-    pub(crate) sd_s: f64,
-}
-
 /// Normal equations of the relation, with the prior for the cameras' errors.
 fn with_prior() -> Normal<UNKNOWNS> {
     let mut normal = Normal::new();
@@ -87,7 +79,9 @@ fn with_prior() -> Normal<UNKNOWNS> {
 /// Relation of places in two views, as most sightings have it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewRelation {
-    pub(crate) offset: TimeOffset,
+    /// Time difference, added to the second view's times, s: negative for late images.
+    pub(crate) offset_s: f64,
+    pub(crate) offset_sd_s: f64,
     /// Standard deviation of the distances from the line that it leaves, pixels.
     pub(crate) sd_px: f64,
     unknowns: [f64; UNKNOWNS],
@@ -114,15 +108,14 @@ impl ViewRelation {
             for (sighting, weight) in sightings.iter().zip(&mut weights) {
                 *weight = 1.0 / (1.0 + (off(sighting) / (CAUCHY * excess)).powi(2));
             }
-            let offset = TimeOffset {
-                seconds: unknowns[LAG],
-                sd_s: excess * normal.inverse()?[LAG][LAG].sqrt(),
-            };
-            if !(offset.seconds.is_finite() && offset.sd_s.is_finite()) {
+            let offset_s = unknowns[LAG];
+            let offset_sd_s = excess * normal.inverse()?[LAG][LAG].sqrt();
+            if !(offset_s.is_finite() && offset_sd_s.is_finite()) {
                 return None;
             }
             relation = Some(Self {
-                offset,
+                offset_s,
+                offset_sd_s,
                 sd_px: deviation_from_zero(sightings.iter().map(off_px)),
                 unknowns,
             });
@@ -200,11 +193,14 @@ mod tests {
     fn an_arrival_with_a_level_segment_tells_the_offset_of_the_clocks_also_by_rolled_cameras() {
         for (offset_s, roll_deg) in [(-0.3, 0.0), (0.0, 0.0), (0.5, 0.0), (0.5, 1.0)] {
             let sightings = sightings(offset_s, roll_deg);
-            let found = ViewRelation::robust(&sightings).unwrap().offset;
-            let error_s = found.seconds - offset_s;
+            let found = ViewRelation::robust(&sightings).unwrap();
+            let error_s = found.offset_s - offset_s;
             assert!(error_s.abs() < 0.02, "{offset_s} {roll_deg}: {found:?}");
-            assert!(error_s.abs() < 3.0 * found.sd_s, "{offset_s}: {found:?}");
-            assert!(found.sd_s < 0.03, "{offset_s}: {found:?}");
+            assert!(
+                error_s.abs() < 3.0 * found.offset_sd_s,
+                "{offset_s}: {found:?}"
+            );
+            assert!(found.offset_sd_s < 0.03, "{offset_s}: {found:?}");
         }
     }
 
@@ -213,9 +209,9 @@ mod tests {
         for roll_deg in [0.0, 0.25] {
             // To 1.1 km.
             let near = sightings_at(442..610, -0.5, roll_deg, 0.3);
-            let found = ViewRelation::robust(&near).unwrap().offset;
+            let found = ViewRelation::robust(&near).unwrap();
             assert!(
-                (-0.6..-0.2).contains(&found.seconds),
+                (-0.6..-0.2).contains(&found.offset_s),
                 "{roll_deg}: {found:?}"
             );
         }
@@ -228,8 +224,7 @@ mod tests {
             sighting.off_px += 30.0;
         }
         let relation = ViewRelation::robust(&sightings).unwrap();
-        let found = relation.offset;
-        assert!((found.seconds - 0.5).abs() < 0.03, "{found:?}");
+        assert!((relation.offset_s - 0.5).abs() < 0.03, "{relation:?}");
         let off_px = relation.off_px(&sightings[7]);
         assert!((off_px - 30.0).abs() < 1.0, "{off_px}");
         assert!(relation.off_px(&sightings[8]).abs() < 1.0);

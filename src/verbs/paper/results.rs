@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use dataset::files::json_file::{read_json, write_atomically, write_json};
 use dataset::numbers::frame_rate::FrameRate;
-use detector_evaluation::{EvaluatedMode, Evaluation};
+use detector_evaluation::{Evaluation, mode};
+use labeller::Mode;
 use paper_experiment::{CorpusFigures, Range, Results, Search, markdown, write_figures};
 use trainer::Metrics;
 
@@ -139,12 +140,12 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
 /// A detector's rows in table 2.
 pub(super) fn ranges(evaluation: &Evaluation, is_pretrained: bool) -> Vec<Range> {
     let searches = [
-        (EvaluatedMode::AutoSegmentation, Search::Tiles),
-        (EvaluatedMode::Scaled, Search::Scaled),
-        (EvaluatedMode::Tracked, Search::Tracked),
+        (Mode::Full, Search::Tiles),
+        (Mode::Scaled, Search::Scaled),
+        (Mode::Tracked, Search::Tracked),
     ];
-    let row = |(mode, search): (EvaluatedMode, Search)| {
-        let figures = evaluation.modes.get(mode.key())?;
+    let row = |(mode, search): (Mode, Search)| {
+        let figures = evaluation.modes.get(mode::key(mode))?;
         Some(Range {
             model: evaluation.model.identity.model.clone().unwrap_or_default(),
             model_blake3: evaluation.model.identity.blake3(),

@@ -18,6 +18,7 @@ const BATCH_SIZES: RangeInclusive<usize> = 1..=8_192;
 const MAX_ENTRIES: usize = 100_000;
 /// Maximum of weights, thresholds, rates and standard deviations.
 const MAX_NUMBER: f64 = 1e6;
+const NUMBERS: RangeInclusive<f64> = 0.0..=MAX_NUMBER;
 /// Maximum share of scenarios for test and for validation: a tenth is left for training.
 const MAX_SHARE: f64 = 0.45;
 /// Target units within the range of single-precision networks.
@@ -66,38 +67,26 @@ impl TrainConfig {
         layers("calibration.hidden", &c.hidden, 0)?;
         whole("calibration.features", c.features, WIDTHS)?;
         layers("calibration.head_hidden", &c.head_hidden, 0)?;
-        number(
-            "calibration.plateau_threshold_pct",
-            c.plateau_threshold_pct,
-            0.0..=MAX_NUMBER,
-        )?;
-        number(
-            "calibration.gap_threshold_pct",
-            c.gap_threshold_pct,
-            0.0..=MAX_NUMBER,
-        )?;
+        let (plateau_pct, gap_pct) = (c.plateau_threshold_pct, c.gap_threshold_pct);
+        number("calibration.plateau_threshold_pct", plateau_pct, NUMBERS)?;
+        number("calibration.gap_threshold_pct", gap_pct, NUMBERS)?;
         optimisation("calibration", &c.optimisation, c.first_cycle)?;
         log_every("calibration.log_every", c.log_every, &c.optimisation)?;
         let e = &self.estimator;
         layers("estimator.lstm", &e.lstm, 1)?;
         layers("estimator.head_hidden", &e.head_hidden, 0)?;
-        number("estimator.alone_weight", e.alone_weight, 0.0..=MAX_NUMBER)?;
+        number("estimator.alone_weight", e.alone_weight, NUMBERS)?;
         number("estimator.together_first", e.together_first, 0.0..=1.0)?;
         optimisation("estimator", &e.optimisation, e.first_cycle)?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
         let s = &self.self_calibration;
-        for (setting, sd, most) in [
-            (
-                "self_calibration.position_sd_m",
-                s.position_sd_m,
-                MAX_NUMBER,
-            ),
-            ("self_calibration.turn_sd_deg", s.turn_sd_deg, 90.0),
-            ("self_calibration.focal_sd_pct", s.focal_sd_pct, 1_000.0),
-        ] {
-            // Less is numerically indistinguishable from certainty.
-            number(setting, sd, MAX_NUMBER.recip()..=most)?;
-        }
+        // Less is numerically indistinguishable from certainty.
+        let least = MAX_NUMBER.recip();
+        let position = least..=MAX_NUMBER;
+        number("self_calibration.position_sd_m", s.position_sd_m, position)?;
+        number("self_calibration.turn_sd_deg", s.turn_sd_deg, least..=90.0)?;
+        let focal = least..=1_000.0;
+        number("self_calibration.focal_sd_pct", s.focal_sd_pct, focal)?;
         let m = &self.mono;
         layers("mono.hidden", &m.hidden, 0)?;
         optimisation("mono", &m.optimisation, m.first_cycle)

@@ -134,9 +134,7 @@ impl MonoNetworks {
         }
         sums
     }
-}
 
-impl MonoNetworks {
     /// Adds the mean to an ONNX graph, metres.
     pub(crate) fn to_onnx(
         &self,
@@ -154,12 +152,7 @@ impl MonoNetworks {
             distances.push(graph.graph.plain("Mul", &[&distance, &present]));
             presences.push(present);
         }
-        let mut sum = |values: &[String]| {
-            let values: Vec<&str> = values.iter().map(String::as_str).collect();
-            graph.graph.plain("Sum", &values)
-        };
-        let (sum, count) = (sum(&distances), sum(&presences));
-        let mean = graph.graph.plain("Div", &[&sum, &count]);
+        let [mean, _] = graph.mean_and_count(&distances, &presences);
         graph.metres(&mean)
     }
 }

@@ -100,11 +100,8 @@ pub(crate) fn predict(pinholes: &[Option<Pinhole>], observed: &Observation) -> O
         .iter()
         .zip(&observed.boxes)
         .filter_map(|(pinhole, seen)| {
-            Some(
-                pinhole
-                    .as_ref()?
-                    .dtd_m(seen.filter(|b| b.width_px > 0.0)?.width_px),
-            )
+            let seen = seen.filter(|b| b.width_px > 0.0)?;
+            Some(pinhole.as_ref()?.dtd_m(seen.width_px))
         })
         .collect();
     (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64)
@@ -128,19 +125,11 @@ pub(crate) fn to_onnx(pinholes: &[Option<Pinhole>], graph: &mut EstimatorGraph) 
         let setback = graph.graph.double(pinhole.setback_m);
         let range = graph.graph.plain("Div", &[&focal_times_span, &width]);
         let distance = graph.graph.plain("Sub", &[&range, &setback]);
-        distances.push(
-            graph
-                .graph
-                .plain("Where", &[&counts_here, &distance, &nothing]),
-        );
+        let here = [counts_here.as_str(), &distance, &nothing];
+        distances.push(graph.graph.plain("Where", &here));
         counts.push(graph.graph.cast(&counts_here, DOUBLE));
     }
-    let mut sum = |values: &[String]| {
-        let values: Vec<&str> = values.iter().map(String::as_str).collect();
-        graph.graph.plain("Sum", &values)
-    };
-    let (sum, count) = (sum(&distances), sum(&counts));
-    let mean = graph.graph.plain("Div", &[&sum, &count]);
+    let [mean, count] = graph.mean_and_count(&distances, &counts);
     let any = graph.graph.plain("Greater", &[&count, &nothing]);
     graph.graph.plain("Where", &[&any, &mean, &none])
 }

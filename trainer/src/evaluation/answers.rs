@@ -1,7 +1,7 @@
 //! Answers from all estimators at the evaluated ticks, in compact form: a full corpus has 770,000 ticks, each answered by every estimator
 //! with all views and with some removed.
 
-use crate::evaluation::metrics::{Group, Outcome};
+use crate::evaluation::metrics::{Group, Outcome, TickCounts};
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::estimator::{Answered, Estimator};
 use crate::samples::{Observation, Sample, Samples};
@@ -9,7 +9,8 @@ use dataset::corpus::splits::Side;
 
 /// The evaluated ticks, flight by flight.
 pub(crate) struct JudgedTicks<'a> {
-    rules: &'a EvaluationRules,
+    pub(super) samples: &'a Samples,
+    pub(super) rules: &'a EvaluationRules,
     ticks: Vec<&'a Sample>,
     /// Per scenario.
     groups: Vec<Group<'a>>,
@@ -20,6 +21,7 @@ impl<'a> JudgedTicks<'a> {
     pub(crate) fn of(samples: &'a Samples, rules: &'a EvaluationRules) -> Self {
         let tested = samples.ticks_of_side(Side::Test);
         Self {
+            samples,
             rules,
             ticks: tested.filter(|sample| rules.is_there(sample)).collect(),
             groups: samples.scenarios.iter().map(Group::of).collect(),
@@ -30,18 +32,40 @@ impl<'a> JudgedTicks<'a> {
         &self.ticks
     }
 
-    fn outcome(&self, tick: usize, answers: &Answers, estimator: usize) -> Outcome<'_> {
+    /// Numbers of ticks; `seen`: those that a view saw, if known.
+    pub(crate) fn counts(&self, seen: Option<usize>, common: &[bool]) -> TickCounts {
+        let is_hidden = |sample: &&&Sample| self.rules.is_hidden(sample);
+        TickCounts {
+            there: self.ticks.len(),
+            hidden_by_fog: self.ticks.iter().filter(is_hidden).count(),
+            seen,
+            common: common.iter().filter(|&&common| common).count(),
+        }
+    }
+
+    /// Outcome at a tick without an answer.
+    pub(crate) fn unanswered(&self, tick: usize) -> Outcome<'_> {
         let sample = self.ticks[tick];
+        Outcome {
+            dtd_m: sample.dtd_m,
+            predicted_m: None,
+            interval_m: None,
+            detections: None,
+            is_hidden: self.rules.is_hidden(sample),
+            is_removed: false,
+            of: &self.groups[sample.scenario],
+        }
+    }
+
+    fn outcome(&self, tick: usize, answers: &Answers, estimator: usize) -> Outcome<'_> {
         let of = &answers.by_estimator[estimator];
         let interval_m = of.intervals_m.get(tick).copied();
         Outcome {
-            dtd_m: sample.dtd_m,
             predicted_m: Some(of.distances_m[tick]).filter(|distance_m| distance_m.is_finite()),
             interval_m: interval_m.filter(|[from_m, _]| from_m.is_finite()),
             detections: Some(answers.detections[tick].into()),
-            is_hidden: self.rules.is_hidden(sample),
             is_removed: answers.removed[tick],
-            of: &self.groups[sample.scenario],
+            ..self.unanswered(tick)
         }
     }
 

@@ -100,7 +100,7 @@ impl Judged {
 
     /// True if the folder has results from a different evaluation.
     pub(crate) fn is_other_than_in(&self, folder: &RunFolder) -> bool {
-        let path = folder.evaluation_path();
+        let path = folder.path(RunFolder::EVALUATION);
         let same = |there: Self| {
             Self {
                 corpus: there.corpus.clone(),

@@ -26,14 +26,16 @@ use self::layout::listed;
 use self::predictions::{EstimatorPredictions, Predictions};
 use self::units::{TOLERANCE, probable_unit};
 use crate::error::Result;
-use crate::evaluation::answers::common_ticks;
+use crate::evaluation::answers::{JudgedTicks, common_ticks};
 use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
-use crate::evaluation::metrics::{EstimatorMetrics, Group, Outcome, WithoutViews};
+use crate::evaluation::metrics::{EstimatorMetrics, Outcome, TickCounts, WithoutViews};
+use crate::evaluation::prediction_table::judged_ticks;
 use crate::evaluation::rules::EvaluationRules;
+use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
+use crate::samples::Sample;
 use crate::samples::sides::marked_scenarios;
 use crate::samples::truth::Truth;
-use crate::samples::{Sample, Samples};
 
 /// Table evaluation: input and output.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -67,20 +69,6 @@ pub struct JudgedTable {
     pub rules: u32,
 }
 
-/// Numbers of evaluated ticks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TableTicks {
-    /// Ticks with the aircraft present, the base of coverage.
-    pub there: usize,
-    /// Ticks with the aircraft hidden by fog in every image.
-    pub hidden_by_fog: usize,
-    /// Ticks that at least one view saw; missing if the table does not say.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seen: Option<usize>,
-    /// Ticks with predictions from every estimator that has any.
-    pub common: usize,
-}
-
 /// The known part of the split: the training flights are unknown.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TableSplit {
@@ -109,7 +97,7 @@ pub struct TableMetrics {
     /// The test side of the split.
     pub split: TableSplit,
     /// Numbers of evaluated ticks.
-    pub ticks: TableTicks,
+    pub ticks: TickCounts,
     /// Weather that simulators reported at the aircraft, by name of the planned weather; missing without reports.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,
@@ -145,12 +133,12 @@ pub fn evaluate_table(
     }
     watch.check()?;
     let samples = &truth.samples;
-    let tested = samples.ticks_of_side(Side::Test);
-    let judged: Vec<&Sample> = tested.filter(|sample| rules.is_there(sample)).collect();
+    let ticks = JudgedTicks::of(samples, rules);
+    let judged = ticks.ticks();
     if judged.is_empty() {
         return Err(rules.nothing_to_judge(corpus));
     }
-    let predictions = Predictions::at(&judged, &cells, &truth, rules)?;
+    let predictions = Predictions::at(judged, &cells, &truth, rules)?;
     if predictions.not_judged > 0 {
         watch.say(&format!(
             "rows that are not judged, of other ticks or other sides of the split: {}",
@@ -158,7 +146,7 @@ pub fn evaluate_table(
         ));
     }
     for predicted in &predictions.estimators {
-        refuse_other_unit(predicted, &judged).map_err(|fault| cells.refused(fault))?;
+        refuse_other_unit(predicted, judged).map_err(|fault| cells.refused(fault))?;
         let distances_m = predicted.distances_m.iter().flatten();
         let negative = distances_m.filter(|distance_m| **distance_m < 0.0).count();
         if negative > 0 {
@@ -169,10 +157,7 @@ pub fn evaluate_table(
         }
     }
     let evaluation = TableEvaluation {
-        samples,
-        rules,
-        judged: &judged,
-        groups: samples.scenarios.iter().map(Group::of).collect(),
+        ticks: &ticks,
         predictions: &predictions,
     };
     let identity = JudgedTable {
@@ -193,7 +178,7 @@ pub fn evaluate_table(
     let metrics = evaluation.metrics(identity);
     if let Some(place) = place {
         let new = place.begin()?;
-        write_json_unsynced(&new.evaluation_path(), &metrics.judged)?;
+        write_json_unsynced(&new.path(RunFolder::EVALUATION), &metrics.judged)?;
         write_json_unsynced(&new.metrics_path(), &metrics)?;
         evaluation.table().write(&new.predictions_path())?;
         report::write(&new, &metrics)?;
@@ -233,11 +218,7 @@ fn refuse_other_unit(
 }
 
 struct TableEvaluation<'a> {
-    samples: &'a Samples,
-    rules: &'a EvaluationRules,
-    judged: &'a [&'a Sample],
-    /// Per scenario.
-    groups: Vec<Group<'a>>,
+    ticks: &'a JudgedTicks<'a>,
     predictions: &'a Predictions,
 }
 
@@ -246,68 +227,48 @@ impl TableEvaluation<'_> {
     fn outcomes(&self, predicted: &EstimatorPredictions) -> Vec<Outcome<'_>> {
         let detections = self.predictions.detections.as_ref();
         let intervals_m = predicted.intervals_m.as_ref();
-        let outcome = |(tick, sample): (usize, &&Sample)| Outcome {
-            dtd_m: sample.dtd_m,
+        let outcome = |tick: usize| Outcome {
             predicted_m: predicted.distances_m[tick],
             interval_m: intervals_m.and_then(|intervals_m| intervals_m[tick]),
             detections: detections.map(|detections| detections[tick]),
-            is_hidden: self.rules.is_hidden(sample),
-            is_removed: false,
-            of: &self.groups[sample.scenario],
+            ..self.ticks.unanswered(tick)
         };
-        self.judged.iter().enumerate().map(outcome).collect()
+        (0..self.ticks.ticks().len()).map(outcome).collect()
     }
 
     fn metrics(&self, judged: JudgedTable) -> TableMetrics {
         let of_estimators = self.predictions.estimators.iter();
         let distances_m = of_estimators.map(|predicted| &predicted.distances_m[..]);
-        let common = common_ticks(self.judged.len(), distances_m, Option::is_some);
+        let common = common_ticks(self.ticks.ticks().len(), distances_m, Option::is_some);
+        let JudgedTicks { samples, rules, .. } = *self.ticks;
         let estimators = self.predictions.estimators.iter();
         let figures = estimators.map(|predicted| {
             let outcomes = self.outcomes(predicted);
-            let figures =
-                EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), self.rules);
+            let figures = EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), rules);
             (predicted.name.clone(), figures)
         });
-        let is_hidden = |sample: &&&Sample| self.rules.is_hidden(sample);
         let seen = |seen: &Vec<usize>| seen.iter().filter(|&&views| views > 0).count();
         TableMetrics {
-            rules: self.rules.clone(),
+            rules: rules.clone(),
             judged,
             split: TableSplit {
                 by: "trajectory".into(),
                 test: TableFlights {
-                    scenarios: self.samples.scenario_count(Side::Test),
-                    trajectories: self.samples.flights(Side::Test).len(),
+                    scenarios: samples.scenario_count(Side::Test),
+                    trajectories: samples.flights(Side::Test).len(),
                 },
             },
-            ticks: TableTicks {
-                there: self.judged.len(),
-                hidden_by_fog: self.judged.iter().filter(is_hidden).count(),
-                seen: self.predictions.detections.as_ref().map(seen),
-                common: common.iter().filter(|&&common| common).count(),
-            },
-            weather_at_aircraft: marked_scenarios::reported_on_test_side(self.samples),
+            ticks: (self.ticks).counts(self.predictions.detections.as_ref().map(seen), &common),
+            weather_at_aircraft: marked_scenarios::reported_on_test_side(samples),
             estimators: figures.collect(),
         }
     }
 
     /// Table for `predictions.parquet`: ticks with ground truth and predictions.
     fn table(&self) -> TableWriter {
-        let samples = || self.judged.iter();
-        let scenario = |sample: &&Sample| &self.samples.scenarios[sample.scenario].id;
-        let mut table = TableWriter::new()
-            .text("scenario", samples().map(scenario))
-            .u32("tick", samples().map(|sample| sample.tick));
-        if let Some(detections) = &self.predictions.detections {
-            table = table.u32("detections", detections.iter().map(|&views| views as u32));
-        }
-        table = table
-            .bool(
-                "hidden_by_fog",
-                samples().map(|sample| self.rules.is_hidden(sample)),
-            )
-            .f64("dtd_m", samples().map(|sample| sample.dtd_m));
+        let JudgedTicks { samples, rules, .. } = *self.ticks;
+        let detections = self.predictions.detections.clone();
+        let mut table = judged_ticks(self.ticks.ticks(), detections, samples, rules);
         for predicted in &self.predictions.estimators {
             let column = format!("{}_dtd_m", predicted.name);
             table = table.optional_f64(&column, predicted.distances_m.iter().copied());

@@ -148,8 +148,9 @@ pub struct TickCounts {
     pub there: usize,
     /// Ticks with the aircraft hidden by fog in every image.
     pub hidden_by_fog: usize,
-    /// Ticks with an accepted box in at least one view.
-    pub seen: usize,
+    /// Ticks with an accepted box in at least one view; missing if a table does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<usize>,
     /// Ticks answered by every estimator with any answer.
     pub common: usize,
 }

@@ -3,7 +3,33 @@
 use dataset::tables::columns::TableWriter;
 
 use crate::estimators::inverse_range::flight_filter::{Estimate, Estimated};
+use crate::evaluation::rules::EvaluationRules;
 use crate::run::estimator::{Answered, Estimator};
+use crate::samples::{Sample, Samples};
+
+/// The columns before the answers at evaluated ticks. `detections`: the number of views that saw the aircraft, if known.
+pub(crate) fn judged_ticks(
+    ticks: &[&Sample],
+    detections: Option<Vec<usize>>,
+    samples: &Samples,
+    rules: &EvaluationRules,
+) -> TableWriter {
+    let ticks = || ticks.iter().copied();
+    let scenario = |sample: &Sample| &samples.scenarios[sample.scenario].id;
+    let mut table = TableWriter::new()
+        .text("scenario", ticks().map(scenario))
+        .u32("tick", ticks().map(|sample| sample.tick));
+    if let Some(detections) = detections {
+        table = table.u32(
+            "detections",
+            detections.into_iter().map(|views| views as u32),
+        );
+    }
+    let hidden = ticks().map(|sample| rules.is_hidden(sample));
+    table
+        .bool("hidden_by_fog", hidden)
+        .f64("dtd_m", ticks().map(|sample| sample.dtd_m))
+}
 
 /// Adds the answers at some ticks in a flight.
 pub(crate) fn add_answers(

@@ -149,9 +149,7 @@ impl Encoded {
         let apart = predicted - self.target_column(batch, loss, device);
         (apart.square() * column(weights, device)).sum()
     }
-}
 
-impl Encoded {
     /// Error of a single view's predictions, percent; `None` if the view never saw the aircraft. `predict` maps features to network
     /// outputs.
     pub(crate) fn view_error_pct(

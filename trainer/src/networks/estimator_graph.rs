@@ -150,13 +150,20 @@ impl<'a> EstimatorGraph<'a> {
         self.graph.plain("Mul", &[&distance, &unit])
     }
 
+    /// Mean of values that are 0 where they do not count; also their number.
+    pub(crate) fn mean_and_count(&mut self, values: &[String], counts: &[String]) -> [String; 2] {
+        let [sum, count] = [values, counts].map(|terms| {
+            let terms: Vec<&str> = terms.iter().map(String::as_str).collect();
+            self.graph.plain("Sum", &terms)
+        });
+        [self.graph.plain("Div", &[&sum, &count]), count]
+    }
+
     /// Columns of some views' registrations, `[batch, views, columns]`. Adds the input [`REGISTRATIONS`] to the model.
     pub(crate) fn registrations(&mut self, views: &[usize], columns: Range<i64>) -> String {
         self.takes_registrations = true;
         let of_views = self.some_of(REGISTRATIONS, views.iter().copied());
-        let [from, to, axis] =
-            [columns.start, columns.end, 2].map(|number| self.graph.integers(&[number]));
-        self.graph.plain("Slice", &[&of_views, &from, &to, &axis])
+        self.graph.slice(&of_views, columns, 2)
     }
 
     /// Model that answers `metres`, `[batch, 1]`, where any view saw the aircraft.

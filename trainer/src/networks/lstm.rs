@@ -40,9 +40,7 @@ impl Gate {
             None => sum,
         }
     }
-}
 
-impl Gate {
     fn to_onnx(&self, graph: &mut Graph, input: &str, hidden: Option<&str>) -> String {
         let sum = linear_to_onnx(&self.input, graph, input);
         match hidden {

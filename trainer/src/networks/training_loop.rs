@@ -182,19 +182,15 @@ pub(crate) fn learn<T: Task>(
     let plateau = task.setup().plateau;
     let is_on_plateau =
         |cycles: &[Cycle]| plateau.is_some_and(|plateau| is_reached(plateau, cycles));
-    let reached = checkpoints.next_stage(task)?;
-    if let Some(reached) = &reached {
-        let done = match reached {
-            Reached::Step(running) => running.step,
-            Reached::End(_) => settings.steps,
-        };
-        watch.resume(done as u64);
-    }
-    let mut at = match reached {
+    let mut at = match checkpoints.next_stage(task)? {
         Some(Reached::End(ended)) => {
+            watch.resume(settings.steps as u64);
             return ended.with_network(|weights| checkpoints.network(weights, network));
         }
-        Some(Reached::Step(running)) => Position::restored(&running, network, checkpoints)?,
+        Some(Reached::Step(running)) => {
+            watch.resume(running.step as u64);
+            Position::restored(&running, network, checkpoints)?
+        }
         None => Position::first(task, network)?,
     };
     let ended_by = loop {

@@ -100,47 +100,32 @@ impl RunFolder {
         struct Summary {
             model_hash: String,
         }
-        let summary: Summary = read_json(&self.summary_path(), "summary of a run").ok()?;
+        let summary: Summary = read_json(&self.path(Self::SUMMARY), "summary of a run").ok()?;
         Some(summary.model_hash)
     }
 
-    /// Path of `run.json`.
-    pub(crate) fn summary_path(&self) -> PathBuf {
-        self.root.join(Self::SUMMARY)
-    }
-
-    /// Path of `normalisation.json`.
-    pub fn normalisation_path(&self) -> PathBuf {
-        self.root.join(Self::NORMALISATION)
-    }
-
-    /// Path of `baselines.json`.
-    pub fn baselines_path(&self) -> PathBuf {
-        self.root.join(Self::BASELINES)
+    /// File path.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.root.join(name)
     }
 
     /// Path of `weights.safetensors`.
     pub fn weights_path(&self) -> PathBuf {
-        self.root.join(Self::WEIGHTS)
-    }
-
-    /// Path of `evaluation.json`.
-    pub(crate) fn evaluation_path(&self) -> PathBuf {
-        self.root.join(Self::EVALUATION)
+        self.path(Self::WEIGHTS)
     }
 
     /// Path of `metrics.json`.
     pub fn metrics_path(&self) -> PathBuf {
-        self.root.join(Self::METRICS)
+        self.path(Self::METRICS)
     }
 
     /// Path of `predictions.parquet`.
     pub fn predictions_path(&self) -> PathBuf {
-        self.root.join(Self::PREDICTIONS)
+        self.path(Self::PREDICTIONS)
     }
 
     /// Path of `report.html`.
     pub fn report_path(&self) -> PathBuf {
-        self.root.join(Self::REPORT)
+        self.path(Self::REPORT)
     }
 }

@@ -63,7 +63,7 @@ impl RunPlace {
                 || beside.join(OLD).is_dir()
         };
         let place = Self::take_if(run, is_there)?;
-        if !place.run().summary_path().is_file() {
+        if !place.run().path(RunFolder::SUMMARY).is_file() {
             return Err(unfinished(run.root()));
         }
         Ok(place)

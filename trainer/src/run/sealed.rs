@@ -29,7 +29,7 @@ impl SealedRun {
     /// Reads the training's files; rejects files that do not match the seal.
     pub(crate) fn read(folder: &RunFolder) -> Result<Self> {
         let root = folder.root();
-        if !folder.summary_path().is_file() {
+        if !folder.path(RunFolder::SUMMARY).is_file() {
             return Err(unfinished(root));
         }
         let seal = match Sealed::read(root) {

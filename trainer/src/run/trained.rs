@@ -129,21 +129,11 @@ impl RunSummary {
     /// Adds the flights of the run that the training started from, because the networks know them.
     pub(crate) fn with_flights_of(mut self, start: Option<&Self>) -> Self {
         if let Some(before) = start {
-            let pairs = [
-                (
-                    &mut self.training_trajectories,
-                    &before.training_trajectories,
-                ),
-                (
-                    &mut self.validation_trajectories,
-                    &before.validation_trajectories,
-                ),
-                (&mut self.training_flights, &before.training_flights),
-                (&mut self.validation_flights, &before.validation_flights),
-            ];
-            for (seen, known) in pairs {
-                seen.extend(known.iter().cloned());
-            }
+            let before = before.clone();
+            (self.training_trajectories).extend(before.training_trajectories);
+            (self.validation_trajectories).extend(before.validation_trajectories);
+            self.training_flights.extend(before.training_flights);
+            self.validation_flights.extend(before.validation_flights);
         }
         self
     }
@@ -221,16 +211,12 @@ pub(crate) struct Networks {
 impl Networks {
     fn untrained(views: usize, config: &TrainConfig, device: &Device) -> Self {
         let random = &mut ChaCha12Rng::seed_from_u64(config.seed);
+        let features = config.calibration.features;
         let mono =
             |inputs, random: &mut _| MonoNetworks::new(views, inputs, &config.mono, random, device);
         Self {
             calibration: CalibrationNetworks::new(views, &config.calibration, random, device),
-            estimator: PaperLstm::new(
-                config.calibration.features,
-                &config.estimator,
-                random,
-                device,
-            ),
+            estimator: PaperLstm::new(features, &config.estimator, random, device),
             mono_size: mono(MonoInputs::Size, random),
             mono_box: mono(MonoInputs::Box, random),
             mono_position: mono(MonoInputs::Position, random),

@@ -6,7 +6,6 @@ use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::TickRow;
 
 use crate::error::Result;
-use crate::samples::rig::Rig;
 use crate::samples::{
     DistanceRange, Observation, Samples, ScenarioSummary, absent, cameras_of, side_of,
 };
@@ -25,18 +24,12 @@ impl Truth {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
-        let rig = Rig::of(corpus, &folders)?;
-        let mut samples = Samples {
-            views: rig.cameras.keys().cloned().collect(),
-            rig,
-            detections: NamedDetections {
-                hash: String::new(),
-                model: None,
-            },
-            scenarios: Vec::new(),
-            absent_scenarios: absent(&splits, &folders),
-            samples: Vec::new(),
+        let detections = NamedDetections {
+            hash: String::new(),
+            model: None,
         };
+        let mut samples = Samples::empty(corpus, &folders, detections)?;
+        samples.absent_scenarios = absent(&splits, &folders);
         let mut ticks = Vec::new();
         for folder in &folders {
             let scenario = folder.open()?;

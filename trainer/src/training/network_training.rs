@@ -48,25 +48,18 @@ pub(crate) fn train_networks(
             threshold_pct: config.calibration.plateau_threshold_pct,
         }),
     };
+    let settings = &config.calibration;
     let (calibration, calibration_log) = train_calibration(
         start.map(|networks| &networks.calibration),
         &sides.training,
         &sides.validation,
-        &config.calibration,
-        setup(
-            Stream::Calibration,
-            config.calibration.ends,
-            config.calibration.first_cycle,
-        ),
+        settings,
+        setup(Stream::Calibration, settings.ends, settings.first_cycle),
         companions,
     )?;
     let samples = sides.training.len();
-    let mut stages = vec![calibration.summary(
-        "calibration networks",
-        None,
-        &config.calibration.optimisation,
-        samples,
-    )];
+    let settings = &settings.optimisation;
+    let mut stages = vec![calibration.summary("calibration networks", None, settings, samples)];
     let calibration_kept_step = calibration.kept.step;
     let calibration = calibration.kept.network.valid();
     let calibration = match start {
@@ -74,20 +67,17 @@ pub(crate) fn train_networks(
         Some(_) => calibration,
         None => with_unit_features(calibration, &sides.training, device),
     };
+    let settings = &config.estimator;
     let (estimator, estimator_log) = train_estimator(
         start.map(|networks| &networks.estimator),
         &calibration,
         sides,
-        &config.estimator,
+        settings,
         config.calibration.features,
-        setup(
-            Stream::Estimator,
-            config.estimator.ends,
-            config.estimator.first_cycle,
-        ),
+        setup(Stream::Estimator, settings.ends, settings.first_cycle),
         companions,
     )?;
-    let settings = &config.estimator.optimisation;
+    let settings = &settings.optimisation;
     stages.push(estimator.summary(Estimator::PaperLstm.name(), None, settings, samples));
     let mut mono = |start, inputs, estimator: Estimator, stream| -> Result<MonoNetworks> {
         let settings = &config.mono;

@@ -72,7 +72,7 @@ pub fn search(
     watch: &dyn Watch,
 ) -> Result<SearchTable> {
     search.check()?;
-    if RunFolder::at(out).summary_path().exists() {
+    if RunFolder::at(out).path(RunFolder::SUMMARY).exists() {
         let fault = "is a run, and a search has a folder of its own with a run for each training; name another folder with --out";
         return Err(Error::run(out, fault));
     }

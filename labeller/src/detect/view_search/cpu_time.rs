@@ -7,7 +7,8 @@ use std::time::Duration;
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
-/// Processor time, seconds. Threads of the model's own are not in it: `dtd detect` gives it none.
+/// Processor time by stage, in the unit that the field holding it names. Threads of the model's own are not in it: `dtd detect` gives it
+/// none.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct CpuTime {
     /// Reading and decoding videos.
@@ -24,9 +25,20 @@ pub struct CpuTime {
 pub(crate) type Part = fn(&mut CpuTime) -> &mut f64;
 
 impl CpuTime {
-    /// Total time, s.
+    /// All stages together.
     pub fn total(&self) -> f64 {
         self.decode + self.convert + self.infer + self.rest
+    }
+
+    /// The same stages in another unit.
+    #[must_use]
+    pub fn map(&self, in_unit: impl Fn(f64) -> f64) -> Self {
+        Self {
+            decode: in_unit(self.decode),
+            convert: in_unit(self.convert),
+            infer: in_unit(self.infer),
+            rest: in_unit(self.rest),
+        }
     }
 }
 

@@ -5,10 +5,9 @@ use std::borrow::Cow;
 use ort::session::{Session, SessionOutputs};
 use ort::value::{TensorElementType, ValueType};
 
-use crate::detector::ScoredBox;
 use crate::detector::answer::Answer;
 use crate::detector::layout::efficient_nms::OutputForm;
-use crate::detector::layout::{Decoding, boxes_and_scores, efficient_nms};
+use crate::detector::layout::{boxes_and_scores, efficient_nms};
 use crate::detector::outputs::BoxOutputs;
 use crate::error::ModelFault;
 
@@ -44,16 +43,6 @@ pub(crate) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
         }
     };
     outputs.iter().map(form).collect()
-}
-
-/// Boxes of the first `windows` windows.
-pub(crate) fn boxes_in(
-    outputs: &SessionOutputs<'_>,
-    at: BoxOutputs,
-    decoding: &Decoding,
-    windows: usize,
-) -> Result<Vec<Vec<ScoredBox>>, ModelFault> {
-    read_answer(outputs, at, |answer| decoding.decode(answer, windows))
 }
 
 /// Reads the numbers from one output, or from several joined ones.

@@ -14,15 +14,6 @@ const COCO_CLASSES: usize = 80;
 /// Maximum number of listed names.
 const MAX_LISTED: usize = 12;
 
-/// Classes according to a model and its settings.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Classes<'a> {
-    pub(crate) said: Option<usize>,
-    pub(crate) names: Option<&'a BTreeMap<usize, String>>,
-    /// Number of classes in the output, if its shape tells.
-    pub(crate) count: Option<usize>,
-}
-
 fn classes(count: usize) -> String {
     match count {
         1 => "1 class".into(),
@@ -30,56 +21,57 @@ fn classes(count: usize) -> String {
     }
 }
 
-impl Classes<'_> {
-    pub(crate) fn aircraft(self) -> Result<usize, ModelFault> {
-        let named = self
-            .names
-            .and_then(|names| Some(names.last_key_value()?.0 + 1));
-        if let (Some(named), Some(count)) = (named, self.count)
-            && named != count
-        {
-            return Err(ModelFault::new(format!(
-                "its metadata property names lists {}, but its output has {}: another layout, or a model of another task",
-                classes(named),
+/// The aircraft according to the settings, the metadata's names, and the number of classes in the output, if its shape tells.
+pub(crate) fn aircraft_class(
+    said: Option<usize>,
+    names: Option<&BTreeMap<usize, String>>,
+    count: Option<usize>,
+) -> Result<usize, ModelFault> {
+    let named = names.and_then(|names| Some(names.last_key_value()?.0 + 1));
+    if let (Some(named), Some(count)) = (named, count)
+        && named != count
+    {
+        return Err(ModelFault::new(format!(
+            "its metadata property names lists {}, but its output has {}: another layout, or a model of another task",
+            classes(named),
+            classes(count)
+        )));
+    }
+    let count = count.or(named);
+    match (said, names, count) {
+        (Some(said), _, Some(count)) if said >= count => {
+            Err(ModelFault::new(format!(
+                "its settings say aircraft_class = {said}, but it has {}, numbered from 0",
                 classes(count)
-            )));
+            )))
         }
-        let count = self.count.or(named);
-        match (self.said, self.names, count) {
-            (Some(said), _, Some(count)) if said >= count => {
-                Err(ModelFault::new(format!(
-                    "its settings say aircraft_class = {said}, but it has {}, numbered from 0",
-                    classes(count)
-                )))
-            }
-            (Some(said), ..) => Ok(said),
-            (None, _, Some(1)) => Ok(0),
-            (None, Some(names), Some(count)) => {
-                aircraft_in(names).ok_or_else(|| {
-                    ModelFault::new(format!(
-                        "none of its {} is called {}, but {}; say in its settings which number is the aircraft, e.g. aircraft_class = 4",
-                        classes(count),
-                        AIRCRAFT_NAMES.join(", "),
-                        listed(names)
-                    ))
-                })
-            }
-            (None, _, Some(COCO_CLASSES)) => Ok(COCO_AIRPLANE),
-            (None, _, Some(count)) => Err(ModelFault::new(format!(
-                "it has {} and no names for them; say in its settings which number is the aircraft, e.g. aircraft_class = 4",
-                classes(count)
-            ))),
-            (None, _, None) => {
-                // Once, not by every worker.
-                static WARNED: Once = Once::new();
-                WARNED.call_once(|| {
-                    tracing::warn!(
-                        "the model does not say what its classes are: {COCO_AIRPLANE} is taken for the aircraft, as in COCO; if it is \
-                         another one, say aircraft_class in the model's settings"
-                    );
-                });
-                Ok(COCO_AIRPLANE)
-            }
+        (Some(said), ..) => Ok(said),
+        (None, _, Some(1)) => Ok(0),
+        (None, Some(names), Some(count)) => {
+            aircraft_in(names).ok_or_else(|| {
+                ModelFault::new(format!(
+                    "none of its {} is called {}, but {}; say in its settings which number is the aircraft, e.g. aircraft_class = 4",
+                    classes(count),
+                    AIRCRAFT_NAMES.join(", "),
+                    listed(names)
+                ))
+            })
+        }
+        (None, _, Some(COCO_CLASSES)) => Ok(COCO_AIRPLANE),
+        (None, _, Some(count)) => Err(ModelFault::new(format!(
+            "it has {} and no names for them; say in its settings which number is the aircraft, e.g. aircraft_class = 4",
+            classes(count)
+        ))),
+        (None, _, None) => {
+            // Once, not by every worker.
+            static WARNED: Once = Once::new();
+            WARNED.call_once(|| {
+                tracing::warn!(
+                    "the model does not say what its classes are: {COCO_AIRPLANE} is taken for the aircraft, as in COCO; if it is \
+                     another one, say aircraft_class in the model's settings"
+                );
+            });
+            Ok(COCO_AIRPLANE)
         }
     }
 }
@@ -116,12 +108,7 @@ mod tests {
         count: Option<usize>,
     ) -> Result<usize, ModelFault> {
         let names: BTreeMap<_, _> = names.iter().map(ToString::to_string).enumerate().collect();
-        let classes = Classes {
-            said,
-            names: Some(&names).filter(|names| !names.is_empty()),
-            count,
-        };
-        classes.aircraft()
+        aircraft_class(said, Some(&names).filter(|names| !names.is_empty()), count)
     }
 
     #[test]

@@ -48,8 +48,7 @@ impl ViewSet {
     /// Coordinates, `[batch, 2 * views]`.
     fn places_to_onnx(&self, graph: &mut EstimatorGraph) -> String {
         let boxes = graph.some_of(BOXES, self.views.iter().copied());
-        let [from, to, axis] = [0, 2, 2].map(|number| graph.graph.integers(&[number]));
-        let centres = (graph.graph).plain("Slice", &[&boxes, &from, &to, &axis]);
+        let centres = graph.graph.slice(&boxes, 0..2, 2);
         let places = if self.registered {
             let shifts = self.shifts_to_onnx(graph);
             let in_reference = graph.graph.plain("Sub", &[&centres, &shifts]);

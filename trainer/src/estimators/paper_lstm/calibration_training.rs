@@ -43,21 +43,12 @@ impl CalibrationNetworks {
         random: &mut ChaCha12Rng,
         device: &Device,
     ) -> Self {
+        let view_widths = widths(BOX_FEATURES, &config.hidden, config.features);
+        let head_widths = widths(config.features, &config.head_hidden, 1);
+        let view = |_| Dense::new(&view_widths, random, device);
         Self {
-            views: (0..views)
-                .map(|_| {
-                    Dense::new(
-                        &widths(BOX_FEATURES, &config.hidden, config.features),
-                        random,
-                        device,
-                    )
-                })
-                .collect(),
-            head: Dense::new(
-                &widths(config.features, &config.head_hidden, 1),
-                random,
-                device,
-            ),
+            views: (0..views).map(view).collect(),
+            head: Dense::new(&head_widths, random, device),
         }
     }
 
@@ -158,7 +149,10 @@ pub(crate) fn train_calibration(
                 config.plateau_threshold_pct,
                 config.gap_threshold_pct,
             ),
-            since_entry: SinceEntry::of(views),
+            since_entry: SinceEntry {
+                loss: RunningMean::default(),
+                errors_pct: vec![RunningMean::default(); views],
+            },
             log: Vec::new(),
         },
         setup,
@@ -193,13 +187,6 @@ struct SinceEntry {
 }
 
 impl SinceEntry {
-    fn of(views: usize) -> Self {
-        Self {
-            loss: RunningMean::default(),
-            errors_pct: vec![RunningMean::default(); views],
-        }
-    }
-
     /// Adds the loss and the predictions of a batch.
     fn add(
         &mut self,
@@ -328,7 +315,7 @@ fn trained_loss(
     })
 }
 
-/// Sum of the optimised views' losses over some rows of `batch`, and each view's predictions.
+/// Sum of the optimised views' losses over some rows of `batch`, and each view's predictions for these rows.
 pub(crate) fn batch_loss(
     networks: &CalibrationNetworks,
     samples: &Encoded,
@@ -338,24 +325,9 @@ pub(crate) fn batch_loss(
     loss: Target,
     device: &Device,
 ) -> (Tensor<1>, Vec<Vec<f32>>) {
-    let predict = |view| networks.predict(view, samples.inputs(&batch[rows.clone()], view, device));
-    let predictions: Vec<_> = (0..samples.views()).map(predict).collect();
-    let total = loss_of(&predictions, samples, batch, rows, optimised, loss, device);
-    let predictions = predictions.into_iter();
-    (total, predictions.map(|p| numbers(p.inner())).collect())
-}
-
-/// Sum of the optimised views' losses over `rows` of `batch`; `predictions` are for these rows only.
-fn loss_of(
-    predictions: &[Tensor<2>],
-    samples: &Encoded,
-    batch: &[usize],
-    rows: Range<usize>,
-    optimised: &[bool],
-    loss: Target,
-    device: &Device,
-) -> Tensor<1> {
     let views = samples.views();
+    let predict = |view| networks.predict(view, samples.inputs(&batch[rows.clone()], view, device));
+    let predictions: Vec<_> = (0..views).map(predict).collect();
     let targets = samples.target_column(&batch[rows.clone()], loss, device);
     let masks: Vec<Vec<f32>> = (0..views).map(|view| samples.mask(batch, view)).collect();
     let mut total = Tensor::<1>::zeros([1], device);
@@ -391,7 +363,8 @@ fn loss_of(
             total = total + apart.sum();
         }
     }
-    total
+    let predictions = predictions.into_iter();
+    (total, predictions.map(|p| numbers(p.inner())).collect())
 }
 
 #[cfg(test)]

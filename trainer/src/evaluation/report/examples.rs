@@ -3,38 +3,14 @@
 use dataset::corpus::Corpus;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::pixel_box::PixelBox;
+use minijinja::{Value, context};
 use report_page::crop::Crop;
+use report_page::page::value;
 use report_page::{decimal, signed};
-use serde::Serialize;
 
 use crate::error::Result;
 use crate::evaluation::metrics::Outcome;
 use crate::samples::{Sample, Samples};
-
-/// A tick, and what its views saw.
-#[derive(Serialize)]
-pub(super) struct Example {
-    /// Title: one of the three kinds.
-    title: &'static str,
-    scenario: String,
-    tick: u32,
-    true_nm: String,
-    predicted_nm: String,
-    error_pct: String,
-    error_m: String,
-    views: Vec<Shown>,
-}
-
-/// A view's image.
-#[derive(Serialize)]
-struct Shown {
-    view: String,
-    crop: Option<Crop>,
-    /// Left, top, width and height of the line around the box in the crop, pixels.
-    box_px: Option<[f64; 4]>,
-    /// Reason for a missing image.
-    absent: Option<String>,
-}
 
 /// The ticks with the smallest, the median and the largest percentage error; none if an estimator answered none. A video that is missing or
 /// damaged is named in the report and in the log.
@@ -46,7 +22,7 @@ pub(super) fn examples(
     samples: &Samples,
     ticks: &[&Sample],
     outcomes: &[Outcome],
-) -> Result<Vec<Example>> {
+) -> Result<Vec<Value>> {
     let mut answers: Vec<(f64, f64, &Sample)> = (ticks.iter().zip(outcomes))
         .filter_map(|(&sample, outcome)| {
             Some((outcome.signed_error_pct()?, outcome.predicted_m?, sample))
@@ -59,15 +35,15 @@ pub(super) fn examples(
     let example = |(title, place): (&'static str, usize)| {
         let (error_pct, predicted_m, sample) = answers[place];
         let nm = |metres: f64| decimal(metres / METERS_PER_NAUTICAL_MILE, 3);
-        Ok(Example {
+        Ok(context! {
             title,
-            scenario: samples.scenarios[sample.scenario].id.clone(),
-            tick: sample.tick,
-            true_nm: nm(sample.dtd_m),
-            predicted_nm: nm(predicted_m),
-            error_pct: signed(error_pct, 3),
-            error_m: signed(predicted_m - sample.dtd_m, 1),
-            views: views(corpus, samples, sample)?,
+            scenario => &samples.scenarios[sample.scenario].id,
+            tick => sample.tick,
+            true_nm => nm(sample.dtd_m),
+            predicted_nm => nm(predicted_m),
+            error_pct => signed(error_pct, 3),
+            error_m => signed(predicted_m - sample.dtd_m, 1),
+            views => views(corpus, samples, sample)?,
         })
     };
     [("Best", 0), ("Typical", last / 2), ("Worst", last)]
@@ -76,13 +52,14 @@ pub(super) fn examples(
         .collect()
 }
 
-fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Shown>> {
+/// The image of each view, or why there is none.
+fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Value>> {
     let scenario = &samples.scenarios[sample.scenario].id;
     let tick = sample.tick;
     let opened = unless_of_disk(corpus.scenario(scenario).open())?;
     let shown = |(view, seen): (&String, &Option<PixelBox>)| {
         let Some(seen) = seen else {
-            return Ok(Shown::without(view, "no box".to_owned()));
+            return Ok(context! { view, absent => "no box" });
         };
         let picture = match &opened {
             Ok(opened) => unless_of_disk(opened.picture(view, tick))?,
@@ -92,30 +69,17 @@ fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Show
             Crop::around(seen, &picture.rgb, picture.size_px).map_err(|error| error.to_string())
         });
         match crop {
-            Ok(crop) => Ok(Shown {
-                view: view.clone(),
-                box_px: Some(crop.frame_of(seen)),
-                crop: Some(crop),
-                absent: None,
-            }),
+            Ok(crop) => {
+                let box_px = crop.frame_of(seen);
+                Ok(context! { view, box_px, crop => value(crop) })
+            }
             Err(fault) => {
                 tracing::warn!(scenario, tick, view, %fault, "the report lacks an image");
-                Ok(Shown::without(view, format!("no image: {fault}")))
+                Ok(context! { view, absent => format!("no image: {fault}") })
             }
         }
     };
     samples.views.iter().zip(&sample.boxes).map(shown).collect()
-}
-
-impl Shown {
-    fn without(view: &str, absent: String) -> Self {
-        Self {
-            view: view.to_owned(),
-            crop: None,
-            box_px: None,
-            absent: Some(absent),
-        }
-    }
 }
 
 /// The result, or the fault in words if a file is missing or damaged.

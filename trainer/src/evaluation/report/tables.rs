@@ -3,9 +3,9 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
+use minijinja::{Value, context};
 use report_page::table::{Cell, Table, or_dash};
 use report_page::{optional, percent};
-use serde::Serialize;
 
 use dataset::corpus::effective_weather::ReportedWeather;
 
@@ -16,19 +16,6 @@ use crate::networks::stage::{Cycle, EndedBy};
 use crate::paper::TABLE_3;
 use crate::run::estimator::{Description, Estimator, Standing};
 use crate::samples::{Sample, Samples};
-
-/// An estimator's figures above the tables.
-#[derive(Serialize)]
-pub(in crate::evaluation) struct Tiles<'a> {
-    name: &'a str,
-    title: &'static str,
-    mape: String,
-    interval: String,
-    p95: String,
-    p95_m: String,
-    coverage: String,
-    in_sight: String,
-}
 
 /// Figures by name of the estimator.
 type ByEstimator = BTreeMap<String, EstimatorMetrics>;
@@ -83,61 +70,32 @@ pub(in crate::evaluation) fn names(estimators: &ByEstimator) -> Vec<&str> {
     shown.map(|shown| shown.name).collect()
 }
 
-/// An estimator's method.
-#[derive(Serialize)]
-pub(super) struct Method {
-    name: &'static str,
-    how: String,
-}
-
-/// Share of stated intervals that contain the true value, percent.
-#[derive(Serialize)]
-pub(in crate::evaluation) struct StatedIntervals {
-    name: String,
-    held: String,
-    least: String,
-    most: String,
-}
-
-/// Weather that simulators reported at the aircraft under one planned weather.
-#[derive(Serialize)]
-pub(in crate::evaluation) struct ReportedRow<'a> {
-    name: &'a str,
-    reported: String,
-    /// Scenarios that were drawn under different weather.
-    marked: Vec<&'a str>,
-}
-
-/// The weather at the aircraft, by name of the planned weather.
+/// Weather that simulators reported at the aircraft, by name of the planned weather, with the scenarios that were drawn under different
+/// weather.
 pub(in crate::evaluation) fn weather_at_aircraft(
     reported: &BTreeMap<String, ReportedWeather>,
-) -> Vec<ReportedRow<'_>> {
-    let reported = reported.iter();
-    let rows = reported.map(|(name, weather)| ReportedRow {
-        name,
-        reported: weather.to_string(),
-        marked: weather.marked.keys().map(String::as_str).collect(),
-    });
-    rows.collect()
+) -> Vec<Value> {
+    let row = |(name, weather): (&String, &ReportedWeather)| {
+        let marked: Value = weather.marked.keys().collect();
+        context! { name, reported => weather.to_string(), marked }
+    };
+    reported.iter().map(row).collect()
 }
 
-/// `None` for an unknown estimator.
-pub(in crate::evaluation) fn tiles<'a>(
-    name: &'a str,
-    estimators: &ByEstimator,
-) -> Option<Tiles<'a>> {
+/// An estimator's figures above the tables; `None` for an unknown estimator.
+pub(in crate::evaluation) fn tiles(name: &str, estimators: &ByEstimator) -> Option<Value> {
     let of = estimators.get(name)?;
     let all = &of.overall.all;
     let mut own = Estimator::ALL.map(Estimator::description).into_iter();
-    Some(Tiles {
+    Some(context! {
         name,
-        title: own.find(|one| one.name == name).map_or("", |one| one.title),
-        mape: error(all.mape_pct),
-        interval: interval(of),
-        p95: error(all.p95_pct),
-        p95_m: optional(all.p95_m, 1),
-        coverage: percent(all.coverage, 1),
-        in_sight: percent(all.coverage_in_sight, 1),
+        title => own.find(|one| one.name == name).map_or("", |one| one.title),
+        mape => error(all.mape_pct),
+        interval => interval(of),
+        p95 => error(all.p95_pct),
+        p95_m => optional(all.p95_m, 1),
+        coverage => percent(all.coverage, 1),
+        in_sight => percent(all.coverage_in_sight, 1),
     })
 }
 
@@ -210,22 +168,19 @@ pub(in crate::evaluation) fn headline(
     table
 }
 
-/// The estimators that state intervals.
-pub(in crate::evaluation) fn stated_intervals(estimators: &ByEstimator) -> Vec<StatedIntervals> {
+/// Share of the stated intervals that contain the true value, percent, for the estimators that state any.
+pub(in crate::evaluation) fn stated_intervals(estimators: &ByEstimator) -> Vec<Value> {
     let stated = |shown: Shown<'_>| {
         let stated = shown.of.stated_intervals?;
         let [least, most] = stated.held_by_flight.map(|held| percent(Some(held), 1));
-        Some(StatedIntervals {
-            name: shown.name.to_owned(),
-            held: percent(Some(stated.held), 1),
-            least,
-            most,
-        })
+        let held = percent(Some(stated.held), 1);
+        Some(context! { name => shown.name, held, least, most })
     };
     shown(estimators).into_iter().filter_map(stated).collect()
 }
 
-pub(super) fn methods(metrics: &Metrics) -> Vec<Method> {
+/// The estimators' methods.
+pub(super) fn methods(metrics: &Metrics) -> Vec<Value> {
     let own = shown(&metrics.estimators)
         .into_iter()
         .filter_map(|shown| shown.own);
@@ -235,7 +190,7 @@ pub(super) fn methods(metrics: &Metrics) -> Vec<Method> {
             Estimator::PaperLstm => format!("{how}; {}", faithfulness(metrics)),
             _ => how.to_owned(),
         };
-        Method { name, how }
+        context! { name, how }
     })
     .collect()
 }

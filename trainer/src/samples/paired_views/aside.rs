@@ -122,21 +122,13 @@ impl Columns {
     }
 }
 
-/// A minute of offsets between two views.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Minute {
-    /// Start, seconds.
-    since_s: f64,
-    /// Smallest offset to one side, pixels; 0 if offsets have both signs.
-    off_px: f64,
-    /// True if the background was hidden in most images.
-    is_hidden: bool,
-}
-
+/// Offset between two views at a tick, or for a minute from then on.
 #[derive(Debug, Clone, Copy)]
 struct Offset {
     time_s: f64,
+    /// Pixels; for a minute the smallest to one side, 0 if offsets have both signs.
     off_px: f64,
+    /// True if the background was hidden, for a minute in most images.
     is_hidden: bool,
 }
 
@@ -146,7 +138,7 @@ struct OffsetHistory {
     /// The oldest first.
     recent: VecDeque<Offset>,
     /// The last complete minute.
-    minute: Option<Minute>,
+    minute: Option<Offset>,
 }
 
 impl OffsetHistory {
@@ -169,8 +161,8 @@ impl OffsetHistory {
         if time_s - since_s >= MEMORY_S && self.recent.len() >= MIN_PAIRS {
             let hidden = self.recent.iter().filter(|of| of.is_hidden).count();
             let off_px = self.off_px();
-            self.minute = Some(Minute {
-                since_s,
+            self.minute = Some(Offset {
+                time_s: since_s,
                 off_px,
                 is_hidden: 2 * hidden > self.recent.len(),
             });
@@ -288,7 +280,7 @@ impl AsideWatch {
         self.aside = worst.map(|(minute, limit_px, _)| {
             let since_s = match &earlier {
                 Some(earlier) => earlier.since_s,
-                None if self.was_on_paths => minute.since_s,
+                None if self.was_on_paths => minute.time_s,
                 None => f64::NEG_INFINITY,
             };
             Aside {

@@ -1,7 +1,5 @@
 //! Stated cameras that contradict the boxes.
 
-use std::fmt;
-
 use super::TrainingCameras;
 use super::camera_fit::CameraFit;
 
@@ -13,23 +11,8 @@ const MIN_MOVE_M: f64 = 15.0;
 /// Minimum significance for differences.
 const MIN_DEVIATIONS: f64 = 5.0;
 
-/// A view whose fitted camera differs from the stated one.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Contradiction {
-    view: String,
-    /// Differences with their standard deviations.
-    differences: Vec<String>,
-}
-
-impl fmt::Display for Contradiction {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "view {} {}", self.view, self.differences.join(", "))
-    }
-}
-
 /// Training message about these views. `registered_again`: the views are registered with fitted cameras.
-pub(super) fn contradictions_line(found: &[Contradiction], registered_again: bool) -> String {
-    let found: Vec<String> = found.iter().map(Contradiction::to_string).collect();
+pub(super) fn contradictions_line(found: &[String], registered_again: bool) -> String {
     let effect = if registered_again {
         "the views are registered with cameras that a run has fitted, so of the estimators only `triangulation` depends on it"
     } else {
@@ -43,21 +26,18 @@ pub(super) fn contradictions_line(found: &[Contradiction], registered_again: boo
 }
 
 impl TrainingCameras {
-    /// Views with stated cameras that contradict the boxes.
-    pub(super) fn contradictions(&self, views: &[String]) -> Vec<Contradiction> {
-        let found = views
-            .iter()
-            .zip(&self.fits)
-            .map(|(view, fit)| Contradiction {
-                view: view.clone(),
-                differences: differences(fit),
-            });
+    /// Views with stated cameras that contradict the boxes, each with the differences.
+    pub(super) fn contradictions(&self, views: &[String]) -> Vec<String> {
+        let found = views.iter().zip(&self.fits);
+        let found = found.map(|(view, fit)| (view, differences(fit)));
         found
-            .filter(|found| !found.differences.is_empty())
+            .filter(|(_, differences)| !differences.is_empty())
+            .map(|(view, differences)| format!("view {view} {}", differences.join(", ")))
             .collect()
     }
 }
 
+/// Significant differences with their standard deviations.
 fn differences(fit: &CameraFit) -> Vec<String> {
     let CameraFit { adjustment, sd, .. } = fit;
     let ways = [

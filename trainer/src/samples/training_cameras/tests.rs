@@ -217,7 +217,7 @@ fn a_wrong_calibration_is_named_and_a_true_one_is_not() {
     };
     state_wrongly(&mut samples, error);
     let found = droppings(&samples).0.contradictions(&views);
-    let [left, right] = [0, 1].map(|view: usize| found[view].to_string());
+    let [left, right] = [0, 1].map(|view: usize| &found[view]);
     assert!(
         left.contains("view left is turned 0.5") && left.contains("degrees left"),
         "{left}"
