@@ -287,14 +287,6 @@ pub(crate) struct PlanArgs {
     /// `auto`), the profile measured by `dtd doctor` is used. By default, figures of the bundled simulator on two cores are used.
     #[arg(long, value_name = "mock|auto|HOST:PORT")]
     pub(crate) sim: Option<SimulatorTarget>,
-    /// Count a restart of X-Plane after every N live flights, e.g. 45
-    #[arg(long, value_name = "N", value_parser = from_one)]
-    pub(crate) restart_every: Option<NonZeroU32>,
-    /// Images per second that your X-Plane delivers, all views together
-    ///
-    /// For the estimate of the recording time, instead of --sim.
-    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "sim")]
-    pub(crate) pictures_per_second: Option<f64>,
     #[command(flatten)]
     pub(crate) local_udp: LocalUdpArgs,
     /// Print the result as JSON
@@ -306,13 +298,6 @@ pub(crate) struct PlanArgs {
 pub(crate) fn from_one(text: &str) -> Result<NonZeroU32, String> {
     let number = text.parse();
     number.map_err(|_| format!("expected a whole number from 1 to {}", u32::MAX))
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err("expected a number above zero".into()),
-    }
 }
 
 #[derive(Debug, ClapArgs)]
@@ -681,9 +666,6 @@ pub(crate) struct MockXplaneArgs {
     /// Send no beacon
     #[arg(long)]
     pub(crate) no_beacon: bool,
-    /// The computer's name in the beacon
-    #[arg(long, value_name = "NAME", default_value = "dtd-mock-xplane")]
-    pub(crate) beacon_name: String,
     /// Replay a session recorded with `dtd tape`. Everything but address and beacon is then as recorded
     #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,

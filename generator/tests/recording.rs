@@ -221,12 +221,7 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
         (size.scenarios, size.pictures),
         (1, 2 * u64::from(record.ticks))
     );
-    let estimate = Estimate::new(
-        &plan.common,
-        &plan.scenarios,
-        (&Pacing::StandIn, None),
-        grown.size,
-    );
+    let estimate = Estimate::new(&plan.common, &plan.scenarios, &Pacing::StandIn, grown.size);
     let expected = size.bytes * estimate.pictures / size.pictures;
     assert!(estimate.bytes.unwrap().abs_diff(expected) <= 1);
     let outcome = run(&more, folder.path(), target, &["1200-clear-r2"])

@@ -48,9 +48,6 @@ pub(crate) struct ExportArgs {
     /// Width and height of crops [default: 160x160]
     #[arg(long, value_name = "WIDTHxHEIGHT")]
     crop_px: Option<WindowSize>,
-    /// Seed of the order of crops [default: 0]
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
     /// Format of images in separate files [default: png]
     #[arg(long, value_parser = one_of(PICTURES))]
     pictures: Option<StillFormat>,
@@ -164,7 +161,6 @@ impl ExportArgs {
             ticks: self.rate.map_or(Ticks::Every(self.every), Ticks::PerSecond),
             boxes: self.boxes.unwrap_or(BoxSource::Truth),
             crop_px: self.crop_px.map(|size| [size.width_px, size.height_px]),
-            seed: self.seed,
             detections: self.detections.clone(),
             runs: self.run.clone(),
             license: self.license.clone(),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use mock_xplane::server::{
-    Addresses, LinkPatience, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
+    Addresses, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
 };
 use mock_xplane::window::{DisplayWindow, X11Window};
 use xplane_bridge::link::LinkToken;
@@ -25,11 +25,10 @@ const PLUGIN: &str = "PI_dtd_bridge.py";
 pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     let stage = args.window.map(open_window).transpose()?;
     let is = |state| args.state.contains(&state);
-    let options = ServerOptions {
+    let mut options = ServerOptions {
         bind: args.bind,
         port: args.port,
         beacon: !args.no_beacon,
-        beacon_name: (!is(MockState::NamelessBeacon)).then(|| args.beacon_name.clone()),
         generation: args.xplane,
         web_port: args.web_port,
         flight_loaded: !is(MockState::MainMenu),
@@ -38,10 +37,13 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         quirks: args.quirks,
         clock_rate: args.clock_rate,
         token: LinkToken::from_environment(),
-        patience: LinkPatience::default(),
         stage,
         link: link(args)?,
+        ..ServerOptions::default()
     };
+    if is(MockState::NamelessBeacon) {
+        options.beacon_name = None;
+    }
     let stop = CleanStop::begin();
     let runtime = async_runtime()?;
     let ending = runtime.block_on(async {

@@ -146,7 +146,6 @@ fn pace(
         pictures_per_s: pictures / steps.recording.as_secs_f64(),
         loading: is_live.then_some(steps.loading),
         weather: steps.weather,
-        restart: None,
     }
 }
 

@@ -62,18 +62,18 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Cost of scenarios, with an X-Plane that is restarted after every `restart_every` live flights.
+    /// Cost of scenarios.
     pub fn new<'a>(
         common: &Common,
         scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
-        (pacing, restart_every): (&Pacing, Option<u32>),
+        pacing: &Pacing,
         size: Option<MeasuredSize>,
     ) -> Self {
         let scenarios: Vec<&PlannedScenario> = scenarios.into_iter().collect();
         let count = scenarios.len();
         let ticks = ticks(scenarios.iter().copied());
         let pictures = ticks * common.cameras.len() as u64;
-        let durations = Durations::new(common, &scenarios, pacing, restart_every);
+        let durations = Durations::new(common, &scenarios, pacing);
         let (bytes_per_picture, bytes_basis) = bytes(common, size);
         let flight_s = ticks as f64 * common.picture.frame_rate.period_s();
         Self {

@@ -18,19 +18,18 @@ use crate::verbs::async_runtime::async_runtime;
 use crate::verbs::generate::options;
 
 pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> {
-    match (&args.sim, args.pictures_per_second) {
-        (_, Some(per_s)) => Ok(Pacing::PicturesPerSecond(per_s)),
-        (None, None) => Ok(Pacing::StandIn),
-        (Some(target @ (SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn)), None) => {
+    match &args.sim {
+        None => Ok(Pacing::StandIn),
+        Some(target @ (SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn)) => {
             tried(target, sweep)
         }
-        (Some(SimulatorTarget::Tape(_)), None) => Err(Failure::bad_input_message(
+        Some(SimulatorTarget::Tape(_)) => Err(Failure::bad_input_message(
             "--sim tape:FILE: a tape says nothing of how long an X-Plane takes; name an X-Plane, or `mock`",
         )),
-        (Some(SimulatorTarget::Address(address)), None) => {
+        Some(SimulatorTarget::Address(address)) => {
             asked(connected(*address, args.local_udp.options()))
         }
-        (Some(SimulatorTarget::Announced), None) => asked(async {
+        Some(SimulatorTarget::Announced) => asked(async {
             let local_udp = args.local_udp.options();
             let announced = the_announced(DISCOVERY_TIMEOUT, &local_udp).await?;
             connected(announced.address, local_udp).await

@@ -278,7 +278,6 @@ fn show_cost(name: &str, estimate: &Estimate) {
         ),
         ("loading", durations.loading_h, &durations.loading_basis),
         ("weather", durations.weather_h, &durations.weather_basis),
-        ("restarts", durations.restarts_h, &durations.restarts_basis),
     ] {
         print_after(
             &format!("            {part:<11} "),

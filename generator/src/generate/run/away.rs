@@ -1,6 +1,6 @@
 //! Simulators that are away: waited for, restarted by the user's command, given up.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::attempt::unless_cancelled;
 use super::{Run, Then};
@@ -105,7 +105,6 @@ impl Run<'_> {
             live_flights: session.live_flights,
         });
         session.leave_to_restart().await;
-        let began = Instant::now();
         let mut running = None;
         let commanded = async {
             let command = running.insert(restart.start(&name)?);
@@ -123,7 +122,6 @@ impl Run<'_> {
         };
         match self.until_back(session, limit).await {
             Ok(()) => {
-                session.restarted_within(began.elapsed());
                 self.reporter
                     .tell(Event::SimulatorBack { simulator: &name });
                 Then::GoOn
