@@ -11,6 +11,7 @@ use generator::against::{Against, Standing};
 use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
 use generator::plan::{Estimate, Pacing, expand};
 use mock_xplane::server::{BuiltIn, Engine, SceneRenderer, SceneSetting};
+use store::SPLIT_AGAIN;
 use verify::verify;
 
 use small_corpus::{
@@ -71,7 +72,7 @@ async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
         let mut split_lost = false;
         let all = options(target.clone(), &[]);
         let again = run_until(&sweep, folder.path(), &all, |event| {
-            split_lost |= matches!(event, Event::SplitLost);
+            split_lost |= matches!(event, Event::Warned(SPLIT_AGAIN));
             false
         });
         assert_eq!(again.await.unwrap().skipped.len(), 4, "{name}");

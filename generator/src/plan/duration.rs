@@ -172,15 +172,15 @@ impl Count {
             live_flying_h: self.live_flying_s / 3_600.0,
             live_flying_basis: format!(
                 "{}, in real time; [start] fly = \"computed\" saves it",
-                flights(self.live, "live flight")
+                counted(self.live, "live flight")
             ),
             loading_h: (self.live as f64 * loading_s + replayed * ASSUMED_TRAVEL_S) / 3_600.0,
             loading_basis: match self.scenarios - self.live {
                 0 => loading_basis,
                 replayed => format!(
                     "{}, {loading_basis}; {}, {ASSUMED_TRAVEL_S:.0} s each, assumed",
-                    flights(self.live, "live flight"),
-                    flights(replayed, "replayed flight")
+                    counted(self.live, "live flight"),
+                    counted(replayed, "replayed flight")
                 ),
             },
             weather_h: self.scenarios as f64 * weather_s / 3_600.0,
@@ -197,10 +197,11 @@ fn measured_or(measured_s: Option<f64>, assumed_s: f64) -> (f64, String) {
     }
 }
 
-fn flights(number: usize, what: &str) -> String {
+/// A number of things: `1 scenario`, `2 scenarios`.
+pub(crate) fn counted(number: usize, thing: &str) -> String {
     match number {
-        1 => format!("1 {what}"),
-        _ => format!("{number} {what}s"),
+        1 => format!("1 {thing}"),
+        _ => format!("{number} {thing}s"),
     }
 }
 

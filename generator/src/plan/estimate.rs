@@ -7,7 +7,7 @@ use dataset::plan::{Common, PlannedScenario};
 use dataset::video::VideoSettings;
 use serde::Serialize;
 
-use super::duration::{Durations, Pacing, relative_size};
+use super::duration::{Durations, Pacing, counted, relative_size};
 
 /// Seconds between two images, and bytes per image on disk, mean over the four weathers of `scenarios.toml`: the further apart images are,
 /// the less a video gains from the one before. `docs/plan.md` has the measurement.
@@ -155,10 +155,7 @@ fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
 
 fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
     if let Some(per_picture) = measured_bytes_per_picture(size) {
-        let scenarios = match size.map_or(0, |size| size.scenarios) {
-            1 => "1 scenario".to_owned(),
-            number => format!("{number} scenarios"),
-        };
+        let scenarios = counted(size.map_or(0, |size| size.scenarios), "scenario");
         let basis = format!("{per_picture:.0} per image, as in {scenarios} of the corpus");
         return (Some(per_picture), basis);
     }
