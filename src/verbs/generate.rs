@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::env;
-use std::fs::{self, DirEntry};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use dataset::files::folder_size::bytes_below;
 use generator::generate::{
     Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, free_bytes, generate as record,
@@ -18,9 +18,9 @@ use xplane_bridge::{LocalUdp, WebApiPlace};
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::object_store::{default_stage, failure_of};
-use super::output::{Next, count, finish, print_json};
+use super::output::{Next, count, finish, interrupted, print_json};
 use super::plan::warn;
-use crate::args::GenerateArgs;
+use crate::args::recording::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::{Bar, Disk, Scenarios};
 use crate::signals::CleanStop;
@@ -141,34 +141,22 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
 
 /// The exit status of a run; prints the reason to stderr.
 pub(crate) fn ending_of(generated: &Generated) -> Outcome {
+    let (made, left) = (generated.committed.len(), generated.not_made.len());
     match &generated.stopped {
-        Some(Stopped::Interrupted)
-            if generated.committed.is_empty() && generated.not_made.is_empty() =>
-        {
+        Some(Stopped::Interrupted) if made == 0 && left == 0 => {
             eprintln!("interrupted before anything was made; run the same command again");
             Ok(Ending::Interrupted)
         }
-        Some(Stopped::Interrupted) => {
-            eprintln!(
-                "interrupted: {} made, {} to go; run the same command again to resume",
-                generated.committed.len(),
-                generated.not_made.len()
-            );
-            Ok(Ending::Interrupted)
-        }
+        Some(Stopped::Interrupted) => Ok(interrupted(made, "made", left)),
         Some(Stopped::NoSimulator { reason }) => {
             eprint_warning!(
-                "no simulator is left ({reason}): {} made, {} to go; run the same command again to resume",
-                generated.committed.len(),
-                generated.not_made.len()
+                "no simulator is left ({reason}): {made} made, {left} to go; run the same command again to resume"
             );
             Ok(Ending::Interrupted)
         }
         Some(Stopped::Setup { reason }) => {
             eprint_error!(
-                "every scenario would fail ({reason}): {} made, {} to go; change this, and run the same command again to resume",
-                generated.committed.len(),
-                generated.not_made.len()
+                "every scenario would fail ({reason}): {made} made, {left} to go; change this, and run the same command again to resume"
             );
             Ok(Ending::Losses)
         }
@@ -327,7 +315,8 @@ impl ShowEvents {
             Event::Committed { id, ticks, seconds } => {
                 self.bar
                     .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
-                self.written += bytes_in(&self.corpus.join("scenarios").join(id));
+                let folder = self.corpus.join("scenarios").join(id);
+                self.written += bytes_below(&folder).unwrap_or(0);
                 self.finished(id, u64::from(ticks));
             }
             Event::MadeElsewhere { id, ticks } => {
@@ -349,15 +338,4 @@ impl ShowEvents {
             Event::Warned(line) => self.bar.warn(line),
         }
     }
-}
-
-/// Total size of a folder's files; vanished files do not count.
-fn bytes_in(folder: &Path) -> u64 {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let size = |entry: DirEntry| match entry.metadata() {
-        Ok(about) if about.is_dir() => bytes_in(&entry.path()),
-        Ok(about) => about.len(),
-        Err(_) => 0,
-    };
-    entries.map(size).sum()
 }

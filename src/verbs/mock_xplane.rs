@@ -11,7 +11,7 @@ use xplane_bridge::link::LinkToken;
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
-use crate::args::{MockState, MockXplaneArgs, WindowSize};
+use crate::args::simulator::{MockState, MockXplaneArgs};
 use crate::failure::{Ending, Failure};
 use crate::signals::CleanStop;
 
@@ -89,10 +89,6 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     if has_no_plugin {
         return Ok(LinkServer::Nobody);
     }
-    let WindowSize {
-        width_px,
-        height_px,
-    } = args.window.unwrap_or(args.plugin_window);
     let Some(folder) = &args.plugin else {
         return Ok(LinkServer::BuiltIn);
     };
@@ -103,13 +99,12 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
         )));
     }
     Ok(LinkServer::Plugin(PluginOptions {
-        window_px: (width_px, height_px),
+        window_px: args.window.unwrap_or(args.plugin_window).into(),
         frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(MAX_FRAME_S),
         ..PluginOptions::new(folder)
     }))
 }
 
-fn open_window(size: WindowSize) -> Result<Arc<dyn DisplayWindow>, Failure> {
-    let window = X11Window::open(None, (size.width_px, size.height_px))?;
-    Ok(Arc::new(window))
+fn open_window(size_px: [u32; 2]) -> Result<Arc<dyn DisplayWindow>, Failure> {
+    Ok(Arc::new(X11Window::open(None, size_px.into())?))
 }

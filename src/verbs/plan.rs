@@ -21,7 +21,7 @@ use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::object_store::{STORE_TIMEOUT, failure_of};
 use super::output::print_json;
-use crate::args::PlanArgs;
+use crate::args::recording::PlanArgs;
 use crate::failure::{Ending, Failure};
 
 pub(crate) use warnings::warn;

@@ -2,6 +2,7 @@
 
 pub mod corpus_names;
 pub mod file_name;
+pub mod folder_size;
 pub mod json_file;
 pub mod new_file;
 pub(crate) mod others_decoder;

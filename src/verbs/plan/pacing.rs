@@ -11,7 +11,7 @@ use xplane_bridge::{
     BridgeError, CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator, SimulatorDescription,
 };
 
-use crate::args::PlanArgs;
+use crate::args::recording::PlanArgs;
 use crate::failure::Failure;
 use crate::signals::CleanStop;
 use crate::verbs::async_runtime::async_runtime;
@@ -46,8 +46,7 @@ fn tried(target: &SimulatorTarget, sweep: &Sweep) -> Result<Pacing, Failure> {
     match async_runtime()?.block_on(trial(sweep, &options, stop.switch())) {
         Ok(costs) => Ok(Pacing::Trial(costs)),
         Err(GenerateError::Cancelled) => Err(Failure::TryAgain(GenerateError::Cancelled.into())),
-        Err(error) if error.is_bad_input() => Err(Failure::bad_input(error)),
-        Err(error) => Err(error.into()),
+        Err(error) => Err(Failure::bad_input_if(error.is_bad_input(), error)),
     }
 }
 
