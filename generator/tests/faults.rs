@@ -25,13 +25,13 @@ use small_corpus::{
     stand_in_with, sweep_of, sweep_toml,
 };
 
-/// A new corpus without faults.
+/// Records a new corpus without faults.
 async fn make_corpus(corpus: &Path) {
     let made = run(small_sweep(), corpus, stand_in().await, &[]);
     assert_eq!(made.await.unwrap().committed, IDS);
 }
 
-/// The one that all tests compare with.
+/// The corpus without faults that all tests compare theirs with.
 async fn undisturbed() -> &'static Path {
     static MADE: OnceCell<PathBuf> = OnceCell::const_new();
     let make = || async {
@@ -140,7 +140,7 @@ async fn a_simulator_that_is_gone_for_good_ends_the_run_early_and_the_next_one_g
 struct Faulty {
     /// Flights in fog are refused.
     lost_in_fog: AtomicBool,
-    /// Images until one takes a long time.
+    /// Number of images before the one that takes a long time.
     freeze_in: AtomicU32,
 }
 

@@ -134,13 +134,9 @@ fn expected_bytes_per_picture(common: &Common) -> Option<f64> {
         .then(|| bytes_of_picture_after(apart_s) * relative_size(common))
 }
 
-/// Bytes per image at this interval.
+/// Bytes per image at this interval: between two measurements, linear in the logarithm of the time.
 fn bytes_of_picture_after(apart_s: f64) -> f64 {
-    by_distance(&BYTES_PER_PICTURE, apart_s)
-}
-
-/// Measured value for images this many seconds apart: between two measurements, linear in the logarithm of the time.
-fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
+    let measured = BYTES_PER_PICTURE;
     let next = measured.partition_point(|(measured_s, _)| *measured_s < apart_s);
     let [before, after] =
         [next.saturating_sub(1), next.min(measured.len() - 1)].map(|index| measured[index]);
