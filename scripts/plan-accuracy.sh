@@ -21,7 +21,7 @@ compare() { # NAME SWEEP SIMULATOR
 import json, sys
 name, took_ms, plan = sys.argv[1:]
 estimate = json.load(open(plan))["estimate"]
-parts = ["pictures", "live_flying", "loading", "weather", "restarts"]
+parts = ["pictures", "live_flying", "loading", "weather"]
 seconds = {part: 3600 * estimate[part + "_h"] for part in parts}
 expected = 3600 * estimate["making_h"]
 print(f"{name}: {estimate['scenarios']} scenarios, {estimate['pictures']} pictures: expected {expected:.1f} s, took {int(took_ms) / 1000:.1f} s, "

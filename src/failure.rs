@@ -40,12 +40,12 @@ impl Ending {
     }
 }
 
-/// Why a verb failed.
+/// A verb's failure.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The caller has to change something first.
     BadInput(anyhow::Error),
-    /// It did not work.
+    /// The machine or another program is at fault.
     Failed(anyhow::Error),
     /// A temporary failure; the same call may work later.
     TryAgain(anyhow::Error),
@@ -67,6 +67,15 @@ impl Failure {
             Self::Failed(error)
         } else {
             Self::BadInput(error)
+        }
+    }
+
+    /// A failure caused by the caller's input if `is_bad_input`, otherwise by the machine.
+    pub(crate) fn bad_input_if(is_bad_input: bool, error: impl Into<anyhow::Error>) -> Self {
+        if is_bad_input {
+            Self::bad_input(error)
+        } else {
+            Self::from(error)
         }
     }
 

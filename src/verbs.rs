@@ -49,7 +49,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
     match verb {
         Verb::Plan(args) => plan::run(&args),
         Verb::Schema { of } => schema::run(of),
-        Verb::Examples(args) => examples::run(&args),
+        Verb::Examples { folder } => examples::run(&folder),
         Verb::Generate(args) => generate::run(&args),
         Verb::Fetch(args) => fetch::run(&args),
         Verb::Push(args) => push::run(&args),

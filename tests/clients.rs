@@ -92,12 +92,9 @@ fn run(script: &str, arguments: &[String]) {
 fn pyxpudpserver_discovers_subscribes_reads_writes_and_commands() {
     let _alone = BEACON_PORT.blocking_lock();
     assert_installed();
-    let name = format!("tower-{}", std::process::id());
-    let stand_in = stand_in(&[&EVERYWHERE[..], &["--beacon-name", &name]].concat());
-    run(
-        "pyxpudpserver_client.py",
-        &[stand_in.addresses.udp.port().to_string(), name],
-    );
+    let stand_in = stand_in(&EVERYWHERE);
+    let port = stand_in.addresses.udp.port().to_string();
+    run("pyxpudpserver_client.py", &[port]);
 }
 
 #[test]

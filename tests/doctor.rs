@@ -1,9 +1,13 @@
 //! `dtd doctor` against the stand-in, correct and with faults.
 
 use std::process::{Command, Stdio};
+use std::sync::mpsc;
+use std::thread;
 
+use mock_xplane::server::{Addresses, ServerOptions, serve};
 use serde_json::Value;
 use testkit::command::{Dtd, Ending, Server};
+use tokio::runtime::Runtime;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -350,7 +354,7 @@ fn a_web_api_that_refuses_tells_that_incoming_connections_are_off_without_a_beac
 #[test]
 fn auto_is_the_simulator_that_announces_itself_for_the_doctor_and_the_recorder_too() {
     // Other tests' stand-ins may announce themselves as well: then both say so.
-    let simulator = announced(&["--beacon-name", "auto-test"]);
+    let simulator = announced(&[]);
     let (_, checks) = outcome(doctor(&["--sim", "auto", "--web-api", "off"]));
     let beacon = found(&checks, "beacon");
     let (_, port) = simulator.udp().rsplit_once(':').unwrap();
@@ -377,10 +381,18 @@ fn auto_is_the_simulator_that_announces_itself_for_the_doctor_and_the_recorder_t
 
 #[test]
 fn the_name_in_a_beacon_cannot_steer_the_terminal() {
-    let name = "steer-\u{1b}[31m-test";
-    let simulator = announced(&["--beacon-name", name]);
+    let (tell, ready) = mpsc::channel();
+    thread::spawn(move || {
+        let options = ServerOptions {
+            port: 0,
+            beacon_name: Some("steer-\u{1b}[31m-test".into()),
+            ..ServerOptions::default()
+        };
+        let told = move |addresses: Addresses| tell.send(addresses.udp).unwrap();
+        Runtime::new().unwrap().block_on(serve(options, told))
+    });
     let mut command = DTD.command(&["doctor", "--no-measure", "--web-api", "off"]);
-    command.args(["--sim", simulator.udp()]);
+    command.args(["--sim", &ready.recv().unwrap().to_string()]);
     let said = String::from_utf8(command.output().unwrap().stdout).unwrap();
     assert!(said.contains("steer-\\u{1b}[31m-test"), "{said}");
     assert!(!said.contains('\u{1b}'), "{said}");

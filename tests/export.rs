@@ -770,7 +770,6 @@ const WRONG_REQUESTS: &[(&str, &str)] = &[
     ("--to coco --out out --views top", "top"),
     ("--to coco --out out --detections other.onnx", "aircraft.onnx"),
     ("--to coco --out out --crop-px 96x64", "no use for --crop-px"),
-    ("--to webdataset --out out --seed 1", "no use for --seed"),
     ("--to crops --out out --crop-px 481x64", "a crop of 481x64 px does not fit into images of 480x320 px"),
     ("--to crops --out out --crop-px 0x64", "is not a size"),
     ("--to crops --out out --rate 1", "no use for --rate"),

@@ -1,13 +1,13 @@
 //! Compares a plan with an existing corpus: complete, missing and mismatched scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::Path;
 
 use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::{self, Seal};
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::files::folder::bytes_below;
 use dataset::plan::{Difference, Plan, PlannedScenario};
 use futures_util::future::{LocalBoxFuture, try_join_all};
 use serde::Serialize;
@@ -212,19 +212,4 @@ async fn record_in_store(
         }
         None => Ok(None),
     }
-}
-
-fn bytes_below(folder: &Path) -> dataset::Result<u64> {
-    let mut bytes = 0;
-    for entry in fs::read_dir(folder).map_err(dataset::Error::io("list", folder))? {
-        let entry = entry.map_err(dataset::Error::io("list", folder))?;
-        let path = entry.path();
-        bytes += if path.is_dir() {
-            bytes_below(&path)?
-        } else {
-            let about = entry.metadata();
-            about.map_err(dataset::Error::io("look at", &path))?.len()
-        };
-    }
-    Ok(bytes)
 }

@@ -34,6 +34,8 @@ use dataset::plan::{Common, Picture, Plan, PlannedScenario};
 use dataset::work::memory;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
+use indicatif::DecimalBytes;
+use store::SPLIT_AGAIN;
 use xplane_bridge::block_bytes;
 use xplane_bridge::pixels::{PixelChoice, PixelKind};
 
@@ -50,7 +52,7 @@ pub use session::{BadSimulator, SimulatorTarget};
 pub use space::free_bytes;
 pub use trial::trial;
 
-use crate::plan::{expand, room_bytes};
+use crate::plan::{counted, expand, room_bytes};
 use crate::sweep::Sweep;
 use event::Reporter;
 use record::Work;
@@ -126,9 +128,8 @@ pub fn generate<'a>(
             ticks: to_make.iter().map(|s| u64::from(s.ticks)).sum(),
         });
         if !staged.is_empty() {
-            reporter.tell(Event::StagedBefore {
-                scenarios: staged.len(),
-            });
+            let staged = counted(staged.len(), "scenario");
+            reporter.say(&format!("{staged} made before, and sent now"));
         }
         let lost = freeze::lost_files(corpus_root, &plan)?;
         let is_same_plan = frozen.as_ref() == Some(&plan) && lost.is_empty();
@@ -162,7 +163,7 @@ pub fn generate<'a>(
         }
         // The split is written before the plan: a plan without one has lost it.
         if frozen.is_some() && split_there.is_none() && lost.contains(&Corpus::SPLITS) {
-            reporter.tell(Event::SplitLost);
+            reporter.warn(SPLIT_AGAIN);
         }
         freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
         if let Some(remote) = &options.remote {
@@ -172,11 +173,11 @@ pub fn generate<'a>(
         }
         for scenario in &to_make {
             if let Some(before) = SetAside::read(&corpus, &scenario.id) {
-                let reason = before.reasons.last().map_or("", String::as_str);
-                reporter.tell(Event::SetAsideBefore {
-                    id: &scenario.id,
-                    reason,
-                });
+                reporter.warn(&format!(
+                    "{} failed in an earlier run and is tried again: {}",
+                    scenario.id,
+                    before.reasons.last().map_or("", String::as_str)
+                ));
             }
         }
         let work = Work {
@@ -263,7 +264,11 @@ fn warn_of_little_space(
 ) {
     let needed = room_bytes(common, to_make.iter().copied());
     if let Some(free) = space::free_bytes(corpus_root).filter(|free| *free < needed) {
-        reporter.tell(Event::LittleSpace { free, needed });
+        reporter.warn(&format!(
+            "{} are free, and about {} will be needed",
+            DecimalBytes(free),
+            DecimalBytes(needed)
+        ));
     }
 }
 

@@ -14,6 +14,7 @@ mod split;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub(crate) use duration::counted;
 pub use duration::{Durations, Pacing, WeatherCost};
 pub use estimate::{Estimate, MeasuredSize, room_bytes};
 pub use expand::{expand, is_seeded_by};

@@ -86,6 +86,11 @@ impl Recording {
             path: path.to_owned(),
             fault,
         };
+        let no_flight = |line, fault| RecordingError::Flight {
+            path: path.to_owned(),
+            line,
+            fault,
+        };
         let survey = Survey::of(path, &file, runway, longest_dtd_m)?;
         if let Some(fault) = survey.rolls_in_the_air() {
             return Err(implausible(fault));
@@ -98,11 +103,7 @@ impl Recording {
             let states = again()?.filter_map(|row| Some(row.ok()?.state));
             return Err(match plausibility::elsewhere(states, runway) {
                 Some(fault) => implausible(fault),
-                None => RecordingError::Flight {
-                    path: path.to_owned(),
-                    line: None,
-                    fault: survey.never_there(runway, longest_dtd_m),
-                },
+                None => no_flight(None, survey.never_there(runway, longest_dtd_m)),
             });
         };
         let (rows, inbound) = survey::rows_of(again()?, found)?;
@@ -117,19 +118,11 @@ impl Recording {
         let states: Vec<FlightState> = rows.iter().map(|row| row.state).collect();
         let path_flown = ApproachPath::new(&states, runway, inbound);
         path_flown.units().map_err(implausible)?;
-        let trajectory =
-            Trajectory::new(states.clone()).map_err(|fault| RecordingError::Flight {
-                path: path.to_owned(),
-                line: fault.state().and_then(line_of),
-                fault,
-            })?;
+        let trajectory = Trajectory::new(states.clone())
+            .map_err(|fault| no_flight(fault.state().and_then(line_of), fault))?;
         trajectory
             .approach(runway, longest_dtd_m)
-            .map_err(|fault| RecordingError::Flight {
-                path: path.to_owned(),
-                line: None,
-                fault,
-            })?;
+            .map_err(|fault| no_flight(None, fault))?;
         path_flown.path(allow).map_err(implausible)?;
         Ok(Self {
             file: path

@@ -119,16 +119,6 @@ impl Sweep {
         check::check(document, tables, folder, &text).map_err(rejected)
     }
 
-    /// Number of scenarios that the sweep expands to.
-    pub fn len(&self) -> usize {
-        self.combinations.len()
-    }
-
-    /// True if it expands to no scenario: never, for a checked sweep.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// The recording that each combination flies, if a rule matches: indices into [`Sweep::recorded`] and into its recordings.
     pub(crate) fn recording_of_each(&self) -> Vec<Option<(usize, usize)>> {
         let mut orders: BTreeMap<(usize, String), Vec<usize>> = BTreeMap::new();

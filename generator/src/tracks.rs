@@ -93,31 +93,29 @@ pub fn import_tracks(
 ) -> dataset::Result<TrackImport> {
     let mut outcome = TrackImport::default();
     for file in files {
-        let refused = |aircraft: Option<String>, reason: String| RefusedTrack {
-            file: file.clone(),
-            aircraft,
-            reason,
+        let mut refuse = |aircraft: Option<String>, reason: String| {
+            outcome.refused.push(RefusedTrack {
+                file: file.clone(),
+                aircraft,
+                reason,
+            });
         };
         let tracks = match formats::read(file, runway) {
             Ok(tracks) => tracks,
             Err(error) => {
-                outcome.refused.push(refused(None, error.to_string()));
+                refuse(None, error.to_string());
                 continue;
             }
         };
         if tracks.is_empty() {
-            outcome
-                .refused
-                .push(refused(None, "it has no positions".into()));
+            refuse(None, "it has no positions".into());
         }
         let alone = tracks.len() == 1;
         for track in tracks {
             let made = match states::of_track(&track.fixes, runway) {
                 Ok(made) => made,
                 Err(reason) => {
-                    outcome
-                        .refused
-                        .push(refused(track.aircraft, reason.to_string()));
+                    refuse(track.aircraft, reason.to_string());
                     continue;
                 }
             };
@@ -128,7 +126,7 @@ pub fn import_tracks(
             };
             let path = folder.join(name);
             match write_checked(&path, &made.csv(), runway)? {
-                Some(reason) => outcome.refused.push(refused(track.aircraft, reason)),
+                Some(reason) => refuse(track.aircraft, reason),
                 None => outcome.imported.push(ImportedTrack {
                     file: file.clone(),
                     aircraft: track.aircraft,

@@ -25,13 +25,13 @@ use small_corpus::{
     stand_in_with, sweep_of, sweep_toml,
 };
 
-/// A new corpus without faults.
+/// Records a new corpus without faults.
 async fn make_corpus(corpus: &Path) {
     let made = run(small_sweep(), corpus, stand_in().await, &[]);
     assert_eq!(made.await.unwrap().committed, IDS);
 }
 
-/// The one that all tests compare with.
+/// The corpus without faults that all tests compare theirs with.
 async fn undisturbed() -> &'static Path {
     static MADE: OnceCell<PathBuf> = OnceCell::const_new();
     let make = || async {
@@ -41,6 +41,17 @@ async fn undisturbed() -> &'static Path {
         corpus
     };
     MADE.get_or_init(make).await
+}
+
+/// Asserts that a run reported an earlier failure of one scenario.
+fn assert_tried_again(warnings: &[String], id: &str) {
+    let mut tried = warnings.iter().filter(|line| line.contains("tried again"));
+    let line = tried.next().unwrap();
+    assert!(
+        line.starts_with(id) && line.contains("lost in the fog"),
+        "{line}"
+    );
+    assert_eq!(tried.next(), None);
 }
 
 async fn two_stand_ins() -> Simulators {
@@ -80,14 +91,17 @@ async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
     let made = run_until(small_sweep(), corpus.path(), &options, |event| {
         match event {
             Event::Captured { done: 3, .. } => server.abort(),
-            Event::SimulatorGone { simulator, .. } => gone.push(simulator.to_owned()),
+            Event::Warned(line) if line.starts_with("giving up") => gone.push(line.to_owned()),
             _ => {}
         }
         false
     });
     let made = made.await.unwrap();
     assert_eq!((made.committed.len(), made.stopped), (4, None));
-    assert_eq!(gone, [dying.to_string()]);
+    let [line] = &gone[..] else {
+        panic!("{gone:?}")
+    };
+    assert!(line.contains(&dying.to_string()), "{line}");
     same_tables(corpus.path(), undisturbed().await);
 }
 
@@ -126,7 +140,7 @@ async fn a_simulator_that_is_gone_for_good_ends_the_run_early_and_the_next_one_g
 struct Faulty {
     /// Flights in fog are refused.
     lost_in_fog: AtomicBool,
-    /// Images until one takes a long time.
+    /// Number of images before the one that takes a long time.
     freeze_in: AtomicU32,
 }
 
@@ -220,13 +234,13 @@ async fn a_scenario_that_can_never_be_flown_is_set_aside_after_one_attempt_and_t
     faults.lost_in_fog.store(false, Ordering::SeqCst);
     let mut before = Vec::new();
     let second = run_until(&sweep, corpus.path(), &options, |event| {
-        if let Event::SetAsideBefore { id, reason } = event {
-            before.push((id.to_owned(), reason.contains("lost in the fog")));
+        if let Event::Warned(line) = event {
+            before.push(line.to_owned());
         }
         false
     });
     assert_eq!(second.await.unwrap().committed, [foggy]);
-    assert_eq!(before, [(foggy.to_owned(), true)]);
+    assert_tried_again(&before, foggy);
     assert!(!record.exists());
     assert_eq!(folders(corpus.path()), sorted_ids());
 }
@@ -260,13 +274,13 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     let elsewhere = tempdir().unwrap();
     let mut before = Vec::new();
     let second = run_until(&sweep, elsewhere.path(), &only_foggy, |event| {
-        if let Event::SetAsideBefore { id, reason } = event {
-            before.push((id.to_owned(), reason.contains("lost in the fog")));
+        if let Event::Warned(line) = event {
+            before.push(line.to_owned());
         }
         false
     });
     assert_eq!(second.await.unwrap().failed.len(), 1);
-    assert_eq!(before, [(foggy.to_owned(), true)]);
+    assert_tried_again(&before, foggy);
     assert_eq!(reasons(), 2);
 
     faults.lost_in_fog.store(false, Ordering::SeqCst);
@@ -295,15 +309,18 @@ async fn a_run_waits_for_what_another_process_makes_and_takes_over_what_it_lets_
     let mut waited_for = None;
     let options = options(stand_in().await, &[]);
     let made = run_until(small_sweep(), corpus.path(), &options, |event| {
-        if let Event::Waiting { scenarios, holder } = event {
-            waited_for = Some((scenarios, holder.to_owned()));
+        if let Event::Said(line) = event
+            && line.starts_with("waiting for")
+        {
+            waited_for = Some(line.to_owned());
             // As if the other process had been killed.
             theirs.take();
         }
         false
     });
     assert_eq!(made.await.unwrap().committed, IDS);
-    assert_eq!(waited_for, Some((1, "process 7 on elsewhere".to_owned())));
+    let expected = "waiting for 1 scenario that others make (process 7 on elsewhere)";
+    assert_eq!(waited_for.as_deref(), Some(expected));
     same_tables(corpus.path(), undisturbed().await);
 }
 

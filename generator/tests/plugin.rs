@@ -92,8 +92,8 @@ async fn record(
     let options = GenerateOptions::new(target);
     let mut told = Vec::new();
     let mut listen = |event: Event<'_>| {
-        if let Event::Profile { known, .. } = event {
-            told.push(known.to_string());
+        if let Event::Said(line) = event {
+            told.push(line.to_owned());
         }
     };
     let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut listen)

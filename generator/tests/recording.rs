@@ -11,6 +11,7 @@ use generator::against::{Against, Standing};
 use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
 use generator::plan::{Estimate, Pacing, expand};
 use mock_xplane::server::{BuiltIn, Engine, SceneRenderer, SceneSetting};
+use store::SPLIT_AGAIN;
 use verify::verify;
 
 use small_corpus::{
@@ -71,7 +72,7 @@ async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
         let mut split_lost = false;
         let all = options(target.clone(), &[]);
         let again = run_until(&sweep, folder.path(), &all, |event| {
-            split_lost |= matches!(event, Event::SplitLost);
+            split_lost |= matches!(event, Event::Warned(SPLIT_AGAIN));
             false
         });
         assert_eq!(again.await.unwrap().skipped.len(), 4, "{name}");
@@ -221,12 +222,7 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
         (size.scenarios, size.pictures),
         (1, 2 * u64::from(record.ticks))
     );
-    let estimate = Estimate::new(
-        &plan.common,
-        &plan.scenarios,
-        (&Pacing::StandIn, None),
-        grown.size,
-    );
+    let estimate = Estimate::new(&plan.common, &plan.scenarios, &Pacing::StandIn, grown.size);
     let expected = size.bytes * estimate.pictures / size.pictures;
     assert!(estimate.bytes.unwrap().abs_diff(expected) <= 1);
     let outcome = run(&more, folder.path(), target, &["1200-clear-r2"])

@@ -25,7 +25,7 @@ fn write(folder: &Path, name: &str, text: String) -> PathBuf {
     path
 }
 
-/// apt.dat with the far end moved sideways.
+/// The airport's apt.dat, with the far end of the runway moved sideways.
 fn apt_dat(folder: &Path, far_right_m: f64) -> PathBuf {
     let far = along(START, LENGTH_M, far_right_m);
     let text = format!(
@@ -50,7 +50,7 @@ fn our_airports(folder: &Path) -> PathBuf {
     write(folder, "runways.csv", text)
 }
 
-/// In the form of version 1100, with a region.
+/// Localizer and glide path in the form of version 1100, with a region.
 fn earth_nav(folder: &Path) -> PathBuf {
     let localizer = along(START, LENGTH_M + 300.0, 0.0);
     let antenna = along(START, 200.0 + 310.0, 120.0);

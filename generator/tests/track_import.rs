@@ -63,12 +63,12 @@ fn reports(flight: &Recording) -> Vec<Report> {
     all
 }
 
-/// In the columns of `traffic`, with each position repeated once; altitudes above another pressure are `above_m` higher.
+/// A table in the columns of `traffic`, with each position repeated once; the altitudes are `above_m` too high.
 fn csv(reports: &[Report], above_m: f64) -> String {
     csv_with(reports, |altitude_msl_m| altitude_msl_m + above_m)
 }
 
-/// The same with the altitude that the aircraft reports by its true one.
+/// A table in the columns of `traffic`, with the altitude that the aircraft reports instead of its true one.
 fn csv_with(reports: &[Report], reported_m: impl Fn(f64) -> f64) -> String {
     let mut text =
         "timestamp,icao24,latitude,longitude,altitude,groundspeed,track,vertical_rate,onground\n"
@@ -386,7 +386,7 @@ fn fdr_3(flight: &Recording) -> String {
     text
 }
 
-/// Version 4: rows with the time of day, here over midnight, and the magnetic heading.
+/// The flight data recorder's version 4: rows with the time of day, here over midnight, and the magnetic heading.
 fn fdr_4(flight: &Recording) -> String {
     let mut text =
         "I\r\n4\r\nCOMM, a flight\r\nDREF, sim/cockpit2/gauges/indicators/ground_speed_kt 1.0\r\n"
@@ -535,7 +535,7 @@ struct Air {
 }
 
 impl Air {
-    /// What an altimeter at 1013.25 hPa shows (ICAO standard atmosphere).
+    /// The altitude that an altimeter at 1013.25 hPa shows (ICAO standard atmosphere).
     fn pressure_altitude_m(&self, altitude_msl_m: f64) -> f64 {
         const KELVIN: f64 = 288.15;
         const LAPSE_K_PER_M: f64 = 0.0065;

@@ -49,29 +49,6 @@ pub enum Decoder {
     Cuda,
 }
 
-impl FromStr for Decoder {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "cpu" => Ok(Self::Cpu),
-            "vaapi" => Ok(Self::Vaapi),
-            "cuda" => Ok(Self::Cuda),
-            _ => Err("expected cpu, vaapi or cuda".into()),
-        }
-    }
-}
-
-impl Decoder {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Cpu => "cpu",
-            Self::Vaapi => "vaapi",
-            Self::Cuda => "cuda",
-        }
-    }
-}
-
 /// Stream address.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Stream {

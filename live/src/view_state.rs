@@ -33,29 +33,9 @@ pub enum ViewState {
 }
 
 impl ViewState {
-    /// All states.
-    pub const ALL: [Self; 7] = [
-        Self::Up,
-        Self::Late,
-        Self::Frozen,
-        Self::Damaged,
-        Self::Moved,
-        Self::Dark,
-        Self::Down,
-    ];
-
-    /// Name in outputs.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Up => "up",
-            Self::Late => "late",
-            Self::Frozen => "frozen",
-            Self::Damaged => "damaged",
-            Self::Moved => "moved",
-            Self::Dark => "dark",
-            Self::Down => "down",
-        }
-    }
+    /// Names in the order of the variants.
+    pub(crate) const NAMES: [&'static str; 7] =
+        ["up", "late", "frozen", "damaged", "moved", "dark", "down"];
 
     /// True if the images show the current scene.
     pub(crate) fn can_be_measured(self) -> bool {

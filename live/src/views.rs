@@ -32,7 +32,7 @@ const MAX_WAITING: usize = 4;
 
 pub(crate) struct View {
     pub(crate) name: String,
-    /// Without secrets; `None` for a view that is left out.
+    /// Source without secrets; `None` for a view that is left out.
     pub(crate) source: Option<String>,
     pub(crate) status: Arc<Mutex<ViewWatch>>,
 }

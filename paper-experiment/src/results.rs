@@ -34,7 +34,7 @@ pub struct Results {
 }
 
 /// The recorded corpus.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct CorpusFigures {
     /// `small` or `full`.
     pub scale: String,

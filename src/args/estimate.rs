@@ -8,7 +8,15 @@ use clap::Args;
 use labeller::RowBand;
 use live::{Decoder, Source};
 
-use crate::args::{RuntimeArgs, folder};
+use crate::args::detector::RuntimeArgs;
+use crate::args::folder;
+use crate::args::shared::choice::{Choices, choice};
+
+const DECODERS: Choices<Decoder, 3> = [
+    ("cpu", "", Decoder::Cpu),
+    ("vaapi", "", Decoder::Vaapi),
+    ("cuda", "", Decoder::Cuda),
+];
 
 /// A run, its sources, and outputs.
 #[derive(Debug, Args)]
@@ -56,10 +64,10 @@ pub(crate) struct EstimateArgs {
     /// Rows of the images to search: TOP:BOTTOM [default: all]
     #[arg(long, value_name = "TOP:BOTTOM")]
     pub(crate) rows: Option<RowBand>,
-    /// Decoder of the images: cpu, vaapi or cuda [default: cpu]
+    /// Decoder of the images [default: cpu]
     ///
     /// The GPUs must be ones that FFmpeg can use. Images are searched where --device says.
-    #[arg(long, value_name = "DECODER")]
+    #[arg(long, value_parser = choice(DECODERS))]
     pub(crate) decoder: Option<Decoder>,
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
-use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
-use trainer::MAX_APPROACHES;
+use clap::{ArgGroup, Args as ClapArgs};
+use trainer::{JudgedSide, MAX_APPROACHES};
 
 use crate::args::folder;
-use crate::args::output::Output;
+use crate::args::shared::choice::{Choices, choice};
+use crate::args::shared::output::Output;
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainArgs {
@@ -94,14 +95,18 @@ fn parquet(path: PathBuf) -> Result<PathBuf, String> {
 }
 
 /// Scenarios to judge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub(crate) enum SideArg {
-    /// Scenarios on the test side of the split
-    #[default]
-    Test,
-    /// Every scenario, if the training saw none of the trajectories
-    All,
-}
+const SIDES: Choices<JudgedSide, 2> = [
+    (
+        "test",
+        "Scenarios on the test side of the split",
+        JudgedSide::Test,
+    ),
+    (
+        "all",
+        "Every scenario, if the training saw none of the trajectories",
+        JudgedSide::All,
+    ),
+];
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RefitArgs {
@@ -147,8 +152,8 @@ pub(crate) struct EvaluateArgs {
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: Option<PathBuf>,
     /// Side of the split to judge
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) side: SideArg,
+    #[arg(long, default_value = "test", value_parser = choice(SIDES))]
+    pub(crate) side: JudgedSide,
     /// Model whose detections to use, by its file name or hash
     ///
     /// The default is the model of the training.

@@ -4,12 +4,12 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use dataset::corpus::splits::Side;
 use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 
-use crate::args::output::Output;
-use crate::args::{WindowSize, folder, from_one};
+use crate::args::folder;
+use crate::args::shared::choice::{Choices, choice, from_one, size};
+use crate::args::shared::output::Output;
 
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
@@ -17,7 +17,7 @@ pub(crate) struct ExportArgs {
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Format of the export
-    #[arg(long = "to", value_name = "FORMAT", value_parser = one_of(FORMATS))]
+    #[arg(long = "to", value_name = "FORMAT", value_parser = choice(FORMATS))]
     format: Format,
     /// Folder of the export, new or empty; it appears when the export is complete
     #[arg(long, value_name = "FOLDER", value_parser = Output::Export.parser())]
@@ -35,10 +35,10 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N", value_parser = from_one, conflicts_with = "every")]
     rate: Option<NonZeroU32>,
     /// Side of the split to export [default: all]
-    #[arg(long, value_parser = one_of(SIDES))]
+    #[arg(long, value_parser = choice(SIDES))]
     side: Option<Side>,
     /// Boxes to export, and around which to crop (crops) [default: truth]
-    #[arg(long, value_parser = one_of(BOXES))]
+    #[arg(long, value_parser = choice(BOXES))]
     boxes: Option<BoxSource>,
     /// Model whose detections to use, by its file name or hash
     ///
@@ -46,13 +46,10 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "NAME|HASH")]
     detections: Option<String>,
     /// Width and height of crops [default: 160x160]
-    #[arg(long, value_name = "WIDTHxHEIGHT")]
-    crop_px: Option<WindowSize>,
-    /// Seed of the order of crops [default: 0]
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    crop_px: Option<[u32; 2]>,
     /// Format of images in separate files [default: png]
-    #[arg(long, value_parser = one_of(PICTURES))]
+    #[arg(long, value_parser = choice(PICTURES))]
     pictures: Option<StillFormat>,
     /// Evaluated run whose predictions to export (huggingface); may be repeated
     #[arg(long, value_name = "RUN")]
@@ -64,9 +61,6 @@ pub(crate) struct ExportArgs {
     #[arg(long)]
     pub(crate) json: bool,
 }
-
-/// Option values by word, each with its help.
-type Choices<T, const N: usize> = [(&'static str, &'static str, T); N];
 
 const FORMATS: Choices<Format, 7> = [
     ("coco", "COCO: annotations.json and images/", Format::Coco),
@@ -126,20 +120,6 @@ const PICTURES: Choices<StillFormat, 2> = [
     ),
 ];
 
-fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
-    choices: Choices<T, N>,
-) -> impl TypedValueParser<Value = T> {
-    let words = choices.map(|(word, help, _)| match help {
-        "" => PossibleValue::new(word),
-        help => PossibleValue::new(word).help(help),
-    });
-    PossibleValuesParser::new(words).try_map(move |found| {
-        let mut choices = choices.into_iter();
-        let chosen = choices.find(|(word, ..)| *word == found);
-        chosen.map(|(.., value)| value).ok_or("unknown value")
-    })
-}
-
 /// An SPDX identifier or a URL.
 fn license(text: &str) -> Result<String, String> {
     let is_url = text.starts_with("https://") || text.starts_with("http://");
@@ -163,8 +143,7 @@ impl ExportArgs {
             side: self.side,
             ticks: self.rate.map_or(Ticks::Every(self.every), Ticks::PerSecond),
             boxes: self.boxes.unwrap_or(BoxSource::Truth),
-            crop_px: self.crop_px.map(|size| [size.width_px, size.height_px]),
-            seed: self.seed,
+            crop_px: self.crop_px,
             detections: self.detections.clone(),
             runs: self.run.clone(),
             license: self.license.clone(),

@@ -9,7 +9,7 @@ use serde::Serialize;
 const MIN_TIME: Duration = Duration::from_secs(1);
 
 /// Progress in scenarios.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub(crate) struct Scenarios {
     /// Number of the one in work, from 1; the last one at the end.
     pub(crate) number: usize,

@@ -1,5 +1,7 @@
 //! Markdown elements.
 
+use crate::verbs::output;
+
 const WIDTH: usize = 140;
 
 /// Words on lines of at most [`WIDTH`] columns, with an empty line after them.
@@ -13,22 +15,15 @@ pub(super) fn item(text: &str) -> String {
 }
 
 fn wrapped(start: &str, text: &str) -> String {
-    let mut lines = String::from(start);
-    let mut columns = start.len();
-    for (number, word) in text.split_whitespace().enumerate() {
-        let length = word.chars().count();
-        if number > 0 && columns + 1 + length > WIDTH {
-            lines += "\n";
-            lines += &" ".repeat(start.len());
-            columns = start.len();
-        } else if number > 0 {
-            lines += " ";
-            columns += 1;
-        }
-        lines += &linked(word);
-        columns += length;
-    }
-    lines + "\n"
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let lines = output::wrapped(start, &words.join(" "), WIDTH).into_iter();
+    lines
+        .map(|line| linked_words(line.split(' ')) + "\n")
+        .collect()
+}
+
+fn linked_words<'a>(words: impl Iterator<Item = &'a str>) -> String {
+    words.map(linked).collect::<Vec<_>>().join(" ")
 }
 
 /// A word that may name another page of the documentation: comments and help texts say `docs/video.md`.
@@ -51,8 +46,7 @@ pub(super) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> St
         .collect();
     let line = |cells: &[String; N]| {
         let cells = kept.iter().map(|&column| {
-            let words: Vec<_> = cells[column].split_whitespace().map(linked).collect();
-            let cell = words.join(" ").replace('|', "\\|");
+            let cell = linked_words(cells[column].split_whitespace()).replace('|', "\\|");
             if cell.is_empty() {
                 " |".into()
             } else {

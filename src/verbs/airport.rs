@@ -5,12 +5,11 @@ use serde::Serialize;
 
 use super::Outcome;
 use super::output::{count, print_json};
-use crate::args::{AirportArgs, AirportCommand};
+use crate::args::imports::AirportCommand;
 use crate::failure::{Ending, Failure};
 
 /// Runs the verb.
-pub(crate) fn run(args: &AirportArgs) -> Outcome {
-    let AirportCommand::Import(args) = &args.command;
+pub(crate) fn run(AirportCommand::Import(args): &AirportCommand) -> Outcome {
     let found = import(&args.airport, &args.runway, &args.from, &args.tracks)
         .map_err(Failure::bad_input)?;
     let is_agreed = args.accept || found.conflicts.is_empty();

@@ -8,18 +8,18 @@ use dataset::corpus::Corpus;
 use dataset::corpus::workshop::lock;
 use generator::generate::SimulatorTarget;
 use generator::sweep::Sweep;
-use labeller::{DetectOptions, DetectOutcome};
+use labeller::DetectOutcome;
 use serde::Serialize;
 use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig};
 
 use super::Outcome;
-use super::detect::{detect, in_sight, interrupted, refuse_other_models};
+use super::detect::{self, detect, in_sight, refuse_other_models};
 use super::evaluate::{evaluate, print_metrics};
 use super::generate::{ending_of, generate, options};
 use super::label::{self, label};
 use super::output::{Next, count, finish, print_json};
 use super::train::train;
-use crate::args::DemoArgs;
+use crate::args::experiment::DemoArgs;
 use crate::failure::{Ending, Failure};
 use crate::shipped::Shipped;
 
@@ -39,7 +39,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     let [corpus, run] = ["corpus", "run"].map(|name| args.out.join(name));
     eprintln!(
         "demo: records {} into {}, searches them and trains on them; Ctrl-C stops it, and the same command resumes",
-        count(sweep.len(), "scenario"),
+        count(sweep.combinations.len(), "scenario"),
         corpus.display()
     );
     let options = options(SimulatorTarget::StandIn.into())?;
@@ -54,24 +54,14 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         }
     }
     let corpus = Corpus::open(&corpus)?;
-    let labelled = label(&corpus)?;
-    if let Some(ending) = label::interrupted(&labelled) {
-        return Ok(ending);
+    let labelled = label::ending_of(&label(&corpus)?);
+    if labelled == Ending::Interrupted {
+        return Ok(labelled);
     }
-    let detected = detect(
-        &corpus,
-        &model,
-        DetectOptions {
-            onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device(),
-            ..DetectOptions::default()
-        },
-    )?;
-    if let Some(ending) = interrupted(&detected) {
+    let detected = detect(&corpus, &model, args.runtime.options())?;
+    let ending = detect::ending_of(&detected).and(labelled);
+    if ending != Ending::Done {
         return Ok(ending);
-    }
-    if !(labelled.failed.is_empty() && detected.failed.is_empty()) {
-        return Ok(Ending::Losses);
     }
     // An earlier demo may have left detections of a different model.
     let config = TrainConfig {

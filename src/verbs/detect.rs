@@ -20,9 +20,9 @@ use trainer::RunFolder;
 
 use super::Outcome;
 use super::open_corpus::{open_filled_corpus, repair};
-use super::output::{Next, count, failed, finish, print_json};
+use super::output::{Next, count, failed, finish, interrupted, print_json};
 use super::train::{failure_of, has_scenario_on};
-use crate::args::DetectArgs;
+use crate::args::detector::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 use crate::shipped::Detector;
@@ -43,8 +43,6 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         &corpus,
         model.path(),
         DetectOptions {
-            onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
             mode: args.mode.into(),
             only,
@@ -54,7 +52,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
                 .as_deref()
                 .map(fitted_cameras)
                 .transpose()?,
-            ..DetectOptions::default()
+            ..args.runtime.options()
         },
     )?;
     if args.json {
@@ -62,17 +60,13 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     } else {
         print_summary(&outcome);
     }
-    if !outcome.left.is_empty()
-        && let Some(ending) = interrupted(&outcome)
-    {
-        return Ok(ending);
-    }
-    if outcome.failed.is_empty() {
+    let ending = ending_of(&outcome);
+    if ending == Ending::Done {
         // A scenario that cannot be read costs the hint, and not the search.
         let hint = next(&corpus, &outcome).unwrap_or_default();
         finish("detect", began, &hint);
     }
-    Ok(Ending::with_losses(&outcome.failed))
+    Ok(ending)
 }
 
 /// The cameras that a run has fitted.
@@ -134,20 +128,14 @@ fn of_shard(corpus: &Corpus, shard: Shard) -> Result<Option<BTreeSet<String>>, F
     Ok(Some(part.map(|scenario| scenario.id.clone()).collect()))
 }
 
-/// The ending of a stopped run; prints how much is left.
-pub(crate) fn interrupted(outcome: &DetectOutcome) -> Option<Ending> {
-    if !outcome.stopped {
-        return None;
+/// The ending of a run; prints how much is left if it was stopped.
+pub(crate) fn ending_of(outcome: &DetectOutcome) -> Ending {
+    if outcome.stopped && !outcome.left.is_empty() {
+        let searched = outcome.detected.len() + outcome.registered.len();
+        interrupted(searched, "searched", outcome.left.len())
+    } else {
+        Ending::with_losses(&outcome.failed)
     }
-    eprintln!(
-        "interrupted: {} searched, {} to go; run the same command again to resume",
-        count(
-            outcome.detected.len() + outcome.registered.len(),
-            "scenario"
-        ),
-        outcome.left.len()
-    );
-    Some(Ending::Interrupted)
 }
 
 /// Detects in a corpus with a progress bar. Ctrl-C or SIGTERM ends it after the current images; scenarios that are done stay.
@@ -158,13 +146,8 @@ pub(crate) fn detect(
 ) -> Result<DetectOutcome, Failure> {
     refuse_other_models(model)?;
     let watch = VerbWatch::new("detect", "images");
-    let outcome = detect_corpus(corpus, model, &options, &watch).map_err(|error| {
-        if error.is_bad_input() {
-            Failure::bad_input(error)
-        } else {
-            error.into()
-        }
-    })?;
+    let outcome = detect_corpus(corpus, model, &options, &watch)
+        .map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;
     for failure in &outcome.failed {
         watch.warn(&format!(
             "scenario {} was not searched: {}",

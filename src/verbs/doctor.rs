@@ -11,7 +11,7 @@ use super::Outcome;
 use super::address::simulator;
 use super::async_runtime::async_runtime;
 use super::output::print_json;
-use crate::args::DoctorArgs;
+use crate::args::simulator::DoctorArgs;
 use crate::failure::{Ending, Failure};
 
 /// The sweep that most people record first.

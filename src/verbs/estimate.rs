@@ -166,11 +166,7 @@ fn first_line(path: &Path) -> Result<String, Failure> {
 }
 
 fn failure(error: live::Error) -> Failure {
-    if error.is_bad_input() {
-        Failure::bad_input(error)
-    } else {
-        error.into()
-    }
+    Failure::bad_input_if(error.is_bad_input(), error)
 }
 
 #[cfg(test)]

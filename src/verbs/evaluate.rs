@@ -6,25 +6,21 @@ use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use trainer::{
-    EstimatorMetrics, EvaluationConfig, JudgedSide, Metrics, RunFolder, TableEvaluationConfig,
-    TableMetrics, TickCounts, evaluate_table,
+    EstimatorMetrics, EvaluationConfig, Metrics, RunFolder, TableEvaluationConfig, TableMetrics,
+    TickCounts, evaluate_table,
 };
 
 use super::Outcome;
 use super::open_corpus::{leave_out_unsearched_by_run, open_sound_corpus};
 use super::output::{Next, count, finish, print_json, print_table};
 use super::train::failure_of;
-use crate::args::estimator::{EvaluateArgs, SideArg};
+use crate::args::estimator::EvaluateArgs;
 use crate::failure::Failure;
 use crate::progress::verb_watch::VerbWatch;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
     let (mut corpus, mut ending) = open_sound_corpus("evaluate", &args.corpus)?;
-    let side = match args.side {
-        SideArg::Test => JudgedSide::Test,
-        SideArg::All => JudgedSide::All,
-    };
     let began = Instant::now();
     let results = match (&args.run, &args.predictions) {
         (Some(run), _) => {
@@ -33,7 +29,7 @@ pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
             corpus = searched.0;
             ending = ending.and(searched.1);
             let config = EvaluationConfig {
-                side,
+                side: args.side,
                 detections: args.detections.clone(),
                 out: args.out.clone(),
             };
@@ -46,8 +42,10 @@ pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
             args.out.as_ref().or(Some(run))
         }
         (None, Some(table)) => {
-            let out = args.out.clone();
-            let config = TableEvaluationConfig { side, out };
+            let config = TableEvaluationConfig {
+                side: args.side,
+                out: args.out.clone(),
+            };
             let watch = VerbWatch::new("evaluate", "steps");
             let metrics = evaluate_table(table, &corpus, &config, &watch)
                 .map_err(|error| failure_of(error).without_results())?;

@@ -12,8 +12,8 @@ use labeller::{DetectOptions, Mode};
 use super::Outcome;
 use super::detect::refuse_other_models;
 use super::open_corpus::open_filled_corpus;
-use super::output::{Next, count, finish, print_json, print_table};
-use crate::args::EvaluateDetectorArgs;
+use super::output::{Next, finish, interrupted, print_json, print_table};
+use crate::args::detector::EvaluateDetectorArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 use crate::shipped::Detector;
@@ -27,12 +27,10 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
     let options = EvaluationOptions {
         model: model.path().to_owned(),
         detect: DetectOptions {
-            onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device(),
             settings: args.search.settings(&corpus)?,
             mode: Mode::Full,
             only: args.search.scenarios(&corpus)?,
-            ..DetectOptions::default()
+            ..args.runtime.options()
         },
         modes: args.mode.iter().map(|mode| (*mode).into()).collect(),
         out: args.out.clone(),
@@ -66,10 +64,7 @@ pub(crate) fn evaluate(
     let evaluation = match evaluate_detector(corpus, options, &watch).map_err(failure_of)? {
         Ended::Done(evaluation) => evaluation,
         Ended::Stopped { searched, left } => {
-            eprintln!(
-                "interrupted: {} searched, {left} to go; run the same command again to resume",
-                count(searched, "scenario")
-            );
+            interrupted(searched, "searched", left);
             return Ok(None);
         }
     };

@@ -1,14 +1,15 @@
 //! `dtd examples`: the sweeps that ship, as files to change.
 
+use std::path::Path;
+
 use super::Outcome;
 use super::output::{Next, count};
-use crate::args::ExamplesArgs;
 use crate::failure::Ending;
 use crate::shipped;
 
 /// Runs the verb.
-pub(crate) fn run(args: &ExamplesArgs) -> Outcome {
-    let written = shipped::write(&args.folder)?;
+pub(crate) fn run(folder: &Path) -> Outcome {
+    let written = shipped::write(folder)?;
     for path in &written {
         println!("{}", path.display());
     }
@@ -16,6 +17,6 @@ pub(crate) fn run(args: &ExamplesArgs) -> Outcome {
         "examples: {} written; those that were there stay as they are",
         count(written.len(), "file")
     );
-    Next::verb("plan", &args.folder.join("scenarios.toml")).show();
+    Next::verb("plan", &folder.join("scenarios.toml")).show();
     Ok(Ending::Done)
 }

@@ -97,13 +97,8 @@ fn checked(
         let registrations = &probes.registrations[..];
         inputs.push(input("registrations", registrations, REGISTRATION_NUMBERS));
     }
-    let answers = run_numbers(Path::new(file), &model.onnx, &inputs, library).map_err(|error| {
-        if error.is_bad_input() {
-            Failure::bad_input(error)
-        } else {
-            error.into()
-        }
-    })?;
+    let answers = run_numbers(Path::new(file), &model.onnx, &inputs, library)
+        .map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;
     let agreement = model.agreement(&answers);
     if agreement.largest <= TOLERANCE {
         return Ok(agreement);

@@ -9,7 +9,7 @@ use store::CorpusStore;
 use super::Outcome;
 use super::object_store::{failure_of, mirror, objects};
 use super::output::count;
-use crate::args::FetchArgs;
+use crate::args::corpus::FetchArgs;
 
 /// Runs the verb.
 pub(crate) fn run(args: &FetchArgs) -> Outcome {

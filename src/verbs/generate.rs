@@ -2,27 +2,25 @@
 
 use std::collections::BTreeMap;
 use std::env;
-use std::fs::{self, DirEntry};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use dataset::video::TRIAL_PICTURES;
+use dataset::files::folder::bytes_below;
 use generator::generate::{
     Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote, Restart,
     Simulators, Stopped, free_bytes, generate as record,
 };
 use generator::plan::{Outlook, expand};
 use generator::sweep::Sweep;
-use indicatif::DecimalBytes;
-use store::{CorpusLocation, CorpusStore, SPLIT_AGAIN};
+use store::{CorpusLocation, CorpusStore};
 use xplane_bridge::{LocalUdp, WebApiPlace};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::object_store::{default_stage, failure_of};
-use super::output::{Next, count, finish, print_json};
+use super::output::{Next, count, finish, interrupted, print_json};
 use super::plan::warn;
-use crate::args::GenerateArgs;
+use crate::args::recording::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::{Bar, Disk, Scenarios};
 use crate::signals::CleanStop;
@@ -143,34 +141,22 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
 
 /// The exit status of a run; prints the reason to stderr.
 pub(crate) fn ending_of(generated: &Generated) -> Outcome {
+    let (made, left) = (generated.committed.len(), generated.not_made.len());
     match &generated.stopped {
-        Some(Stopped::Interrupted)
-            if generated.committed.is_empty() && generated.not_made.is_empty() =>
-        {
+        Some(Stopped::Interrupted) if made == 0 && left == 0 => {
             eprintln!("interrupted before anything was made; run the same command again");
             Ok(Ending::Interrupted)
         }
-        Some(Stopped::Interrupted) => {
-            eprintln!(
-                "interrupted: {} made, {} to go; run the same command again to resume",
-                generated.committed.len(),
-                generated.not_made.len()
-            );
-            Ok(Ending::Interrupted)
-        }
+        Some(Stopped::Interrupted) => Ok(interrupted(made, "made", left)),
         Some(Stopped::NoSimulator { reason }) => {
             eprint_warning!(
-                "no simulator is left ({reason}): {} made, {} to go; run the same command again to resume",
-                generated.committed.len(),
-                generated.not_made.len()
+                "no simulator is left ({reason}): {made} made, {left} to go; run the same command again to resume"
             );
             Ok(Ending::Interrupted)
         }
         Some(Stopped::Setup { reason }) => {
             eprint_error!(
-                "every scenario would fail ({reason}): {} made, {} to go; change this, and run the same command again to resume",
-                generated.committed.len(),
-                generated.not_made.len()
+                "every scenario would fail ({reason}): {made} made, {left} to go; change this, and run the same command again to resume"
             );
             Ok(Ending::Losses)
         }
@@ -238,11 +224,7 @@ impl ShowEvents {
         Self {
             bar: Bar::new("generate", "ticks", None),
             corpus: corpus.to_owned(),
-            scenarios: Scenarios {
-                number: 0,
-                of: 0,
-                failed: 0,
-            },
+            scenarios: Scenarios::default(),
             written: 0,
             before: 0,
             total: 0,
@@ -262,13 +244,17 @@ impl ShowEvents {
         });
     }
 
+    fn show_current(&self) {
+        let names: Vec<&str> = self.current.keys().map(String::as_str).collect();
+        self.bar.working_on(&names.join(" "));
+    }
+
     /// A scenario that ended, with the ticks that count as done.
     fn ended(&mut self, id: &str, ticks: u64) {
         self.current.remove(id);
         self.before += ticks;
         self.show_done();
-        let names: Vec<&str> = self.current.keys().map(String::as_str).collect();
-        self.bar.working_on(&names.join(" "));
+        self.show_current();
     }
 
     /// A scenario that was completed by a different process, or set aside.
@@ -307,29 +293,11 @@ impl ShowEvents {
                     ));
                 }
             }
-            Event::EncoderTried { encoder, seconds } => self.bar.say(&format!(
-                "encoder {encoder}: {TRIAL_PICTURES} images, and again without an end, in {seconds:.1} s; order, timestamps, colours and \
-                 what a kill leaves are right"
-            )),
-            Event::SetAsideBefore { id, reason } => self.bar.warn(&format!(
-                "{id} failed in an earlier run and is tried again: {reason}"
-            )),
-            Event::SplitLost => self.bar.warn(SPLIT_AGAIN),
-            Event::LittleSpace { free, needed } => self.bar.warn(&format!(
-                "{} are free, and about {} will be needed",
-                DecimalBytes(free),
-                DecimalBytes(needed)
-            )),
-            Event::Waiting { scenarios, holder } => self.bar.say(&format!(
-                "waiting for {} that others make ({holder})",
-                count(scenarios, "scenario")
-            )),
             Event::Started { id, ticks } => {
                 let planned = u64::from(ticks);
                 self.current
                     .insert(id.to_owned(), Current { planned, done: 0 });
-                let names: Vec<&str> = self.current.keys().map(String::as_str).collect();
-                self.bar.working_on(&names.join(" "));
+                self.show_current();
             }
             Event::Flown { id, ticks } => {
                 if let Some(current) = self.current.get_mut(id) {
@@ -347,32 +315,10 @@ impl ShowEvents {
             Event::Committed { id, ticks, seconds } => {
                 self.bar
                     .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
-                self.written += bytes_in(&self.corpus.join("scenarios").join(id));
+                let folder = self.corpus.join("scenarios").join(id);
+                self.written += bytes_below(&folder).unwrap_or(0);
                 self.finished(id, u64::from(ticks));
             }
-            Event::Marked { id, differences } => self.bar.warn(&format!(
-                "{id} is marked, the weather at the aircraft is not the planned one: {differences}"
-            )),
-            Event::NotFollowed {
-                simulator,
-                quantity,
-            } => self.bar.warn(&format!(
-                "simulator {simulator} does not follow the {quantity} that is set: it differed in three scenarios alike. It is no longer \
-                 waited for, and scenarios in which it differs are marked; `dtd doctor --measure` examines it"
-            )),
-            Event::StagedBefore { scenarios } => self.bar.say(&format!(
-                "{} made before, and sent now",
-                count(scenarios, "scenario")
-            )),
-            Event::Uploaded { id, seconds } => {
-                self.bar.say(&format!("{id}: uploaded in {seconds:.0} s"));
-            }
-            Event::UploadBehind { id } => self.bar.say(&format!(
-                "{id} waits for its upload: recording is faster than uploading"
-            )),
-            Event::StoreAway { id, reason } => self
-                .bar
-                .warn(&format!("{id} cannot be uploaded now; {reason}")),
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
                 self.finished_without_us(id, u64::from(ticks));
@@ -388,40 +334,8 @@ impl ShowEvents {
                 self.scenarios.failed += 1;
                 self.finished_without_us(id, planned);
             }
-            Event::Profile { simulator, known } => {
-                self.bar.say(&format!("simulator {simulator} {known}"));
-            }
-            Event::SimulatorLost { simulator, reason } => self.bar.warn(&format!(
-                "simulator {simulator} does not answer, waiting for it: {reason}"
-            )),
-            Event::SimulatorBack { simulator } => {
-                self.bar.say(&format!("simulator {simulator} is back"));
-            }
-            Event::SimulatorRestarting {
-                simulator,
-                live_flights,
-            } => self.bar.say(&format!(
-                "restarting simulator {simulator} after {}",
-                count(live_flights as usize, "live flight")
-            )),
-            Event::RestartFailed { simulator, reason } => self.bar.warn(&format!(
-                "simulator {simulator} was not restarted: {reason}"
-            )),
-            Event::SimulatorGone { simulator, reason } => {
-                self.bar
-                    .warn(&format!("giving up simulator {simulator}: {reason}"));
-            }
+            Event::Said(line) => self.bar.say(line),
+            Event::Warned(line) => self.bar.warn(line),
         }
     }
-}
-
-/// Total size of a folder's files; vanished files do not count.
-fn bytes_in(folder: &Path) -> u64 {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let size = |entry: DirEntry| match entry.metadata() {
-        Ok(about) if about.is_dir() => bytes_in(&entry.path()),
-        Ok(about) => about.len(),
-        Err(_) => 0,
-    };
-    entries.map(size).sum()
 }

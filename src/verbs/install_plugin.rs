@@ -4,7 +4,7 @@ use xplane_bridge::install::{FileChange, install_plugin};
 
 use super::Outcome;
 use super::output::print_json;
-use crate::args::InstallPluginArgs;
+use crate::args::simulator::InstallPluginArgs;
 use crate::failure::{Ending, Failure};
 
 /// Runs the verb. An X-Plane that cannot run the plugin is bad input.

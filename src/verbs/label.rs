@@ -8,8 +8,8 @@ use labeller::{LabelOutcome, label_corpus};
 
 use super::Outcome;
 use super::open_corpus::{open_filled_corpus, repair};
-use super::output::{Next, count, failed, finish, print_json};
-use crate::args::LabelArgs;
+use super::output::{Next, count, failed, finish, interrupted, print_json};
+use crate::args::corpus::LabelArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 
@@ -27,26 +27,20 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
             failed(outcome.failed.len())
         );
     }
-    if let Some(ending) = interrupted(&outcome) {
-        return Ok(ending);
-    }
-    if outcome.failed.is_empty() {
+    let ending = ending_of(&outcome);
+    if ending == Ending::Done {
         finish("label", began, &Next::verb("detect", &args.corpus));
     }
-    Ok(Ending::with_losses(&outcome.failed))
+    Ok(ending)
 }
 
-/// The ending of a stopped run; prints how much is left.
-pub(crate) fn interrupted(outcome: &LabelOutcome) -> Option<Ending> {
+/// The ending of a run; prints how much is left if it was stopped.
+pub(crate) fn ending_of(outcome: &LabelOutcome) -> Ending {
     if outcome.left.is_empty() {
-        return None;
+        Ending::with_losses(&outcome.failed)
+    } else {
+        interrupted(outcome.labelled.len(), "labelled", outcome.left.len())
     }
-    eprintln!(
-        "interrupted: {} labelled, {} to go; run the same command again to resume",
-        count(outcome.labelled.len(), "scenario"),
-        outcome.left.len()
-    );
-    Some(Ending::Interrupted)
 }
 
 /// Labels a corpus with a progress bar. Ctrl-C or SIGTERM ends it after the current scenarios, which stay.

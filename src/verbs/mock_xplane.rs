@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use mock_xplane::server::{
-    Addresses, LinkPatience, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
+    Addresses, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
 };
 use mock_xplane::window::{DisplayWindow, X11Window};
 use xplane_bridge::link::LinkToken;
@@ -11,7 +11,7 @@ use xplane_bridge::link::LinkToken;
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
-use crate::args::{MockState, MockXplaneArgs, WindowSize};
+use crate::args::simulator::{MockState, MockXplaneArgs};
 use crate::failure::{Ending, Failure};
 use crate::signals::CleanStop;
 
@@ -25,11 +25,10 @@ const PLUGIN: &str = "PI_dtd_bridge.py";
 pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     let stage = args.window.map(open_window).transpose()?;
     let is = |state| args.state.contains(&state);
-    let options = ServerOptions {
+    let mut options = ServerOptions {
         bind: args.bind,
         port: args.port,
         beacon: !args.no_beacon,
-        beacon_name: (!is(MockState::NamelessBeacon)).then(|| args.beacon_name.clone()),
         generation: args.xplane,
         web_port: args.web_port,
         flight_loaded: !is(MockState::MainMenu),
@@ -38,10 +37,13 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         quirks: args.quirks,
         clock_rate: args.clock_rate,
         token: LinkToken::from_environment(),
-        patience: LinkPatience::default(),
         stage,
         link: link(args)?,
+        ..ServerOptions::default()
     };
+    if is(MockState::NamelessBeacon) {
+        options.beacon_name = None;
+    }
     let stop = CleanStop::begin();
     let runtime = async_runtime()?;
     let ending = runtime.block_on(async {
@@ -87,10 +89,6 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     if has_no_plugin {
         return Ok(LinkServer::Nobody);
     }
-    let WindowSize {
-        width_px,
-        height_px,
-    } = args.window.unwrap_or(args.plugin_window);
     let Some(folder) = &args.plugin else {
         return Ok(LinkServer::BuiltIn);
     };
@@ -101,13 +99,12 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
         )));
     }
     Ok(LinkServer::Plugin(PluginOptions {
-        window_px: (width_px, height_px),
+        window_px: args.window.unwrap_or(args.plugin_window).into(),
         frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(MAX_FRAME_S),
         ..PluginOptions::new(folder)
     }))
 }
 
-fn open_window(size: WindowSize) -> Result<Arc<dyn DisplayWindow>, Failure> {
-    let window = X11Window::open(None, (size.width_px, size.height_px))?;
-    Ok(Arc::new(window))
+fn open_window(size_px: [u32; 2]) -> Result<Arc<dyn DisplayWindow>, Failure> {
+    Ok(Arc::new(X11Window::open(None, size_px.into())?))
 }

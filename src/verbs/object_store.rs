@@ -11,7 +11,7 @@ use store::{Connection, CorpusStore, MirrorReport, StoreError, StoreUrl};
 use tokio::time::sleep;
 
 use super::async_runtime::async_runtime;
-use super::output::{count, print_json};
+use super::output::{interrupted, print_json};
 use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 
@@ -128,12 +128,7 @@ impl Mirrored {
             eprint_warning!("{what} was not {moved}: {reason}");
         }
         if self.stopped {
-            eprintln!(
-                "interrupted: {} {moved}, {} to go; run the same command again to resume",
-                count(report.moved.len(), "scenario"),
-                report.left.len()
-            );
-            return Ending::Interrupted;
+            return interrupted(report.moved.len(), moved, report.left.len());
         }
         let lists = [&report.left_detections, &report.refused];
         if lists.iter().all(|list| list.is_empty()) && report.different.is_empty() {

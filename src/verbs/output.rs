@@ -8,7 +8,7 @@ use std::time::Instant;
 use indicatif::HumanDuration;
 use serde::Serialize;
 
-use crate::failure::Failure;
+use crate::failure::{Ending, Failure};
 use crate::help::COLUMNS;
 use crate::print::document_to_stdout;
 
@@ -24,6 +24,15 @@ pub(crate) fn failed(number: usize) -> String {
         0 => String::new(),
         number => format!(", {number} failed"),
     }
+}
+
+/// The ending of a verb that was stopped; prints how much is done and left.
+pub(crate) fn interrupted(scenarios: usize, done: &str, left: usize) -> Ending {
+    let scenarios = count(scenarios, "scenario");
+    eprintln!(
+        "interrupted: {scenarios} {done}, {left} to go; run the same command again to resume"
+    );
+    Ending::Interrupted
 }
 
 /// Prints rows under a heading in aligned columns: the first left-aligned, the others right-aligned.
@@ -61,19 +70,20 @@ pub(crate) fn print_table(heading: &[&str], rows: &[Vec<String>]) {
 
 /// Prints a text after its name, e.g. `size        14 GB`. A text that is too long for the line goes on below its beginning.
 pub(crate) fn print_after(name: &str, text: &str) {
-    for line in wrapped(name, text) {
+    for line in wrapped(name, text, COLUMNS) {
         println!("{line}");
     }
 }
 
-fn wrapped(name: &str, text: &str) -> Vec<String> {
+/// Lines of at most these columns. The text begins after its name, and goes on below its beginning.
+pub(crate) fn wrapped(name: &str, text: &str, most_columns: usize) -> Vec<String> {
     let indent = name.chars().count();
     let mut lines = Vec::new();
     let mut line = name.to_owned();
     let mut columns = indent;
     for word in text.split(' ') {
         let length = word.chars().count();
-        if columns > indent && columns + 1 + length > COLUMNS {
+        if columns > indent && columns + 1 + length > most_columns {
             lines.push(std::mem::replace(&mut line, " ".repeat(indent)));
             columns = indent;
         } else if columns > indent {
@@ -166,7 +176,7 @@ mod tests {
     #[test]
     fn a_long_text_goes_on_below_its_beginning() {
         let words = |count| vec!["word"; count].join(" ");
-        let lines = wrapped("size  ", &words(20));
+        let lines = wrapped("size  ", &words(20), COLUMNS);
         assert_eq!(
             lines,
             [
@@ -174,8 +184,11 @@ mod tests {
                 format!("      {}", words(5))
             ]
         );
-        assert_eq!(wrapped("a ", ""), ["a "]);
+        assert_eq!(wrapped("a ", "", COLUMNS), ["a "]);
         let unbreakable = "x".repeat(100);
-        assert_eq!(wrapped("a ", &unbreakable), [format!("a {unbreakable}")]);
+        assert_eq!(
+            wrapped("a ", &unbreakable, COLUMNS),
+            [format!("a {unbreakable}")]
+        );
     }
 }

@@ -26,14 +26,14 @@ use trainer::config::ScenarioSplitConfig;
 use trainer::{EvaluationConfig, RunFolder, TrainConfig};
 
 use super::Outcome;
-use super::detect::{detect, interrupted, refuse_other_models};
+use super::detect::{self, detect, refuse_other_models};
 use super::evaluate::evaluate;
 use super::evaluate_detector;
 use super::generate::{ending_of, generate, options};
 use super::label::{self, label};
 use super::output::{Next, finish, print_json};
 use super::train::{settings_in, train_unless_done};
-use crate::args::{PaperArgs, Scale};
+use crate::args::experiment::{PaperArgs, Scale};
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
 use notes::{Notes, Settings};
@@ -312,25 +312,14 @@ impl Experiment<'_> {
                     ..TilingSettings::default()
                 },
                 mode: Mode::Full,
-                ..self.runtime()
+                ..self.args.runtime.options()
             },
         )?;
-        if let Some(ending) = interrupted(&detected) {
-            return Ok(ending);
+        let ending = detect::ending_of(&detected);
+        if ending == Ending::Done {
+            keep(&mut self.notes, detected.model_hash);
         }
-        if !detected.failed.is_empty() {
-            return Ok(Ending::Losses);
-        }
-        keep(&mut self.notes, detected.model_hash);
-        Ok(Ending::Done)
-    }
-
-    fn runtime(&self) -> DetectOptions {
-        DetectOptions {
-            onnx_runtime: self.args.runtime.library.clone(),
-            device: self.args.runtime.device(),
-            ..DetectOptions::default()
-        }
+        Ok(ending)
     }
 
     fn train(&mut self, place: Place) -> Outcome {
@@ -377,7 +366,7 @@ impl Experiment<'_> {
                         tile_px: Some(TILE_PX),
                         ..TilingSettings::default()
                     },
-                    ..self.runtime()
+                    ..self.args.runtime.options()
                 },
                 modes,
                 out: self.args.out.join(out),
@@ -404,9 +393,7 @@ impl Experiment<'_> {
 
 fn label_in(corpus: &Path) -> Outcome {
     let corpus = Corpus::open(corpus).map_err(Failure::of_corpus)?;
-    let labelled = label(&corpus)?;
-    let ending = label::interrupted(&labelled);
-    Ok(ending.unwrap_or_else(|| Ending::with_losses(&labelled.failed)))
+    Ok(label::ending_of(&label(&corpus)?))
 }
 
 /// Share of the seen ticks that one view alone sees.

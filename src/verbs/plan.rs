@@ -21,7 +21,7 @@ use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::object_store::{STORE_TIMEOUT, failure_of};
 use super::output::print_json;
-use crate::args::PlanArgs;
+use crate::args::recording::PlanArgs;
 use crate::failure::{Ending, Failure};
 
 pub(crate) use warnings::warn;
@@ -49,7 +49,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         },
     };
     let pacing = pacing::pacing(args, &sweep)?;
-    let report = Report::new(args, &sweep, &plan, &pacing, outlook, compared.as_ref());
+    let report = Report::new(&sweep, &plan, &pacing, outlook, compared.as_ref());
     report.warn();
     if args.json {
         print_json(&report.document())?;
@@ -130,14 +130,12 @@ struct Report<'a> {
 
 impl<'a> Report<'a> {
     fn new(
-        args: &PlanArgs,
         sweep: &Sweep,
         plan: &'a Plan,
         pacing: &Pacing,
         outlook: Outlook,
         compared: Option<&'a Compared>,
     ) -> Self {
-        let pacing = (pacing, args.restart_every.map(u32::from));
         let size = compared.and_then(|compared| compared.against.size);
         let estimate = Estimate::new(&plan.common, &plan.scenarios, pacing, size);
         let left = compared.map(|compared| {

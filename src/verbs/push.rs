@@ -10,7 +10,7 @@ use super::Outcome;
 use super::object_store::{failure_of, mirror, objects};
 use super::open_corpus::open_filled_corpus;
 use super::output::count;
-use crate::args::PushArgs;
+use crate::args::corpus::PushArgs;
 
 /// Runs the verb.
 pub(crate) fn run(args: &PushArgs) -> Outcome {

@@ -15,7 +15,7 @@ use super::Outcome;
 use super::address::simulator;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
-use crate::args::TapeArgs;
+use crate::args::simulator::TapeArgs;
 use crate::failure::{Ending, Failure};
 use crate::signals::CleanStop;
 
@@ -70,10 +70,7 @@ pub(crate) fn run(args: &TapeArgs) -> Outcome {
     if let Some(stand_in) = stand_in {
         runtime.block_on(stand_in.stop());
     }
-    let summary = recorded.map_err(|error| match error {
-        error if error.is_bad_input() => Failure::bad_input(error),
-        error => error.into(),
-    })?;
+    let summary = recorded.map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;
     warn_of_silence(&summary, address);
     eprintln!(
         "recorded {} messages, {:.1} MB: {}",

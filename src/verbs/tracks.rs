@@ -7,12 +7,11 @@ use generator::tracks::import_tracks;
 
 use super::Outcome;
 use super::output::{count, print_json};
-use crate::args::{TracksArgs, TracksCommand};
+use crate::args::imports::TracksCommand;
 use crate::failure::{Ending, Failure};
 
 /// Runs the verb.
-pub(crate) fn run(args: &TracksArgs) -> Outcome {
-    let TracksCommand::Import(args) = &args.command;
+pub(crate) fn run(TracksCommand::Import(args): &TracksCommand) -> Outcome {
     let (airport, name) = args.runway.split_once('/').ok_or_else(|| {
         Failure::bad_input_message(format!(
             "--runway {}: expected airport and runway, e.g. LFPG/09R",

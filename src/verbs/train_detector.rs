@@ -9,7 +9,7 @@ use detector_training::{DetectorConfig, Effort, Error, MAX_MINUTES, train_detect
 use super::Outcome;
 use super::open_corpus::open_sound_corpus;
 use super::output::print_json;
-use crate::args::TrainDetectorArgs;
+use crate::args::detector::TrainDetectorArgs;
 use crate::failure::Failure;
 use crate::progress::verb_watch::VerbWatch;
 

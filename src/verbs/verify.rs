@@ -21,7 +21,7 @@ use super::Outcome;
 use super::object_store::{STORE_TIMEOUT, failure_of, run_transfers};
 use super::open_corpus::{open_corpus, refuse_empty, repair};
 use super::output::{count, listed, print_json};
-use crate::args::VerifyArgs;
+use crate::args::corpus::VerifyArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::verb_watch::VerbWatch;
 
@@ -130,11 +130,9 @@ fn print_proof(report: &VerifyReport) {
 
 /// The clear boxes without any contrast, by view.
 fn print_not_filled(report: &VerifyReport) {
-    let mut views = report
-        .views
-        .iter()
-        .filter(|view| !view.not_filled.is_empty());
-    for view in views.by_ref().take(MAX_VIEWS_LISTED) {
+    let views = report.views.iter();
+    let views = views.filter(|view| !view.not_filled.is_empty());
+    let lines = views.map(|view| {
         let ticks: Vec<String> = (view.not_filled.iter().take(MAX_TICKS_LISTED))
             .map(u32::to_string)
             .collect();
@@ -143,36 +141,41 @@ fn print_not_filled(report: &VerifyReport) {
         } else {
             ""
         };
-        println!(
-            "  not seen in {} view {}: ticks {}{more}",
+        format!(
+            "not seen in {} view {}: ticks {}{more}",
             view.scenario,
             view.view,
             ticks.join(", ")
-        );
-    }
-    match views.count() {
-        0 => {}
-        more => println!("  nor in some of {more} more views (--json lists all)"),
-    }
+        )
+    });
+    print_first(lines, "some of ");
 }
 
 /// The views that no box proves: their images were only compared with each other.
 fn print_without_clear_box(report: &VerifyReport) {
     let views = report.views.iter();
-    let mut views = views.filter(|view| view.clear_boxes == 0 && view.pictures > 0);
-    for view in views.by_ref().take(MAX_VIEWS_LISTED) {
+    let views = views.filter(|view| view.clear_boxes == 0 && view.pictures > 0);
+    let lines = views.map(|view| {
         let rough = match view.rough_boxes {
             0 => "",
             _ => ", as no background is smooth",
         };
-        println!(
-            "  no ground-truth box is clear enough in {} view {}{rough}: its images were only compared with each other",
+        format!(
+            "no ground-truth box is clear enough in {} view {}{rough}: its images were only compared with each other",
             view.scenario, view.view
-        );
+        )
+    });
+    print_first(lines, "");
+}
+
+/// Prints lines about views, and how many are left.
+fn print_first(mut lines: impl Iterator<Item = String>, part: &str) {
+    for line in lines.by_ref().take(MAX_VIEWS_LISTED) {
+        println!("  {line}");
     }
-    match views.count() {
+    match lines.count() {
         0 => {}
-        more => println!("  nor in {more} more views (--json lists all)"),
+        more => println!("  nor in {part}{more} more views (--json lists all)"),
     }
 }
 

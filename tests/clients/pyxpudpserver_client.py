@@ -1,4 +1,4 @@
-"""Drives the stand-in with `pyxpudpserver`, unmodified. Arguments: UDP port, name in the beacon.
+"""Drives the stand-in with `pyxpudpserver`, unmodified. Argument: UDP port.
 
 The client sends `0` as the fifth byte, pads paths with spaces, appends [0] to scalars, opens a socket per dataref, sends commands
 without a NUL, and detects a live simulator by the name in its beacon.
@@ -21,11 +21,11 @@ def wait_until(what, condition, seconds=15.0):
         time.sleep(0.02)
 
 
-udp_port, beacon_name = int(sys.argv[1]), sys.argv[2]
+udp_port, beacon_name = int(sys.argv[1]), "dtd-mock-xplane"
 client.initialiseUDP(("127.0.0.1", 0), ("127.0.0.1", udp_port), beacon_name)
 client.start()
 try:
-    # Discover: another simulator's beacon must not count.
+    # Discover.
     wait_until("the beacon", lambda: client.XPalive)
 
     # Subscribe and read.

@@ -113,8 +113,6 @@ pub struct Pace {
     pub loading_s: Option<f64>,
     /// Time from writing the weather until it is there, seconds.
     pub weather_s: Option<f64>,
-    /// Time from the start of the `--restart-simulator` command until X-Plane could be used, seconds; absent if it was not restarted.
-    pub restart_s: Option<f64>,
 }
 
 impl Pace {
@@ -141,8 +139,6 @@ pub struct RecordedPace {
     pub loading: Option<Duration>,
     /// Time from writing the weather until it was there.
     pub weather: Duration,
-    /// The last restart of the simulator, if this run restarted it.
-    pub restart: Option<Duration>,
 }
 
 /// All measurements.
@@ -400,7 +396,6 @@ mod tests {
                 pictures_per_s: 8.5,
                 loading_s: None,
                 weather_s: None,
-                restart_s: None,
             }),
         }
     }

@@ -15,6 +15,7 @@ use std::time::Duration;
 use dataset::corpus::Corpus;
 use dataset::corpus::seal;
 use dataset::corpus::workshop::{NEW, Workshop, refuse_strangers, resolve};
+use dataset::files::folder::bytes_below;
 use dataset::files::json_file::{read_json, write_json};
 use dataset::files::new_file::clear_leftovers;
 use dataset::files::own_path::resolved;
@@ -65,7 +66,7 @@ impl UnfinishedExport {
                     "{out} was exported, but then changed: {fault}; remove it to export again"
                 )));
             }
-            let bytes = bytes_in(&out).map_err(dataset::Error::io("read the size of", &out))?;
+            let bytes = bytes_below(&out)?;
             let partial = Workshop::beside(&out);
             if partial.join(BEGUN).exists() && !partial.join(NEW).exists() {
                 // Killed, or failed, after its files were moved.
@@ -144,7 +145,7 @@ impl UnfinishedExport {
     pub(crate) fn finish(self) -> Result<u64> {
         let files = self.files();
         seal::seal_folder(&files, &self.source_blake3)?;
-        let bytes = bytes_in(&files).map_err(dataset::Error::io("read the size of", &files))?;
+        let bytes = bytes_below(&files)?;
         self.workshop.put_in_place()?;
         remove_notes(&self.workshop)?;
         Ok(bytes)
@@ -173,17 +174,4 @@ pub(crate) fn refuse_corpus(corpus: &Corpus, out: &Path) -> Result<()> {
     } else {
         Ok(())
     }
-}
-
-fn bytes_in(folder: &Path) -> std::io::Result<u64> {
-    let mut bytes = 0;
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        bytes += if entry.file_type()?.is_dir() {
-            bytes_in(&entry.path())?
-        } else {
-            entry.metadata()?.len()
-        };
-    }
-    Ok(bytes)
 }

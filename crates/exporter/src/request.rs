@@ -143,9 +143,6 @@ pub struct ExportRequest {
     /// Width and height of crops, pixels; `None`: [`USUAL_CROP_PX`], or no crops.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crop_px: Option<[u32; 2]>,
-    /// Seed for the order of crops; `None`: 0, or the order of the corpus.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seed: Option<u64>,
     /// Model whose detections are meant, by its file name or hash; `None`: the only one that there is.
     pub detections: Option<String>,
     /// Folders of evaluated runs whose predictions are exported as well. Their content identifies the request, not their path.
@@ -167,7 +164,6 @@ impl ExportRequest {
             ticks: Ticks::ALL,
             boxes: BoxSource::Truth,
             crop_px: None,
-            seed: None,
             detections: None,
             runs: Vec::new(),
             license: None,
@@ -204,8 +200,6 @@ impl ExportRequest {
             ticks,
             (self.crop_px.is_some() && !is_of_crops)
                 .then_some(("--crop-px", "its images are whole")),
-            (self.seed.is_some() && !is_of_crops)
-                .then_some(("--seed", "it has the order of the corpus")),
             (self.boxes == BoxSource::Detections && !has_boxes)
                 .then_some(("--boxes detections", no_boxes)),
             (self.detections.is_some() && !has_boxes).then_some(("--detections", no_boxes)),

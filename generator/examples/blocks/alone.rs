@@ -1,8 +1,6 @@
 //! Processor time of each step of an image, measured alone: drawing and showing it, grabbing it off the screen, encoding it.
 
 use std::error::Error;
-use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
@@ -10,12 +8,10 @@ use dataset::geometry::camera::Camera;
 use dataset::geometry::pose::{Controls, Pose};
 use dataset::video::{VideoSettings, VideoWriter};
 use mock_xplane::server::{BuiltIn, Engine, Instants, SceneSetting};
-use mock_xplane::window::DisplayWindow;
 use testkit::processor_time;
-use testkit_simulator::Xvfb;
-use xplane_bridge::pixels::{Rectangle, RgbPicture, Screen};
+use xplane_bridge::pixels::{Rectangle, RgbPicture};
 
-use super::MARGIN_PX;
+use super::{MARGIN_PX, Recording, SPEED};
 
 /// Images of each view that are measured.
 const PICTURES: usize = 100;
@@ -28,14 +24,7 @@ pub(crate) struct Steps {
     pub(crate) encoding: Duration,
 }
 
-/// Screen and window for a recording.
-pub(crate) struct Stage<'a> {
-    pub(crate) xvfb: &'a Xvfb,
-    pub(crate) window: &'a dyn DisplayWindow,
-    pub(crate) screen: &'a Arc<dyn Screen>,
-}
-
-impl Stage<'_> {
+impl Recording {
     /// Processor time so far of this process and of the X server.
     fn time_so_far(&self) -> Duration {
         processor_time::own_and_children()[0] + processor_time::of_process(self.xvfb.process_id())
@@ -55,8 +44,9 @@ impl Stage<'_> {
 }
 
 /// Steps in the middle of a scenario, mean over views.
-pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Steps, Box<dyn Error>> {
-    let opened = Corpus::open(corpus)?.scenario(id).open()?;
+pub(crate) fn measure(recording: &Recording, id: &str) -> Result<Steps, Box<dyn Error>> {
+    let corpus = Corpus::open(&recording.folder.path().join(SPEED))?;
+    let opened = corpus.scenario(id).open()?;
     let (record, calibration, frames) = (opened.record()?, opened.calibration()?, opened.frames()?);
     let mut sum = [Duration::ZERO; 3];
     for view in &record.views {
@@ -89,20 +79,20 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
             height_px: around.height_px,
             rgb: vec![0; around.width_px as usize * around.height_px as usize * 3],
         };
-        sum[0] += stage.per_picture(states.len(), |at| {
+        sum[0] += recording.per_picture(states.len(), |at| {
             let (pose, controls, instants) = &states[at];
             scene.draw(pose, controls, *instants, &mut drawn.rgb);
-            Ok(stage.window.show(&drawn)?)
+            Ok(recording.window.show(&drawn)?)
         })?;
 
-        let mut grab = stage.screen.open(Some(Rectangle {
+        let mut grab = recording.screen.open(Some(Rectangle {
             x_px: 0,
             y_px: 0,
             width_px: around.width_px,
             height_px: around.height_px,
         }))?;
         let mut grabbed = RgbPicture::default();
-        sum[1] += stage.per_picture(states.len(), |_| Ok(grab.grab(&mut grabbed)?))?;
+        sum[1] += recording.per_picture(states.len(), |_| Ok(grab.grab(&mut grabbed)?))?;
 
         // As drawn, not as decoded: a decoded image has lost what costs most, such as streaks of rain.
         let scene = scene_of(&camera);
@@ -120,12 +110,12 @@ pub(crate) fn measure(stage: &Stage<'_>, corpus: &Path, id: &str) -> Result<Step
             camera.height_px,
             record.frame_rate,
         )?;
-        let before = stage.time_so_far();
+        let before = recording.time_so_far();
         for rgb in &pictures {
             writer.write(rgb)?;
         }
         writer.finish()?;
-        sum[2] += (stage.time_so_far() - before) / pictures.len() as u32;
+        sum[2] += (recording.time_so_far() - before) / pictures.len() as u32;
     }
     let [drawing, grabbing, encoding] = sum.map(|sum| sum / record.views.len() as u32);
     Ok(Steps {

@@ -23,7 +23,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use alone::Stage;
 use dataset::corpus::Corpus;
 use generator::generate::{Cancel, Event, GenerateOptions, SimulatorTarget, generate};
 use generator::sweep::Sweep;
@@ -115,12 +114,7 @@ async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), 
 async fn speed(size_px: (u32, u32), weathers: &[&str]) -> Result<(), Box<dyn Error>> {
     let recording = Recording::start(size_px, None, 0).await?;
     for recorded in recording.record(1.0, weathers).await? {
-        let stage = Stage {
-            xvfb: &recording.xvfb,
-            window: recording.window.as_ref(),
-            screen: &recording.screen,
-        };
-        let alone = alone::measure(&stage, &recording.folder.path().join(SPEED), &recorded.id)?;
+        let alone = alone::measure(&recording, &recorded.id)?;
         let pictures_per_s = recorded.pictures as f64 / recorded.seconds;
         let of_a_picture = alone.drawing + alone.grabbing + alone.encoding;
         println!(
@@ -163,7 +157,7 @@ struct Recorded {
     frames: u64,
     pictures: u64,
     seconds: f64,
-    /// Of these, until the first image and since the last.
+    /// Seconds until the first image, and since the last one.
     before_first_s: f64,
     after_last_s: f64,
     /// Processor time of the simulator, its screen and the recording.

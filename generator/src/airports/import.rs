@@ -153,40 +153,38 @@ pub fn import(
     for other in &lines {
         conflicts.extend(differences(best, other, &reason));
     }
+    let source = best.ends.source;
+    let mut add = |figure, found: String, decides: &str| {
+        conflicts.push(Conflict {
+            figure,
+            found,
+            recommended: format!("{source}: {decides}"),
+        });
+    };
     if let Some(localizer_m) = best
         .localizer_m
         .filter(|localizer_m| *localizer_m > PLACE_TOLERANCE_M)
     {
-        conflicts.push(Conflict {
-            figure: "course_true_deg",
-            found: format!(
-                "the centreline of {} misses the localizer by {localizer_m:.0} m, or the localizer stands beside it",
-                best.ends.source
-            ),
-            recommended: format!("{}: a chart, or arrivals, decide", best.ends.source),
-        });
+        let found = format!(
+            "the centreline of {source} misses the localizer by {localizer_m:.0} m, or the localizer stands beside it"
+        );
+        add("course_true_deg", found, "a chart, or arrivals, decide");
     }
     if let Some(axis) = best.arrivals.filter(ArrivalAxis::is_elsewhere) {
-        conflicts.push(Conflict {
-            figure: "course_true_deg",
-            found: format!(
-                "arrivals ({}) fly {:+.1} m to the right of the centreline of {}, turned by {:+.3} degrees",
-                axis.arrivals, axis.offset_m, best.ends.source, axis.turned_deg
-            ),
-            recommended: format!("{}: a chart decides", best.ends.source),
-        });
+        let found = format!(
+            "arrivals ({}) fly {:+.1} m to the right of the centreline of {source}, turned by {:+.3} degrees",
+            axis.arrivals, axis.offset_m, axis.turned_deg
+        );
+        add("course_true_deg", found, "a chart decides");
     }
     let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
     let off_m = stated_m.map_or(0.0, |stated_m| best.off_length_m(stated_m));
     if off_m > LENGTH_TOLERANCE_M {
-        conflicts.push(Conflict {
-            figure: "threshold",
-            found: format!(
-                "the ends by {} are {:.0} m apart, {off_m:.0} m from the stated length",
-                best.ends.source, best.length_m
-            ),
-            recommended: format!("{}: a chart decides", best.ends.source),
-        });
+        let found = format!(
+            "the ends by {source} are {:.0} m apart, {off_m:.0} m from the stated length",
+            best.length_m
+        );
+        add("threshold", found, "a chart decides");
     }
     let antenna = facts.aids.iter().find_map(|aid| match aid {
         Aid::GlidePath {
@@ -246,8 +244,7 @@ pub fn import(
         arrivals: best.arrivals,
         tracks_left_out: best.left_out.clone(),
         ends_from: format!(
-            "geodesic between the ends of {}, {}{reason}",
-            best.ends.source,
+            "geodesic between the ends of {source}, {}{reason}",
             match &confirmed_by[..] {
                 [] => UNCONFIRMED.to_owned(),
                 sources => format!("confirmed by {}", sources.join(", ")),

@@ -146,7 +146,6 @@ fn pace(
         pictures_per_s: pictures / steps.recording.as_secs_f64(),
         loading: is_live.then_some(steps.loading),
         weather: steps.weather,
-        restart: None,
     }
 }
 
@@ -211,10 +210,10 @@ async fn record_into(
             .await?;
     }
     if let Some(known) = session.news_of(&simulator) {
-        attempt.reporter.tell(Event::Profile {
-            simulator: session.name(),
-            known: &known,
-        });
+        let simulator = session.name();
+        attempt
+            .reporter
+            .say(&format!("simulator {simulator} {known}"));
     }
     attempt
         .unless_cancelled(simulator.freeze_with_imaging(&common.runway, &imaging))

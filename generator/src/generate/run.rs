@@ -34,7 +34,7 @@ use super::remote::uploads::{Uploader, Uploads};
 use super::session::Session;
 use super::session::restart::Restart;
 use super::space;
-use crate::plan::room_bytes;
+use crate::plan::{counted, room_bytes};
 use attempt::Attempt;
 use patience::Patience;
 use queue::{Next, Queue, Task};
@@ -159,10 +159,11 @@ impl<'a> Run<'a> {
                     if let Some(elsewhere) = elsewhere
                         && self.tally.is_first_to_wait()
                     {
-                        self.reporter.tell(Event::Waiting {
-                            scenarios: elsewhere.scenarios,
-                            holder: &elsewhere.holder,
-                        });
+                        self.reporter.say(&format!(
+                            "waiting for {} that others make ({})",
+                            counted(elsewhere.scenarios, "scenario"),
+                            elsewhere.holder
+                        ));
                     }
                     self.pause(pause).await;
                 }
@@ -257,10 +258,10 @@ impl<'a> Run<'a> {
             return;
         }
         let differences: Vec<String> = recorded.marks.iter().map(ToString::to_string).collect();
-        self.reporter.tell(Event::Marked {
-            id,
-            differences: &differences.join("; "),
-        });
+        self.reporter.warn(&format!(
+            "{id} is marked, the weather at the aircraft is not the planned one: {}",
+            differences.join("; ")
+        ));
         self.tally.marked(id, differences);
         self.note_differences(id, &recorded.marks, session);
     }
@@ -268,10 +269,11 @@ impl<'a> Run<'a> {
     /// Reports quantities that differ in scenario after scenario, once.
     fn note_differences(&self, id: &str, differences: &[WeatherDifference], session: &mut Session) {
         for quantity in session.followed.differed(id, differences) {
-            self.reporter.tell(Event::NotFollowed {
-                simulator: session.name(),
-                quantity,
-            });
+            self.reporter.warn(&format!(
+                "simulator {} does not follow the {quantity} that is set: it differed in three scenarios alike. It is no longer waited for, \
+                 and scenarios in which it differs are marked; `dtd doctor --measure` examines it",
+                session.name()
+            ));
         }
     }
 

@@ -132,9 +132,7 @@ pub(super) struct Session {
     pub(super) live_flights: u32,
     /// Restarts since the last recorded scenario.
     pub(super) restarts_in_vain: u32,
-    /// Duration of the last restart by this run.
-    restart: Option<Duration>,
-    /// True if the simulator has stored the durations of a recording and of the last restart.
+    /// True if the simulator has stored the durations of a recording.
     pace_kept: bool,
     /// Weather quantities that it follows, learned from its scenarios.
     pub(super) followed: Followed,
@@ -168,29 +166,18 @@ impl Session {
             versions: None,
             live_flights: 0,
             restarts_in_vain: 0,
-            restart: None,
             pace_kept: false,
             followed: Followed::default(),
         }
     }
 
-    /// A restart has ended; how long it took is kept with the pace of the next scenario.
-    pub(super) fn restarted_within(&mut self, took: Duration) {
-        self.restart = Some(took);
-        self.pace_kept = false;
-    }
-
-    /// Stores the duration of this run's first scenario, or the first one after a restart, in the simulator's profile. A failure to store
+    /// Stores the duration of the first scenario since the run or the simulator was started in the simulator's profile. A failure to store
     /// it has no effect on the run.
     pub(super) async fn keep_pace(&mut self, simulator: &mut Simulator, pace: RecordedPace) {
         let has_profile = matches!(simulator.profile(), KnownProfile::Current(_));
         if self.pace_kept || simulator.description().replayed || !has_profile {
             return;
         }
-        let pace = RecordedPace {
-            restart: self.restart,
-            ..pace
-        };
         match simulator.keep_pace(&pace).await {
             Ok(()) => {
                 self.pace_kept = true;
@@ -204,6 +191,7 @@ impl Session {
     pub(super) async fn leave_to_restart(&mut self) {
         self.live_flights = 0;
         self.restarts_in_vain += 1;
+        self.pace_kept = false;
         self.known = None;
         self.known_blocks = KnownBlocks::default();
         if let Some(ready) = self.ready.take()

@@ -1,4 +1,4 @@
-//! Duration of recording, part by part: images, flights that are flown live, loading, weather, restarts.
+//! Duration of recording, part by part: images, flights that are flown live, loading, weather.
 //!
 //! Every part has a source: a trial with the stand-in on this machine, an X-Plane's profile, or an assumption, which is said.
 
@@ -16,10 +16,9 @@ const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
 
 /// Assumed durations for an X-Plane without measurements, seconds: loading a flight's scenery (20 s measured by others, and the terrain
-/// settles), showing written clouds (55 s measured by others), and a restart.
+/// settles), and showing written clouds (55 s measured by others).
 const ASSUMED_LOADING_S: f64 = 30.0;
 const ASSUMED_WEATHER_S: f64 = 60.0;
-const ASSUMED_RESTART_S: f64 = 180.0;
 /// A replay starts no flight; only the aircraft moves there.
 const ASSUMED_TRAVEL_S: f64 = 5.0;
 /// A flight is flown on for this long after touchdown, which no scenario shows, seconds.
@@ -51,8 +50,6 @@ pub enum Pacing {
     Trial(BTreeMap<String, WeatherCost>),
     /// An X-Plane, with its profile if it has one.
     XPlane(Option<Box<Profile>>),
-    /// An X-Plane that delivers as many images per second, all views together.
-    PicturesPerSecond(f64),
 }
 
 /// Durations of the parts, hours, and the source of each figure.
@@ -74,62 +71,22 @@ pub struct Durations {
     pub weather_h: f64,
     /// Source of that figure.
     pub weather_basis: String,
-    /// Restarts of X-Plane.
-    pub restarts_h: f64,
-    /// Source of that figure.
-    pub restarts_basis: String,
 }
 
 impl Durations {
     /// All parts together, hours.
     pub(crate) fn total_h(&self) -> f64 {
-        self.pictures_h + self.live_flying_h + self.loading_h + self.weather_h + self.restarts_h
+        self.pictures_h + self.live_flying_h + self.loading_h + self.weather_h
     }
 
-    /// Durations for planned scenarios; X-Plane is restarted after every `restart_every` live flights.
-    pub(super) fn new(
-        common: &Common,
-        scenarios: &[&PlannedScenario],
-        pacing: &Pacing,
-        restart_every: Option<u32>,
-    ) -> Self {
+    /// Durations for planned scenarios.
+    pub(super) fn new(common: &Common, scenarios: &[&PlannedScenario], pacing: &Pacing) -> Self {
         let count = Count::of(common, scenarios);
-        let parts = match pacing {
+        match pacing {
             Pacing::StandIn => count.with_the_stand_in(common),
             Pacing::Trial(costs) => trial(common, scenarios, costs),
             Pacing::XPlane(profile) => count.with_x_plane(common, profile.as_deref()),
-            Pacing::PicturesPerSecond(per_s) => Self {
-                pictures_h: count.pictures / per_s / 3_600.0,
-                pictures_basis: format!("{per_s} per second, as given"),
-                ..count.with_x_plane(common, None)
-            },
-        };
-        parts.with_restarts(count.live, pacing, restart_every)
-    }
-
-    fn with_restarts(mut self, live: usize, pacing: &Pacing, every: Option<u32>) -> Self {
-        let (is_x_plane, measured_s) = match pacing {
-            Pacing::StandIn | Pacing::Trial(_) => (false, None),
-            Pacing::PicturesPerSecond(_) => (true, None),
-            Pacing::XPlane(profile) => {
-                let pace = profile.as_ref().and_then(|profile| profile.pace.found());
-                (true, pace.and_then(|pace| pace.restart_s))
-            }
-        };
-        let (restart_s, basis) = measured_or(measured_s, ASSUMED_RESTART_S);
-        let restarts = match every {
-            Some(every) if is_x_plane && live > 0 => (live - 1) / (every.max(1) as usize),
-            _ => 0,
-        };
-        self.restarts_h = restarts as f64 * restart_s / 3_600.0;
-        self.restarts_basis = match (is_x_plane, every) {
-            (false, _) => "the bundled simulator needs none".into(),
-            (true, None) => "none; --restart-every N counts one after every N live flights".into(),
-            (true, Some(every)) => {
-                format!("{restarts}, after every {every} live flights, {basis}")
-            }
-        };
-        self
+        }
     }
 }
 
@@ -215,20 +172,19 @@ impl Count {
             live_flying_h: self.live_flying_s / 3_600.0,
             live_flying_basis: format!(
                 "{}, in real time; [start] fly = \"computed\" saves it",
-                flights(self.live, "live flight")
+                counted(self.live, "live flight")
             ),
             loading_h: (self.live as f64 * loading_s + replayed * ASSUMED_TRAVEL_S) / 3_600.0,
             loading_basis: match self.scenarios - self.live {
                 0 => loading_basis,
                 replayed => format!(
                     "{}, {loading_basis}; {}, {ASSUMED_TRAVEL_S:.0} s each, assumed",
-                    flights(self.live, "live flight"),
-                    flights(replayed, "replayed flight")
+                    counted(self.live, "live flight"),
+                    counted(replayed, "replayed flight")
                 ),
             },
             weather_h: self.scenarios as f64 * weather_s / 3_600.0,
             weather_basis,
-            ..Durations::default()
         }
     }
 }
@@ -241,10 +197,11 @@ fn measured_or(measured_s: Option<f64>, assumed_s: f64) -> (f64, String) {
     }
 }
 
-fn flights(number: usize, what: &str) -> String {
+/// A number of things: `1 scenario`, `2 scenarios`.
+pub(crate) fn counted(number: usize, thing: &str) -> String {
     match number {
-        1 => format!("1 {what}"),
-        _ => format!("{number} {what}s"),
+        1 => format!("1 {thing}"),
+        _ => format!("{number} {thing}s"),
     }
 }
 

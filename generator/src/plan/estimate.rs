@@ -7,7 +7,7 @@ use dataset::plan::{Common, PlannedScenario};
 use dataset::video::VideoSettings;
 use serde::Serialize;
 
-use super::duration::{Durations, Pacing, relative_size};
+use super::duration::{Durations, Pacing, counted, relative_size};
 
 /// Seconds between two images, and bytes per image on disk, mean over the four weathers of `scenarios.toml`: the further apart images are,
 /// the less a video gains from the one before. `docs/plan.md` has the measurement.
@@ -62,18 +62,18 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Cost of scenarios, with an X-Plane that is restarted after every `restart_every` live flights.
+    /// Cost of scenarios.
     pub fn new<'a>(
         common: &Common,
         scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
-        (pacing, restart_every): (&Pacing, Option<u32>),
+        pacing: &Pacing,
         size: Option<MeasuredSize>,
     ) -> Self {
         let scenarios: Vec<&PlannedScenario> = scenarios.into_iter().collect();
         let count = scenarios.len();
         let ticks = ticks(scenarios.iter().copied());
         let pictures = ticks * common.cameras.len() as u64;
-        let durations = Durations::new(common, &scenarios, pacing, restart_every);
+        let durations = Durations::new(common, &scenarios, pacing);
         let (bytes_per_picture, bytes_basis) = bytes(common, size);
         let flight_s = ticks as f64 * common.picture.frame_rate.period_s();
         Self {
@@ -134,13 +134,9 @@ fn expected_bytes_per_picture(common: &Common) -> Option<f64> {
         .then(|| bytes_of_picture_after(apart_s) * relative_size(common))
 }
 
-/// Bytes per image at this interval.
+/// Bytes per image at this interval: between two measurements, linear in the logarithm of the time.
 fn bytes_of_picture_after(apart_s: f64) -> f64 {
-    by_distance(&BYTES_PER_PICTURE, apart_s)
-}
-
-/// Measured value for images this many seconds apart: between two measurements, linear in the logarithm of the time.
-fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
+    let measured = BYTES_PER_PICTURE;
     let next = measured.partition_point(|(measured_s, _)| *measured_s < apart_s);
     let [before, after] =
         [next.saturating_sub(1), next.min(measured.len() - 1)].map(|index| measured[index]);
@@ -155,10 +151,7 @@ fn by_distance(measured: &[(f64, f64)], apart_s: f64) -> f64 {
 
 fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
     if let Some(per_picture) = measured_bytes_per_picture(size) {
-        let scenarios = match size.map_or(0, |size| size.scenarios) {
-            1 => "1 scenario".to_owned(),
-            number => format!("{number} scenarios"),
-        };
+        let scenarios = counted(size.map_or(0, |size| size.scenarios), "scenario");
         let basis = format!("{per_picture:.0} per image, as in {scenarios} of the corpus");
         return (Some(per_picture), basis);
     }

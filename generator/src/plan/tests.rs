@@ -435,9 +435,8 @@ fn one_scenario_alone_is_no_error() {
 #[test]
 fn more_room_is_asked_for_than_is_expected_and_far_more_without_loss() {
     let plan = expand(&sweep_of(SMALL));
-    let estimate = |common: &Common, size| {
-        Estimate::new(common, &plan.scenarios, (&Pacing::StandIn, None), size)
-    };
+    let estimate =
+        |common: &Common, size| Estimate::new(common, &plan.scenarios, &Pacing::StandIn, size);
     let default = Common {
         video: VideoSettings::default(),
         ..plan.common.clone()
@@ -469,16 +468,15 @@ fn more_room_is_asked_for_than_is_expected_and_far_more_without_loss() {
     assert!((expected..2 * expected).contains(&known.room_bytes));
 }
 
-fn seconds(pacing: &Pacing, restart_every: Option<u32>) -> [f64; 6] {
+fn seconds(pacing: &Pacing) -> [f64; 5] {
     let plan = expand(&sweep_of(SMALL));
-    let estimate = Estimate::new(&plan.common, &plan.scenarios, (pacing, restart_every), None);
+    let estimate = Estimate::new(&plan.common, &plan.scenarios, pacing, None);
     let parts = &estimate.durations;
     [
         parts.pictures_h,
         parts.live_flying_h,
         parts.loading_h,
         parts.weather_h,
-        parts.restarts_h,
         estimate.making_h,
     ]
     .map(|hours| hours * 3_600.0)
@@ -490,21 +488,12 @@ fn an_x_plane_flies_in_real_time_and_every_part_of_its_night_is_counted() {
     let scenarios = plan.scenarios.len() as f64;
     let ticks: u32 = plan.scenarios.iter().map(|s| s.ticks).sum();
     let flight_s = f64::from(ticks) * plan.common.picture.frame_rate.period_s();
-    let [pictures, flying, loading, weather, restarts, total] =
-        seconds(&Pacing::PicturesPerSecond(4.0), Some(3));
-    assert!((pictures - f64::from(ticks) * 2.0 / 4.0).abs() < 1e-6);
+    let [pictures, flying, loading, weather, total] = seconds(&Pacing::XPlane(None));
+    assert!((pictures - f64::from(ticks) * 2.0 / 8.0).abs() < 1e-6);
     assert!((flight_s..flight_s + 10.0 * scenarios).contains(&flying));
     assert!(loading >= 20.0 * scenarios && weather >= 55.0 * scenarios);
-    // Eight flights: after three and after six.
-    assert_eq!(scenarios, 8.0);
-    assert!(restarts > 60.0);
-    assert_eq!(
-        seconds(&Pacing::PicturesPerSecond(4.0), Some(4))[4],
-        restarts / 2.0
-    );
-    let sum = pictures + flying + loading + weather + restarts;
+    let sum = pictures + flying + loading + weather;
     assert!((total - sum).abs() < 1e-6, "{total} and {sum}");
-    assert_eq!(seconds(&Pacing::PicturesPerSecond(4.0), None)[4], 0.0);
 }
 
 /// An X-Plane profile with nothing but a pace.
@@ -535,25 +524,18 @@ fn profile(pace: serde_json::Value) -> Box<Profile> {
 fn what_a_profile_has_measured_takes_the_place_of_what_is_assumed() {
     let pace = json!({
         "measured_by": "generate", "size": { "width_px": 1920, "height_px": 1280 }, "in_blocks": true, "settle_frames": 5,
-        "pictures_per_s": 50.0, "loading_s": 10.0, "weather_s": 20.0, "restart_s": 90.0,
+        "pictures_per_s": 50.0, "loading_s": 10.0, "weather_s": 20.0,
     });
     let pacing = Pacing::XPlane(Some(profile(pace)));
-    let [_, _, loading, weather, restarts, _] = seconds(&pacing, Some(3));
-    for (found, expected) in [(loading, 80.0), (weather, 160.0), (restarts, 180.0)] {
+    let [_, _, loading, weather, _] = seconds(&pacing);
+    for (found, expected) in [(loading, 80.0), (weather, 160.0)] {
         assert!((found - expected).abs() < 1e-6, "{found}, {expected}");
     }
     let plan = expand(&sweep_of(SMALL));
-    let estimate = Estimate::new(&plan.common, &plan.scenarios, (&pacing, Some(3)), None);
-    let Durations {
-        pictures_basis,
-        restarts_basis,
-        ..
-    } = estimate.durations;
-    assert!(pictures_basis.contains("blocks"), "{pictures_basis}");
-    assert!(
-        restarts_basis.contains("90 s each, measured"),
-        "{restarts_basis}"
-    );
+    let durations = Estimate::new(&plan.common, &plan.scenarios, &pacing, None).durations;
+    assert!(durations.pictures_basis.contains("blocks"), "{durations:?}");
+    let loading = &durations.loading_basis;
+    assert!(loading.contains("10 s each, measured"), "{loading}");
 }
 
 #[test]
@@ -578,8 +560,8 @@ fn computed_flights_take_no_time_to_fly_and_the_plan_of_live_ones_is_what_it_was
         assert_eq!(live.parameters.live, computed.parameters.live);
         assert_eq!((&live.id, live.seed), (&computed.id, computed.seed));
     }
-    let pacing = (&Pacing::PicturesPerSecond(4.0), None);
-    let estimate = Estimate::new(&computed.common, &computed.scenarios, pacing, None);
+    let pacing = Pacing::XPlane(None);
+    let estimate = Estimate::new(&computed.common, &computed.scenarios, &pacing, None);
     assert_eq!(estimate.durations.live_flying_h, 0.0);
 }
 
@@ -595,20 +577,13 @@ fn a_trial_counts_each_weather_by_its_own_cost() {
     };
     let costs = [("clear", 0.01), ("foggy", 0.03)];
     let costs = costs.map(|(weather, picture_s)| (weather.to_owned(), cost(picture_s)));
-    let found = seconds(&Pacing::Trial(costs.into()), Some(1));
+    let found = seconds(&Pacing::Trial(costs.into()));
     let of = |weather: &str| -> f64 {
         let ticks = plan.scenarios.iter().filter(|s| s.weather == weather);
         ticks.map(|s| 2.0 * f64::from(s.ticks)).sum()
     };
     let pictures = 0.01 * of("clear") + 0.03 * of("foggy");
-    let expected = [
-        pictures,
-        8.0 * 4.0,
-        8.0 * 3.0,
-        8.0 * 3.0,
-        0.0,
-        pictures + 80.0,
-    ];
+    let expected = [pictures, 8.0 * 4.0, 8.0 * 3.0, 8.0 * 3.0, pictures + 80.0];
     for (found, expected) in found.iter().zip(expected) {
         assert!(
             (found - expected).abs() < 1e-6,

@@ -351,14 +351,11 @@ fn check_count(key: &str, scenarios: u64) -> Checked<()> {
 
 /// Weather `a-b` without a profile and weather `a` with profile `b` would be recorded into one folder.
 fn check_labels(all: &[Combination]) -> Checked<()> {
-    let mut owners: BTreeMap<String, (&str, Option<&str>)> = BTreeMap::new();
-    let pairs: BTreeSet<(&str, Option<&str>)> = all
-        .iter()
-        .map(|c| (c.weather.as_str(), c.profile.as_deref()))
-        .collect();
-    for (weather, profile) in pairs {
-        let label = profile.map_or(weather.to_owned(), |profile| format!("{weather}-{profile}"));
-        if let Some((other, _)) = owners.insert(label.clone(), (weather, profile)) {
+    let mut owners: BTreeMap<String, &str> = BTreeMap::new();
+    for combination in all {
+        let (label, weather) = (combination.label(), combination.weather.as_str());
+        let other = *owners.entry(label.clone()).or_insert(weather);
+        if other != weather {
             return fault(
                 format!("weather.{weather}"),
                 format!(

@@ -62,7 +62,7 @@ fn parse(text: &str) -> Result<Sweep, TomlError> {
 #[test]
 fn a_sweep_is_read_with_its_defaults() {
     let sweep = parse(SMALL).unwrap();
-    assert_eq!(sweep.len(), 8);
+    assert_eq!(sweep.combinations.len(), 8);
     assert_eq!(sweep.runway.course_true_deg, 23.02);
     assert_eq!(sweep.picture.frame_rate.to_string(), "1/2");
     assert_eq!(

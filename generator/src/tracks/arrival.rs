@@ -1,6 +1,6 @@
 //! The arrival in a track, in coordinates of the runway, or the reason why there is none.
 
-use dataset::geometry::geodesy::{Geodetic, LatLon};
+use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::spread::median;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
@@ -48,27 +48,15 @@ pub(super) struct ArrivalFix {
 
 /// Removes positions that no aircraft reaches from the one before and leaves for the next one; returns their number as well.
 pub(super) fn without_jumps(fixes: &[Fix]) -> (Vec<Fix>, usize) {
-    let speed_mps = |from: &Fix, to: &Fix| {
-        let place = |fix: &Fix| LatLon {
-            latitude_deg: fix.latitude_deg,
-            longitude_deg: fix.longitude_deg,
-        };
-        place(from).distance_m(place(to)) / (to.time_s - from.time_s)
+    let jumps = |from: &Fix, to: &Fix| {
+        from.place().distance_m(to.place()) / (to.time_s - from.time_s) > FASTEST_MPS
     };
     let mut kept: Vec<Fix> = Vec::with_capacity(fixes.len());
     for (index, fix) in fixes.iter().enumerate() {
-        let jumps = |other: Option<&Fix>, is_before: bool| {
-            other.is_none_or(|other| {
-                let [from, to] = if is_before {
-                    [other, fix]
-                } else {
-                    [fix, other]
-                };
-                speed_mps(from, to) > FASTEST_MPS
-            })
-        };
         let is_alone = kept.is_empty() && index + 1 == fixes.len();
-        if is_alone || !(jumps(kept.last(), true) && jumps(fixes.get(index + 1), false)) {
+        let is_outlier = kept.last().is_none_or(|before| jumps(before, fix))
+            && (fixes.get(index + 1)).is_none_or(|next| jumps(fix, next));
+        if is_alone || !is_outlier {
             kept.push(*fix);
         }
     }
@@ -182,11 +170,7 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
 }
 
 fn seen(fix: Fix, target: Geodetic, runway: &Runway) -> ArrivalFix {
-    let here = Geodetic {
-        latitude_deg: fix.latitude_deg,
-        longitude_deg: fix.longitude_deg,
-        altitude_msl_m: target.altitude_msl_m,
-    };
+    let here = fix.place().at_altitude_m(target.altitude_msl_m);
     let place = RunwayCoordinates::of(here, target, runway.course_true_deg);
     ArrivalFix {
         fix,

@@ -17,7 +17,7 @@ use serde_json::Value;
 
 /// The largest file that is read.
 const TRACKS: FileKind = FileKind::new("file of tracks", 1 << 40);
-/// One aircraft's day, which is read whole.
+/// File with an aircraft's day, read whole.
 const TRACE: FileKind = FileKind::new("trace_full of readsb", 256 << 20);
 /// Positions further from the runway are not kept, metres.
 const NEAR_M: f64 = 150_000.0;
@@ -38,6 +38,15 @@ pub(super) struct Fix {
     pub(super) attitude: Option<Attitude>,
     /// True for a simulator's fix: position and altitude above mean sea level are exact.
     pub(super) is_simulated: bool,
+}
+
+impl Fix {
+    pub(super) fn place(&self) -> LatLon {
+        LatLon {
+            latitude_deg: self.latitude_deg,
+            longitude_deg: self.longitude_deg,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,9 +89,7 @@ pub(super) fn read(path: &Path, runway: &Runway) -> dataset::Result<Vec<Track>> 
         track.fixes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         // Receivers repeat the last position until there is a new one.
         track.fixes.dedup_by(|next, before| {
-            next.time_s <= before.time_s
-                || (next.latitude_deg, next.longitude_deg)
-                    == (before.latitude_deg, before.longitude_deg)
+            next.time_s <= before.time_s || next.place() == before.place()
         });
     }
     Ok(tracks)
@@ -133,19 +140,15 @@ struct NearFixes {
 
 impl NearFixes {
     fn add(&mut self, fix: Fix, target: LatLon) {
-        let place = LatLon {
-            latitude_deg: fix.latitude_deg,
-            longitude_deg: fix.longitude_deg,
-        };
         // Receivers repeat the last position until there is a new one.
-        let is_repeated = self.fixes.last().is_some_and(|last| {
-            last.time_s <= fix.time_s
-                && (last.latitude_deg, last.longitude_deg) == (fix.latitude_deg, fix.longitude_deg)
-        });
+        let is_repeated = self
+            .fixes
+            .last()
+            .is_some_and(|last| last.time_s <= fix.time_s && last.place() == fix.place());
         if is_repeated {
             return;
         }
-        let far_m = target.distance_m(place);
+        let far_m = target.distance_m(fix.place());
         if far_m < NEAR_M {
             self.fixes.push(fix);
         } else if self.nearest.is_none_or(|(nearest_m, _)| far_m < nearest_m) {
@@ -267,7 +270,7 @@ fn date_s(text: &str) -> Option<f64> {
     Some(date.timestamp_micros() as f64 / 1e6)
 }
 
-/// One aircraft's day: rows of seconds, latitude, longitude, altitude in feet or "ground", knots, track.
+/// An aircraft's day: rows of seconds, latitude, longitude, altitude in feet or "ground", knots, track.
 fn trace_full(trace: &Value) -> Option<Track> {
     let start_s = trace.get("timestamp")?.as_f64()?;
     let rows = trace.get("trace")?.as_array()?;

@@ -141,7 +141,7 @@ impl Table {
         self
     }
 
-    /// The same flight from the other side: turned by 180 degrees about the touchdown target of WSSS 02L.
+    /// The flight from the other side: turned by 180 degrees about the touchdown target of WSSS 02L.
     pub(crate) fn turned_around(self) -> Self {
         const TARGET_DEG: [f64; 2] = [1.351_8, 103.978_7];
         self.changed("latitude_deg", |deg| 2.0 * TARGET_DEG[0] - deg)

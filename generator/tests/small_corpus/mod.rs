@@ -69,7 +69,7 @@ pub const IDS: [&str; 4] = [
     "1200-foggy-r2",
 ];
 
-/// As a listing shows them.
+/// The identifiers in the order of a listing.
 pub fn sorted_ids() -> [&'static str; 4] {
     let mut ids = IDS;
     ids.sort_unstable();
@@ -81,13 +81,13 @@ pub async fn stand_in() -> SimulatorTarget {
     SimulatorTarget::Address(serving(quiet()).await)
 }
 
-/// The same with a given engine, and with a way to make it disappear.
+/// Starts the stand-in with an engine; aborting the handle makes it disappear.
 pub async fn stand_in_with(engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
     let (addresses, server) = serving_with(quiet(), engine).await;
     (addresses.udp, server)
 }
 
-/// Short timeouts: what fails here fails at once.
+/// Options with short timeouts, so that failures show at once.
 pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOptions {
     GenerateOptions {
         only: only.iter().map(|id| (*id).to_owned()).collect(),
@@ -110,7 +110,7 @@ pub async fn run(
     run_until(sweep, corpus, &options(target, only), |_| false).await
 }
 
-/// Runs, and stops as soon as the expected event occurs.
+/// Runs until `stop_at` is true for an event.
 pub async fn run_until(
     sweep: &Sweep,
     corpus: &Path,
@@ -127,7 +127,7 @@ pub async fn run_until(
     generate(sweep, corpus, options, &cancel, &mut on_event).await
 }
 
-/// The entries among the scenarios.
+/// Names of the scenarios' folders.
 pub fn folders(corpus: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(corpus.join("scenarios"))
         .unwrap()
@@ -137,7 +137,7 @@ pub fn folders(corpus: &Path) -> Vec<String> {
     names
 }
 
-/// Every file of every scenario has the same bytes in both corpora, and neither contains anything else.
+/// Asserts that every file of every scenario has the same bytes in both corpora, and that neither contains anything else.
 pub fn same_tables(one: &Path, other: &Path) {
     for corpus in [one, other] {
         assert_eq!(folders(corpus), sorted_ids());

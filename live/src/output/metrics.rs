@@ -191,9 +191,9 @@ impl Metrics {
         writeln!(to, "# TYPE dtd_view_state stateset")?;
         for view in &self.views {
             let now = view.state.load(Ordering::Relaxed);
-            for state in ViewState::ALL {
-                let (name, word) = (quoted(&view.name), state.name());
-                let is_now = u8::from(state as usize == now);
+            for (state, word) in ViewState::NAMES.iter().enumerate() {
+                let name = quoted(&view.name);
+                let is_now = u8::from(state == now);
                 writeln!(
                     to,
                     "dtd_view_state{{view=\"{name}\",dtd_view_state=\"{word}\"}} {is_now}"

@@ -99,14 +99,18 @@ pub(crate) struct FfmpegSource {
 impl FfmpegSource {
     pub(crate) fn of(source: &Source, view: &str) -> Result<Self, OpenFault> {
         let useless = |error: dataset::Error| OpenFault::Useless(error.to_string());
+        let named = |name: String| Self {
+            name,
+            options: Vec::new(),
+            is_stream: false,
+            can_lose: false,
+            recorded: None,
+        };
         let file = |path: &Path| {
             outside_file::open(path, FileKind::VIDEO).map_err(useless)?;
             Ok::<_, OpenFault>(Self {
-                name: format!("file:{}", text_of(path)?),
                 options: vec![("protocol_whitelist", "file".into())],
-                is_stream: false,
-                can_lose: false,
-                recorded: None,
+                ..named(format!("file:{}", text_of(path)?))
             })
         };
         match source {
@@ -136,11 +140,10 @@ impl FfmpegSource {
                 let mut options = rtp_options();
                 options.push(("rtsp_transport", transport.name().into()));
                 Ok(Self {
-                    name: stream.secret_address(),
                     options,
                     is_stream: true,
                     can_lose: transport == Transport::Udp,
-                    recorded: None,
+                    ..named(stream.secret_address())
                 })
             }
             Source::Description(path) => {
@@ -148,23 +151,16 @@ impl FfmpegSource {
                 let mut options = rtp_options();
                 options.push(("protocol_whitelist", "file,udp,rtp".into()));
                 Ok(Self {
-                    name: format!("file:{}", text_of(path)?),
                     options,
                     is_stream: true,
                     can_lose: true,
-                    recorded: None,
+                    ..named(format!("file:{}", text_of(path)?))
                 })
             }
             Source::Device(path) => {
                 load_capture_devices().map_err(OpenFault::Useless)?;
-                Ok(Self {
-                    // Without a prefix: FFmpeg recognises devices by their path.
-                    name: text_of(path)?,
-                    options: Vec::new(),
-                    is_stream: false,
-                    can_lose: false,
-                    recorded: None,
-                })
+                // Without a prefix: FFmpeg recognises devices by their path.
+                Ok(named(text_of(path)?))
             }
         }
     }

@@ -27,13 +27,15 @@ impl Gpu {
     /// # Errors
     /// FFmpeg finds no such device.
     pub(crate) fn open(decoder: Decoder) -> Result<Option<Self>> {
-        let (kind, frames) = match decoder {
+        let (name, kind, frames) = match decoder {
             Decoder::Cpu => return Ok(None),
             Decoder::Vaapi => (
+                "vaapi",
                 ffi::AVHWDeviceType::AV_HWDEVICE_TYPE_VAAPI,
                 ffi::AVPixelFormat::AV_PIX_FMT_VAAPI,
             ),
             Decoder::Cuda => (
+                "cuda",
                 ffi::AVHWDeviceType::AV_HWDEVICE_TYPE_CUDA,
                 ffi::AVPixelFormat::AV_PIX_FMT_CUDA,
             ),
@@ -46,8 +48,7 @@ impl Gpu {
         };
         if code < 0 {
             let why = ffmpeg_next::Error::from(code).to_string();
-            let decoder = decoder.name();
-            return Err(Error::Decoder { decoder, why });
+            return Err(Error::Decoder { decoder: name, why });
         }
         Ok(Some(Self {
             device,

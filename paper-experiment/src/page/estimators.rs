@@ -38,7 +38,11 @@ struct Error {
 
 /// The error over all ticks; `None` if the estimator does not answer them.
 fn answered(of: Option<&ErrorFigures>) -> Option<Error> {
-    let of = of.filter(|of| of.samples as f64 >= ANSWERED * of.ticks as f64)?;
+    error(of.filter(|of| of.samples as f64 >= ANSWERED * of.ticks as f64)?)
+}
+
+/// The error over the ticks that the estimator answers.
+fn error(of: &ErrorFigures) -> Option<Error> {
     Some(Error {
         mape_pct: of.mape_pct?,
         sd_pct: of.sd_pct,
@@ -61,15 +65,6 @@ fn in_condition(of: &EstimatorMetrics, name: &str) -> [Option<Error>; 2] {
 
 fn overall(of: &EstimatorMetrics) -> [Option<Error>; 2] {
     of_views(&of.overall)
-}
-
-/// The error over all ticks that the estimator answers, also where no view sees the aircraft.
-fn of_its_answers(of: &EstimatorMetrics) -> Option<Error> {
-    let of = &of.overall.all;
-    Some(Error {
-        mape_pct: of.mape_pct?,
-        sd_pct: of.sd_pct,
-    })
 }
 
 /// Figures for an estimator, `None` if it is unknown.
@@ -100,12 +95,12 @@ pub(super) fn by_condition(results: &Results) -> String {
         let drawn = figures(&results.by_scenario, PAPER, of);
         table.row([
             name.into(),
-            pair(published, 2),
-            pair(drawn, DECIMALS),
+            joined(&published, 2),
+            joined(&drawn, DECIMALS),
             ratio(drawn, published),
-            pair(figures(&results.by_trajectory, PAPER, of), DECIMALS),
-            pair(figures(&results.by_trajectory, best, of), DECIMALS),
-            pair(figures(&results.by_trajectory, FILTERED, of), DECIMALS),
+            joined(&figures(&results.by_trajectory, PAPER, of), DECIMALS),
+            joined(&figures(&results.by_trajectory, best, of), DECIMALS),
+            joined(&figures(&results.by_trajectory, FILTERED, of), DECIMALS),
         ]);
     };
     for PaperCondition {
@@ -167,10 +162,6 @@ fn ratio(ours: [Option<Error>; 2], published: [Option<Error>; 2]) -> String {
         )
     });
     ratios.join(" / ")
-}
-
-fn pair(values: [Option<Error>; 2], decimals: usize) -> String {
-    joined(&values, decimals)
 }
 
 fn joined(values: &[Option<Error>], decimals: usize) -> String {
@@ -282,7 +273,7 @@ pub(super) fn all(results: &Results) -> String {
     for (name, of) in &results.by_trajectory.estimators {
         let cell = |of: &EstimatorMetrics| {
             let [dual, combination] = overall(of);
-            joined(&[dual, combination, of_its_answers(of)], DECIMALS)
+            joined(&[dual, combination, error(&of.overall.all)], DECIMALS)
         };
         let drawn = results.by_scenario.estimators.get(name);
         table.row([

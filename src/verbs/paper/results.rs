@@ -5,14 +5,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use dataset::files::json_file::{read_json, write_atomically, write_json};
-use dataset::numbers::frame_rate::FrameRate;
 use detector_evaluation::{Evaluation, mode};
 use labeller::Mode;
 use paper_experiment::{CorpusFigures, Range, Results, Search, markdown, write_figures};
 use trainer::Metrics;
 
 use super::{Experiment, Place};
-use crate::args::PaperArgs;
+use crate::args::experiment::PaperArgs;
 use crate::failure::Failure;
 
 /// Estimators of the box plot, besides the recommended one: the paper's two.
@@ -68,7 +67,7 @@ pub(super) fn write(experiment: &Experiment<'_>) -> Result<Page, Failure> {
 fn command(args: &PaperArgs) -> String {
     let mut command = format!("dtd paper --out paper --scale {}", args.scale.name());
     if let Some(rate) = args.frame_rate {
-        command += &format!(" --frame-rate {}", as_text(rate));
+        command += &format!(" --frame-rate {rate}");
     }
     let files = [
         ("sweep", &args.sweep),
@@ -88,52 +87,37 @@ fn command(args: &PaperArgs) -> String {
     command
 }
 
-/// A frame rate as a sweep has it.
-fn as_text(rate: FrameRate) -> String {
-    match rate.denominator {
-        1 => rate.numerator.to_string(),
-        denominator => format!("{}/{denominator}", rate.numerator),
-    }
-}
-
 fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure> {
     let mut figures = CorpusFigures {
         scale: experiment.args.scale.name().into(),
-        simulators: Vec::new(),
-        runway: String::new(),
-        aircraft: String::new(),
-        rig: String::new(),
-        weathers: Vec::new(),
-        times: Vec::new(),
-        scenarios: 0,
-        flights: 0,
-        width_px: 0,
-        height_px: 0,
-        frame_rate: String::new(),
-        pictures: 0,
+        ..CorpusFigures::default()
     };
-    let (mut flights, mut simulators) = (BTreeSet::new(), BTreeSet::new());
-    let (mut weathers, mut times) = (BTreeSet::new(), BTreeSet::new());
+    let mut flights = BTreeSet::new();
     for folder in experiment.corpus()?.scenarios()? {
         let scenario = folder.open()?;
         let record = scenario.record()?;
         figures.scenarios += 1;
         figures.pictures += record.pictures();
         flights.insert(record.trajectory);
-        weathers.insert(record.conditions.weather_name);
-        times.insert(record.conditions.time_of_day);
+        figures.weathers.push(record.conditions.weather_name);
+        figures.times.push(record.conditions.time_of_day);
         figures.runway = format!("{} {}", record.runway.airport, record.runway.name);
         (figures.aircraft, figures.rig) = (record.aircraft, record.rig);
-        simulators.insert(record.versions.simulator);
-        figures.frame_rate = as_text(record.frame_rate);
+        figures.simulators.push(record.versions.simulator);
+        figures.frame_rate = record.frame_rate.to_string();
         if let Some(camera) = scenario.calibration()?.cameras.values().next() {
             (figures.width_px, figures.height_px) = (camera.width_px, camera.height_px);
         }
     }
     figures.flights = flights.len();
-    figures.simulators = simulators.into_iter().collect();
-    figures.weathers = weathers.into_iter().collect();
-    figures.times = times.into_iter().collect();
+    for words in [
+        &mut figures.simulators,
+        &mut figures.weathers,
+        &mut figures.times,
+    ] {
+        words.sort();
+        words.dedup();
+    }
     Ok(figures)
 }
 

@@ -8,7 +8,7 @@ use generator::sweep::Sweep;
 use toml::{Table, Value, toml};
 use trainer::TrainConfig;
 
-use crate::args::{PaperArgs, Scale};
+use crate::args::experiment::{PaperArgs, Scale};
 use crate::failure::Failure;
 use crate::shipped::Shipped;
 
@@ -49,17 +49,9 @@ impl PaperSweep {
         if self.scale == Scale::Small {
             shrink(&mut table);
         }
-        if let Some(FrameRate {
-            numerator,
-            denominator,
-        }) = self.frame_rate
-        {
-            set(
-                &mut table,
-                "picture",
-                "frame_rate",
-                format!("{numerator}/{denominator}"),
-            );
+        if let Some(rate) = self.frame_rate {
+            let fraction = format!("{}/{}", rate.numerator, rate.denominator);
+            set(&mut table, "picture", "frame_rate", fraction);
         }
         self.parse(table.to_string())
     }
@@ -185,9 +177,11 @@ mod tests {
     fn a_frame_rate_and_the_small_scale_change_that_alone() {
         let rate = FrameRate::new(30, 1).unwrap();
         let sweep = paper(Scale::Full, Some(rate)).corpus().unwrap();
-        assert_eq!((sweep.picture.frame_rate, sweep.len()), (rate, 100));
+        assert_eq!(sweep.picture.frame_rate, rate);
+        assert_eq!(sweep.combinations.len(), 100);
         let sweep = paper(Scale::Small, None).corpus().unwrap();
-        assert_eq!((sweep.picture.width_px, sweep.len()), (960, 8));
+        assert_eq!(sweep.picture.width_px, 960);
+        assert_eq!(sweep.combinations.len(), 8);
         assert_eq!(sweep.rig_name, "seed");
         assert_eq!(sweep.recorded[0].recordings.len(), 4);
     }

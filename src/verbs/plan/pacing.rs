@@ -9,26 +9,25 @@ use xplane_bridge::profile::KnownProfile;
 use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator};
 
-use crate::args::PlanArgs;
+use crate::args::recording::PlanArgs;
 use crate::failure::Failure;
 use crate::signals::CleanStop;
 use crate::verbs::async_runtime::async_runtime;
 use crate::verbs::generate::options;
 
 pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> {
-    match (&args.sim, args.pictures_per_second) {
-        (_, Some(per_s)) => Ok(Pacing::PicturesPerSecond(per_s)),
-        (None, None) => Ok(Pacing::StandIn),
-        (Some(target @ (SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn)), None) => {
+    match &args.sim {
+        None => Ok(Pacing::StandIn),
+        Some(target @ (SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn)) => {
             tried(target, sweep)
         }
-        (Some(SimulatorTarget::Tape(_)), None) => Err(Failure::bad_input_message(
+        Some(SimulatorTarget::Tape(_)) => Err(Failure::bad_input_message(
             "--sim tape:FILE: a tape says nothing of how long an X-Plane takes; name an X-Plane, or `mock`",
         )),
-        (Some(SimulatorTarget::Address(address)), None) => {
+        Some(SimulatorTarget::Address(address)) => {
             asked(connected(*address, args.local_udp.options()))
         }
-        (Some(SimulatorTarget::Announced), None) => asked(async {
+        Some(SimulatorTarget::Announced) => asked(async {
             let local_udp = args.local_udp.options();
             let announced = the_announced(DISCOVERY_TIMEOUT, &local_udp).await?;
             connected(announced.address, local_udp).await
@@ -45,8 +44,7 @@ fn tried(target: &SimulatorTarget, sweep: &Sweep) -> Result<Pacing, Failure> {
     match async_runtime()?.block_on(trial(sweep, &options, stop.switch())) {
         Ok(costs) => Ok(Pacing::Trial(costs)),
         Err(GenerateError::Cancelled) => Err(Failure::TryAgain(GenerateError::Cancelled.into())),
-        Err(error) if error.is_bad_input() => Err(Failure::bad_input(error)),
-        Err(error) => Err(error.into()),
+        Err(error) => Err(Failure::bad_input_if(error.is_bad_input(), error)),
     }
 }
 

@@ -1,18 +1,33 @@
 //! A plan in readable form.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 
 use dataset::corpus::scenario::Flight;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenario;
 use generator::against::Standing;
-use generator::plan::{Estimate, Outlook, Sight};
+use generator::plan::{Estimate, Sight};
 use indicatif::DecimalBytes;
 
 use super::{Compared, Report};
 use crate::verbs::output::{count, print_after, print_table};
 
-/// Maximum number of changed or removed scenarios listed.
+/// Maximum number of scenarios of a kind that are listed with their difference.
 const MAX_DIFFERENCES: usize = 10;
+
+/// States of a scenario, in a word, and what follows it in the summary.
+const STANDINGS: [(Standing, &str, &str); 5] = [
+    (Standing::Whole, "complete", ""),
+    (
+        Standing::ToMake,
+        "missing",
+        ": planned there, not recorded yet",
+    ),
+    (Standing::New, "new", ""),
+    (Standing::Changed, "changed", ""),
+    (Standing::Damaged, "damaged", ""),
+];
 
 impl Report<'_> {
     /// Prints the plan: rows, then totals, then the difference.
@@ -29,31 +44,30 @@ impl Report<'_> {
         let mut heading = vec![
             "scenario", "flight", "from NM", "vis. km", "sun", "az.", "ticks",
         ];
-        if self.compared.is_some() {
+        let mut rows: Vec<Vec<String>> = self.plan.scenarios.iter().map(|s| self.row(s)).collect();
+        if let Some(compared) = self.compared {
             heading.push("status");
+            for (row, standing) in rows.iter_mut().zip(&compared.against.standings) {
+                let known = STANDINGS.iter().find(|(of, ..)| of == standing);
+                row.extend(known.map(|(_, word, _)| (*word).to_owned()));
+            }
         }
-        let scenarios = self.plan.scenarios.iter().enumerate();
-        let rows: Vec<Vec<String>> = scenarios
-            .map(|(index, scenario)| {
-                let mut row = self.row(scenario);
-                if let Some(compared) = self.compared {
-                    row.push(in_words(compared.against.standings[index]).into());
-                }
-                row
-            })
-            .collect();
         print_table(&heading, &rows);
     }
 
     fn row(&self, scenario: &PlannedScenario) -> Vec<String> {
         let parameters = &scenario.parameters;
-        let start_nm = parameters.start_dtd_m / dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+        let flight = match &parameters.live {
+            Some(live) => &live.profile_name,
+            None => &scenario.flight,
+        };
+        let start_nm = parameters.start_dtd_m / METERS_PER_NAUTICAL_MILE;
         let visibility_km = parameters.conditions.weather.visibility_m / 1_000.0;
         let sun = self.sun(scenario);
         vec![
             // It contains time and weather.
             scenario.id.clone(),
-            flight(scenario).to_owned(),
+            flight.clone(),
             format!("{start_nm:.2}"),
             format!("{visibility_km:.1}"),
             format!("{:.1}", sun.elevation_deg),
@@ -63,8 +77,7 @@ impl Report<'_> {
     }
 
     fn show_totals(&self) {
-        let plan = self.plan;
-        let scenarios = plan.scenarios.len();
+        let (plan, estimate) = (self.plan, &self.estimate);
         let mut by_source = BTreeMap::new();
         for scenario in &plan.scenarios {
             let source = match scenario.parameters.flight {
@@ -74,146 +87,105 @@ impl Report<'_> {
             };
             *by_source.entry(source).or_insert(0) += 1;
         }
-        let by_source: Vec<String> = by_source
-            .iter()
+        let sources = by_source.iter();
+        let sources: Vec<String> = sources
             .map(|(source, number)| format!("{number} {source}"))
             .collect();
-        print_after("corpus      ", &plan.corpus);
-        print_after("plan        ", &plan.plan_hash);
-        print_after(
-            "scenarios   ",
-            &format!("{scenarios} ({})", by_source.join(", ")),
+        line("corpus", &plan.corpus);
+        line("plan", &plan.plan_hash);
+        let scenarios = plan.scenarios.len();
+        line("scenarios", format!("{scenarios} ({})", sources.join(", ")));
+        let flight = format!(
+            "{}: {} ticks at {} per second, {}, {} images",
+            hours(estimate.flight_h),
+            estimate.ticks,
+            plan.common.picture.frame_rate,
+            count(plan.common.cameras.len(), "camera"),
+            estimate.pictures
         );
-        let common = &plan.common;
-        let estimate = &self.estimate;
-        print_after(
-            "flight      ",
-            &format!(
-                "{}: {} ticks at {} per second, {}, {} images",
-                hours(estimate.flight_h),
-                estimate.ticks,
-                common.picture.frame_rate,
-                count(common.cameras.len(), "camera"),
-                estimate.pictures
-            ),
-        );
+        line("flight", flight);
         self.show_outlook();
         show_cost("recording", estimate);
-        print_after(
-            "size        ",
-            &format!("{} ({})", size(estimate), estimate.bytes_basis),
+        let basis = &estimate.bytes_basis;
+        line("size", format!("{} ({basis})", size(estimate)));
+        let room = format!(
+            "{} should be free on the disk: X-Plane's scenery needs more than the bundled simulator's",
+            DecimalBytes(estimate.room_bytes)
         );
-        print_after(
-            "free space  ",
-            &format!(
-                "{} should be free on the disk: X-Plane's scenery needs more than the bundled simulator's",
-                DecimalBytes(estimate.room_bytes)
-            ),
-        );
+        line("free space", room);
     }
 
     fn show_outlook(&self) {
-        let runway = &self.plan.common.runway;
-        let Outlook {
-            views,
-            profiles_above_runway_m,
-            clouds_above_runway_m,
-            ..
-        } = &self.outlook;
-        print_after(
-            "runway      ",
-            &format!(
-                "{} {}, {:.0} m above mean sea level, course {:.2} degrees true, local time is UTC{:+}",
-                runway.airport,
-                runway.name,
-                runway.threshold.altitude_msl_m,
-                runway.course_true_deg,
-                self.utc_offset_h
-            ),
+        let (runway, outlook) = (&self.plan.common.runway, &self.outlook);
+        let place = format!(
+            "{} {}, {:.0} m above mean sea level, course {:.2} degrees true, local time is UTC{:+}",
+            runway.airport,
+            runway.name,
+            runway.threshold.altitude_msl_m,
+            runway.course_true_deg,
+            self.utc_offset_h
         );
-        let profiles = profiles_above_runway_m.iter();
+        line("runway", place);
+        let profiles = outlook.profiles_above_runway_m.iter();
         let profiles = profiles.map(|(name, start_m)| format!("{name} begins at {start_m:.0} m"));
-        let clouds = clouds_above_runway_m.iter();
+        let clouds = outlook.clouds_above_runway_m.iter();
         let clouds =
             clouds.map(|(name, [base, top])| format!("clouds of {name} {base:.0} to {top:.0} m"));
         let heights: Vec<String> = profiles.chain(clouds).collect();
         if !heights.is_empty() {
-            print_after(
-                "heights     ",
-                &format!("above the runway: {}", heights.join(", ")),
-            );
+            let heights = heights.join(", ");
+            line("heights", format!("above the runway: {heights}"));
         }
-        for sight in views {
-            print_after("view        ", &in_sight(sight));
+        for sight in &outlook.views {
+            line("view", in_sight(sight));
         }
     }
 
     fn show_difference(&self, compared: &Compared) {
         let against = &compared.against;
+        let difference = &against.difference;
         println!();
         let note = if compared.is_default {
             " (found here; --against names another)"
         } else {
             ""
         };
-        print_after("against     ", &format!("{}{note}", compared.corpus));
-        for (standing, note) in [
-            (Standing::Whole, "complete"),
-            (Standing::ToMake, "missing: planned there, not recorded yet"),
-            (Standing::New, "new"),
-            (Standing::Changed, "changed"),
-            (Standing::Damaged, "damaged"),
-        ] {
+        line("against", format!("{}{note}", compared.corpus));
+        for (standing, word, note) in STANDINGS {
             let count = against.standing(self.plan, standing).count();
-            println!("            {count:>6} {note}");
+            line("", format!("{count:>6} {word}{note}"));
         }
-        let (changed, removed) = (&against.difference.changed, &against.difference.removed);
-        println!("            {:>6} removed", removed.len());
+        line("", format!("{:>6} removed", difference.removed.len()));
         // A rejected sweep leaves no scenarios to record.
-        let is_rejected = !(changed.is_empty() && removed.is_empty());
+        let is_rejected = !(difference.changed.is_empty() && difference.removed.is_empty());
         if let Some(left) = self.left.as_ref().filter(|_| !is_rejected) {
             show_cost("left", left);
             let room = DecimalBytes(left.room_bytes);
-            print_after(
-                "            ",
-                &format!("{} to write, for which {room} should be free", size(left)),
+            let size = size(left);
+            line(
+                "",
+                format!("{size} to write, for which {room} should be free"),
             );
         }
-        for (name, weather) in against
-            .weather
-            .iter()
-            .filter(|(_, weather)| weather.is_reported())
-        {
-            print_after(
-                "weather     ",
-                &format!("{name}, at the aircraft: {weather}"),
-            );
+        let reported = against.weather.iter();
+        for (name, weather) in reported.filter(|(_, weather)| weather.is_reported()) {
+            line("weather", format!("{name}, at the aircraft: {weather}"));
         }
-        let marked = || against.weather.values().flat_map(|weather| &weather.marked);
-        for (id, differences) in marked().take(MAX_DIFFERENCES) {
-            print_after("marked      ", &format!("{id}: {}", differences.join("; ")));
-        }
-        for (id, what) in against.damaged.iter().take(MAX_DIFFERENCES) {
-            print_after("damaged     ", &format!("{id}: {what}"));
-        }
-        for change in changed.iter().take(MAX_DIFFERENCES) {
-            print_after("changed     ", &format!("{}: {}", change.id, change.what));
-        }
-        for id in removed.iter().take(MAX_DIFFERENCES) {
-            println!("removed     {id}");
-        }
-        let listed = [
-            against.damaged.len(),
-            changed.len(),
-            removed.len(),
-            marked().count(),
+        let marked = against.weather.values().flat_map(|weather| &weather.marked);
+        let marked = marked.map(|(id, differences)| format!("{id}: {}", differences.join("; ")));
+        let damaged = against.damaged.iter();
+        let damaged = damaged.map(|(id, what)| format!("{id}: {what}"));
+        let changed = difference.changed.iter();
+        let changed = changed.map(|change| format!("{}: {}", change.id, change.what));
+        let hidden = [
+            list("marked", marked.collect()),
+            list("damaged", damaged.collect()),
+            list("changed", changed.collect()),
+            list("removed", difference.removed.clone()),
         ];
-        let hidden: usize = listed
-            .map(|number| number.saturating_sub(MAX_DIFFERENCES))
-            .iter()
-            .sum();
+        let hidden: usize = hidden.iter().sum();
         if hidden > 0 {
-            println!("            and {hidden} more; --json lists them all");
+            line("", format!("and {hidden} more; --json lists them all"));
         }
         if !against.damaged.is_empty() {
             print_after(
@@ -230,11 +202,17 @@ impl Report<'_> {
     }
 }
 
-fn flight(scenario: &PlannedScenario) -> &str {
-    match &scenario.parameters.live {
-        Some(live) => &live.profile_name,
-        None => &scenario.flight,
+/// Prints a text after its name, e.g. `size        14 GB`.
+fn line(name: &str, text: impl Display) {
+    print_after(&format!("{name:<12}"), &text.to_string());
+}
+
+/// Prints the first lines; returns the number of the others.
+fn list(name: &str, lines: Vec<String>) -> usize {
+    for text in lines.iter().take(MAX_DIFFERENCES) {
+        line(name, text);
     }
+    lines.len().saturating_sub(MAX_DIFFERENCES)
 }
 
 fn in_sight(sight: &Sight) -> String {
@@ -256,34 +234,17 @@ fn in_sight(sight: &Sight) -> String {
     }
 }
 
-fn in_words(standing: Standing) -> &'static str {
-    match standing {
-        Standing::Whole => "complete",
-        Standing::ToMake => "missing",
-        Standing::New => "new",
-        Standing::Changed => "changed",
-        Standing::Damaged => "damaged",
-    }
-}
-
 fn show_cost(name: &str, estimate: &Estimate) {
     println!("{name:<11} {}, of which", hours(estimate.making_h));
-    let durations = &estimate.durations;
+    let parts = &estimate.durations;
     for (part, part_h, basis) in [
-        ("images", durations.pictures_h, &durations.pictures_basis),
-        (
-            "live flying",
-            durations.live_flying_h,
-            &durations.live_flying_basis,
-        ),
-        ("loading", durations.loading_h, &durations.loading_basis),
-        ("weather", durations.weather_h, &durations.weather_basis),
-        ("restarts", durations.restarts_h, &durations.restarts_basis),
+        ("images", parts.pictures_h, &parts.pictures_basis),
+        ("live flying", parts.live_flying_h, &parts.live_flying_basis),
+        ("loading", parts.loading_h, &parts.loading_basis),
+        ("weather", parts.weather_h, &parts.weather_basis),
     ] {
-        print_after(
-            &format!("            {part:<11} "),
-            &format!("{} ({basis})", hours(part_h)),
-        );
+        let name = format!("            {part:<11} ");
+        print_after(&name, &format!("{} ({basis})", hours(part_h)));
     }
 }
 

@@ -49,10 +49,6 @@ impl Simulator {
                 .map(|took| took.as_secs_f64())
                 .or(before.and_then(|pace| pace.loading_s)),
             weather_s: Some(recorded.weather.as_secs_f64()),
-            restart_s: recorded
-                .restart
-                .map(|took| took.as_secs_f64())
-                .or(before.and_then(|pace| pace.restart_s)),
         };
         let profile = Profile {
             pace: Finding::Found(pace),

@@ -1,4 +1,4 @@
-//! Listing folders.
+//! Entries, names and size of a folder.
 
 use std::fs::{self, DirEntry};
 use std::path::Path;
@@ -18,4 +18,20 @@ pub fn names(folder: &Path) -> Result<Vec<String>> {
     Ok(entries
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect())
+}
+
+/// Total size of the files below a folder, bytes.
+pub fn bytes_below(folder: &Path) -> Result<u64> {
+    let mut bytes = 0;
+    for entry in entries(folder)? {
+        let about = entry
+            .metadata()
+            .map_err(Error::io("look at", &entry.path()))?;
+        bytes += if about.is_dir() {
+            bytes_below(&entry.path())?
+        } else {
+            about.len()
+        };
+    }
+    Ok(bytes)
 }

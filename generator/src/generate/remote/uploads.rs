@@ -56,9 +56,10 @@ impl<'a> Uploads<'_, 'a> {
                 job
             }
         };
-        self.uploader
-            .reporter
-            .tell(Event::UploadBehind { id: &scenario.id });
+        self.uploader.reporter.say(&format!(
+            "{} waits for its upload: recording is faster than uploading",
+            scenario.id
+        ));
         let sent = tokio::select! {
             biased;
             () = self.uploader.tally.halt.cancelled() => false,
@@ -111,9 +112,8 @@ struct Watching<'r, 'a> {
 
 impl Watch for Watching<'_, '_> {
     fn warn(&self, reason: &str) {
-        let id = self.id;
-        let reporter = self.uploader.reporter;
-        reporter.tell(Event::StoreAway { id, reason });
+        let line = format!("{} cannot be uploaded now; {reason}", self.id);
+        self.uploader.reporter.warn(&line);
     }
 
     fn is_stopped(&self) -> bool {
@@ -156,10 +156,9 @@ impl<'r, 'a> Uploader<'r, 'a> {
                     Pushed::Committed { .. } => self.tally.committed(scenario),
                     Pushed::Same | Pushed::Other | Pushed::Labelled => self.tally.skipped(scenario),
                 }
-                self.reporter.tell(Event::Uploaded {
-                    id,
-                    seconds: began.elapsed().as_secs_f64(),
-                });
+                let seconds = began.elapsed().as_secs_f64();
+                self.reporter
+                    .say(&format!("{id}: uploaded in {seconds:.0} s"));
             }
             Err(StoreError::Stopped(_)) => self.tally.stays_staged(scenario),
             Err(error) if error.is_of_scenario() => {

@@ -1,14 +1,14 @@
 //! Simulators that are away: waited for, restarted by the user's command, given up.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::attempt::unless_cancelled;
 use super::{Run, Then};
 use crate::generate::error::ScenarioError;
-use crate::generate::event::Event;
 use crate::generate::outcome::Stopped;
 use crate::generate::session::Session;
-use crate::generate::session::restart::{Restart, RestartError};
+use crate::generate::session::restart::Restart;
+use crate::plan::counted;
 
 /// A simulator that was restarted this often without recording a scenario is given up.
 const MAX_RESTARTS_IN_VAIN: u32 = 3;
@@ -35,14 +35,12 @@ impl Run<'_> {
             Err(_) => {}
         }
         let name = session.name().to_owned();
-        self.reporter.tell(Event::SimulatorLost {
-            simulator: &name,
-            reason: &trouble.to_string(),
-        });
+        self.reporter.warn(&format!(
+            "simulator {name} does not answer, waiting for it: {trouble}"
+        ));
         match self.until_back(session, self.patience.simulator).await {
             Ok(()) => {
-                self.reporter
-                    .tell(Event::SimulatorBack { simulator: &name });
+                self.reporter.say(&format!("simulator {name} is back"));
                 Then::GoOn
             }
             Err(ScenarioError::Cancelled) => Then::Leave,
@@ -100,12 +98,11 @@ impl Run<'_> {
         trouble: Option<&ScenarioError>,
     ) -> Then {
         let name = session.name().to_owned();
-        self.reporter.tell(Event::SimulatorRestarting {
-            simulator: &name,
-            live_flights: session.live_flights,
-        });
+        self.reporter.say(&format!(
+            "restarting simulator {name} after {}",
+            counted(session.live_flights as usize, "live flight")
+        ));
         session.leave_to_restart().await;
-        let began = Instant::now();
         let mut running = None;
         let commanded = async {
             let command = running.insert(restart.start(&name)?);
@@ -117,15 +114,14 @@ impl Run<'_> {
             Err(_) => return Then::Leave,
             Ok(Ok(())) => self.patience.simulator,
             Ok(Err(error)) => {
-                self.report_failed_restart(&name, &error);
+                let line = format!("simulator {name} was not restarted: {error}");
+                self.reporter.warn(&line);
                 Duration::ZERO
             }
         };
         match self.until_back(session, limit).await {
             Ok(()) => {
-                session.restarted_within(began.elapsed());
-                self.reporter
-                    .tell(Event::SimulatorBack { simulator: &name });
+                self.reporter.say(&format!("simulator {name} is back"));
                 Then::GoOn
             }
             Err(ScenarioError::Cancelled) => Then::Leave,
@@ -142,21 +138,10 @@ impl Run<'_> {
         }
     }
 
-    fn report_failed_restart(&self, simulator: &str, error: &RestartError) {
-        tracing::warn!(simulator, %error, "not restarted");
-        self.reporter.tell(Event::RestartFailed {
-            simulator,
-            reason: &error.to_string(),
-        });
-    }
-
     /// Giving up the last simulator ends the run: the workers have left, and scenarios remain.
     pub(super) fn give_up_on(&self, session: &Session, trouble: &ScenarioError) {
-        self.reporter.tell(Event::SimulatorGone {
-            simulator: session.name(),
-            reason: &trouble.to_string(),
-        });
         let reason = format!("{}: {trouble}", session.name());
+        self.reporter.warn(&format!("giving up simulator {reason}"));
         self.tally.gave_up_simulator(if trouble.is_setup() {
             Stopped::Setup { reason }
         } else {

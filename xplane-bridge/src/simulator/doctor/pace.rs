@@ -142,7 +142,6 @@ async fn measure_blocks(
         pictures_per_s: f64::from(taken) / began.elapsed().as_secs_f64(),
         loading_s: None,
         weather_s: None,
-        restart_s: None,
     }))
 }
 
@@ -194,7 +193,6 @@ async fn settled(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, Bridge
         pictures_per_s: COUNTED as f64 / took_s,
         loading_s: None,
         weather_s: None,
-        restart_s: None,
     })
 }
 

@@ -156,7 +156,6 @@ impl FileFormat for Crops {
     }
 
     fn finish(&self, written: &Written<'_>) -> Result<()> {
-        let seed = written.export.request.seed.unwrap_or_default();
         let scenarios = written
             .export
             .scenarios
@@ -166,7 +165,7 @@ impl FileFormat for Crops {
             let selected = &scenario.selected;
             Ok((selected.id(), split_of(selected.side), stored?))
         });
-        mixed_shards::mix(&written.folder(), seed, stored, written.watch)
+        mixed_shards::mix(&written.folder(), stored, written.watch)
     }
 }
 

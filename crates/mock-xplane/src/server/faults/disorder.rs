@@ -15,7 +15,7 @@ pub(crate) enum Way {
     Out = 2,
 }
 
-/// One direction of a disorderly network.
+/// Datagrams in one direction through a network that loses, repeats and reorders them.
 #[derive(Debug)]
 pub(crate) struct Disorder<T> {
     loss: f64,

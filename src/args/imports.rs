@@ -1,0 +1,61 @@
+//! Arguments of the verbs that import runways and tracks.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use crate::help;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum AirportCommand {
+    /// Print `[airport.ICAO.runway.NAME]` with the source of each figure, and where the tables differ
+    #[command(after_help = help::AIRPORT_IMPORT)]
+    Import(AirportImportArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct AirportImportArgs {
+    /// The airport, e.g. EDDM
+    #[arg(value_name = "ICAO")]
+    pub(crate) airport: String,
+    /// The runway in the landing direction, e.g. 26L
+    pub(crate) runway: String,
+    /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; better several
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub(crate) from: Vec<PathBuf>,
+    /// Tracks of arrivals as in `dtd tracks import`: how far they fly beside the runway
+    #[arg(long, num_args = 1.., value_name = "FILE")]
+    pub(crate) tracks: Vec<PathBuf>,
+    /// Take the recommended figures where the files differ
+    #[arg(long)]
+    pub(crate) accept: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TracksCommand {
+    /// Smooth the arrivals in files of tracks, and complete them to recordings
+    #[command(after_help = help::TRACKS_IMPORT)]
+    Import(TracksImportArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct TracksImportArgs {
+    /// Tracks: CSV of `traffic` or OpenSky, `trace_full` of readsb, JSON lines of jet1090, or X-Plane's `Data.txt` or `.fdr`
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// The runway on which they land, e.g. LFPG/09R
+    #[arg(long, value_name = "ICAO/RUNWAY")]
+    pub(crate) runway: String,
+    /// A file with the runway's `[airport]` table: a sweep, or the output of `dtd airport import` [default: the built-in runways]
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) airports: Option<PathBuf>,
+    /// Folder for the recordings, one CSV file per arrival
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) out: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
