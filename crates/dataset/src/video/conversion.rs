@@ -1,8 +1,9 @@
-//! Conversion of decoded images or parts to RGB.
+//! Conversion of decoded images or parts to RGB, and of images to JPEG ([`jpeg`]).
 //!
 //! A part is copied out of the planes and converted separately, with the settings of the whole image: if only one small aircraft is of
 //! interest, 97 % of the pixels are never converted.
 
+pub(crate) mod jpeg;
 pub(crate) mod luma;
 pub(crate) mod scaler;
 
