@@ -146,7 +146,7 @@ pub(crate) enum Verb {
     /// Print the JSON Schema of sweeps, settings or progress
     #[command(after_help = help::SCHEMA)]
     Schema {
-        /// Files that it describes
+        /// The files that the schema describes
         #[arg(default_value = "sweep")]
         of: SchemaOf,
     },

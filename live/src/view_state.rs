@@ -54,9 +54,10 @@ const FROZEN_S: f64 = 0.35;
 const DARK_S: f64 = 0.2;
 const MIN_IMAGES: usize = 3;
 /// A freeze ends with this number of changed images in a row over this time, s: encoders refine a still image after each key frame. It also
-/// ends when no image was frozen for as long as a view takes to be down.
+/// ends when no image was frozen for as long as makes a view down, or for this number of usual intervals.
 const MIN_CHANGED: usize = 4;
 const CHANGED_S: f64 = 0.15;
+const HELD_PERIODS: f64 = 6.0;
 /// Time window of the usual change, s, and minimum number of images.
 const USUAL_S: f64 = 10.0;
 const MIN_USUAL: usize = 20;
@@ -168,7 +169,7 @@ impl ViewWatch {
             self.frozen_s = Some(now_s);
         }
         self.frozen_s = self.frozen_s.filter(|frozen_s| {
-            let held_s = DOWN_S.max(DOWN_PERIODS * self.period_s().unwrap_or(0.0));
+            let held_s = DOWN_S.max(HELD_PERIODS * self.period_s().unwrap_or(0.0));
             now_s - frozen_s <= held_s && !self.lasts(self.changes, MIN_CHANGED, CHANGED_S)
         });
         let repeats = self.equal_s.is_some() || self.frozen_s.is_some();

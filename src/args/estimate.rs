@@ -71,7 +71,7 @@ pub(crate) struct EstimateArgs {
     pub(crate) decoder: Option<Decoder>,
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,
-    /// Serve metrics (OpenMetrics) at http://ADDRESS:PORT/metrics; a port alone is one of this computer
+    /// Serve metrics (OpenMetrics) at http://ADDRESS:PORT/metrics; a port alone means this computer
     ///
     /// Port 0 takes any free one, which stderr names.
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = metrics_address)]

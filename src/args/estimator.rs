@@ -119,7 +119,7 @@ pub(crate) struct RefitArgs {
     /// View whose camera is fitted again
     #[arg(long, value_name = "NAME")]
     pub(crate) view: String,
-    /// Folder for the new run; replaces a run that is there, and its evaluation
+    /// Folder for the new run; a run that is already there is replaced, with its evaluation
     #[arg(long, value_name = "RUN2", value_parser = Output::Run.parser())]
     pub(crate) out: PathBuf,
     /// Number of approaches to use, the first of the training side; 10 at most
@@ -140,7 +140,7 @@ pub(crate) struct EvaluateArgs {
     ///
     /// Its columns are `scenario`, `tick` and, for each estimator, `NAME_dtd_m` in metres, empty where it has no prediction; optionally
     /// `NAME_dtd_m_from` and `NAME_dtd_m_to` (or `NAME_from_m` and `NAME_to_m`), a 90 % interval, and `detections`, the number
-    /// of views that saw the aircraft. Other columns are ignored. A table of `dtd predict` is such a table.
+    /// of views that saw the aircraft. Other columns are ignored. `dtd predict` writes such tables.
     #[arg(long, value_name = "TABLE", conflicts_with = "detections")]
     pub(crate) predictions: Option<PathBuf>,
     /// Folder of the corpus

@@ -30,7 +30,7 @@ pub(crate) struct DemoArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct PaperArgs {
-    /// Folder for paper.md, its figures, and all that they follow from; created if missing
+    /// Folder for paper.md, its figures, and the corpus and runs behind them; created if missing
     #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
     /// Scale of the experiment

@@ -20,10 +20,10 @@ pub(crate) struct AirportImportArgs {
     pub(crate) airport: String,
     /// The runway in the landing direction, e.g. 26L
     pub(crate) runway: String,
-    /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; better several
+    /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; several are better than one
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub(crate) from: Vec<PathBuf>,
-    /// Tracks of arrivals as in `dtd tracks import`: how far they fly beside the runway
+    /// Tracks of arrivals as in `dtd tracks import`, to see how far beside the runway they fly
     #[arg(long, num_args = 1.., value_name = "FILE")]
     pub(crate) tracks: Vec<PathBuf>,
     /// Take the recommended figures where the files differ
@@ -36,7 +36,7 @@ pub(crate) struct AirportImportArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum TracksCommand {
-    /// Smooth the arrivals in files of tracks, and complete them to recordings
+    /// Smooth the arrivals in files of tracks, and fill them in to complete recordings
     #[command(after_help = help::TRACKS_IMPORT)]
     Import(TracksImportArgs),
 }

@@ -78,7 +78,7 @@ pub(crate) struct GenerateArgs {
     /// Encoder of the videos; the sweep's codec stays as it is (h264 or h265 for a GPU)
     ///
     /// The default is software. An encoder that is named is tried first, with 100 images on this machine: their order, timestamps and
-    /// colours, and what a kill would leave. One that fails is refused. scenario.json names the encoder (docs/video.md).
+    /// colours, and what would be left after a kill. One that fails is refused. scenario.json names the encoder (docs/video.md).
     #[arg(long, value_name = "ENCODER", value_parser = choice(VideoEncoder::ALL.map(|encoder| (encoder.name(), "", encoder))))]
     pub(crate) encoder: Option<VideoEncoder>,
     /// Only these scenarios, separated by commas

@@ -143,7 +143,7 @@ pub(crate) struct DoctorArgs {
     /// The sweep to record, whose images must fit the window [default: demo.toml if it exists]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// Measure what reports disagree on, even if this installation has a profile
+    /// Measure what users have reported differently, even if this installation has a profile
     #[arg(long)]
     pub(crate) measure: bool,
     /// Skip the measurements
@@ -158,7 +158,7 @@ pub(crate) struct DoctorArgs {
 pub(crate) struct TapeArgs {
     /// The simulator: X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the bundled simulator
     ///
-    /// The bundled simulator (`mock:awkward` has all awkward habits) runs as long as the recorder.
+    /// The bundled simulator (`mock:awkward` has all awkward habits of live X-Planes) runs as long as the recorder.
     #[arg(long, value_name = "auto|mock|HOST:PORT")]
     pub(crate) sim: String,
     #[command(flatten)]

@@ -41,7 +41,7 @@ pub struct TrainConfig {
     /// Split by scenario, as in the paper, whatever the corpus's split: both sides share flights. `--split-by-scenario` sets its
     /// `test_share`.
     pub scenario_split: Option<ScenarioSplitConfig>,
-    /// Use scenarios that were drawn under a different weather than planned (marked by `dtd generate`). `--accept-weather` switches it on.
+    /// Use scenarios that were recorded in a different weather than planned (marked by `dtd generate`). `--accept-weather` switches it on.
     pub accept_weather: bool,
     /// Run folder whose networks this training starts from, instead of random ones. They must have the same layers and views.
     /// `--start-from` overrides it.

@@ -52,7 +52,7 @@ pub(crate) struct RunwayTable {
     width_m: Option<f64>,
 }
 
-/// A point on the earth.
+/// A position on the ellipsoid.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Threshold {

@@ -64,7 +64,7 @@ pub struct WeatherTable {
     pub turbulence_ratio: Spread,
 }
 
-/// A layer has a base and a top.
+/// A cloud layer.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("allOf" = [

@@ -21,7 +21,7 @@ pub(crate) struct SearchArgs {
     /// Rows of the images to search: `training`, where the training side has aircraft, or TOP:BOTTOM [default: all]
     ///
     /// A third of the rows takes a third of the time. `training` needs labels; it searches the rows where aircraft are
-    /// large at half the scale, which takes a quarter.
+    /// large at half the scale, which takes a quarter of the time.
     #[arg(long, value_name = "ROWS")]
     rows: Option<Rows>,
     /// Search in tiles with sides of N pixels, not in the whole image at once

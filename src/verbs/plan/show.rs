@@ -13,6 +13,8 @@ use indicatif::DecimalBytes;
 use super::{Compared, Report};
 use crate::verbs::output::{count, print_after, print_table};
 
+/// Maximum number of scenarios that are listed.
+const MAX_ROWS: usize = 200;
 /// Maximum number of scenarios of a kind that are listed with their difference.
 const MAX_DIFFERENCES: usize = 10;
 
@@ -44,7 +46,8 @@ impl Report<'_> {
         let mut heading = vec![
             "scenario", "flight", "from NM", "vis. km", "sun", "az.", "ticks",
         ];
-        let mut rows: Vec<Vec<String>> = self.plan.scenarios.iter().map(|s| self.row(s)).collect();
+        let listed = self.plan.scenarios.iter().take(MAX_ROWS);
+        let mut rows: Vec<Vec<String>> = listed.map(|scenario| self.row(scenario)).collect();
         if let Some(compared) = self.compared {
             heading.push("status");
             for (row, standing) in rows.iter_mut().zip(&compared.against.standings) {
@@ -53,6 +56,10 @@ impl Report<'_> {
             }
         }
         print_table(&heading, &rows);
+        let others = self.plan.scenarios.len() - rows.len();
+        if others > 0 {
+            println!("and {}: --json has all", count(others, "other scenario"));
+        }
     }
 
     fn row(&self, scenario: &PlannedScenario) -> Vec<String> {

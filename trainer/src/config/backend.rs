@@ -18,7 +18,7 @@ pub enum TrainingBackend {
     /// The processor.
     #[default]
     Cpu,
-    /// A GPU by Vulkan, Metal or DirectX 12. The cargo feature `wgpu` has it.
+    /// A GPU by Vulkan, Metal or DirectX 12. Needs the cargo feature `wgpu`.
     Wgpu,
     /// An NVIDIA GPU by CUDA. The cargo feature `cuda` has it.
     Cuda,

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::samples::{Samples, ScenarioSummary};
 
-/// A split by scenario: scenarios are drawn for the sides, whatever flights they share. What is tested is then not unseen.
+/// A split by scenario: scenarios are drawn for the sides, whatever flights they share. Test flights may then occur in the training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ScenarioSplitConfig {

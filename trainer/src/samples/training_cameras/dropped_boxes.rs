@@ -15,8 +15,9 @@ use crate::samples::{Sample, Samples};
 /// Usual share of false boxes in a view.
 const USUAL_SHARE: f64 = 0.02;
 const NAMED: usize = 3;
-/// Share of a scenario's boxes with the same offset that indicates a moved camera.
-const MOVED_SHARE: f64 = 0.25;
+/// A camera looked elsewhere in a scenario if at least this share of its boxes is dropped, and this share of them is off alike.
+const MOVED_SHARE: f64 = 0.3;
+const ALIKE_SHARE: f64 = 0.7;
 
 /// Dropped boxes in a view.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -96,6 +97,9 @@ impl TrainingDrops {
 
 /// Offset from the aircraft that most dropped boxes share, if they are many.
 fn alike_px(dropped: &[(Option<DVec2>, PixelBox)], of: usize) -> Option<DVec2> {
+    if (dropped.len() as f64) < MOVED_SHARE * of as f64 {
+        return None;
+    }
     let off = dropped.iter().filter_map(|(place_px, seen)| {
         let (centre, size) = centre_and_size(seen);
         Some((centre - (*place_px)?, size))
@@ -109,7 +113,7 @@ fn alike_px(dropped: &[(Option<DVec2>, PixelBox)], of: usize) -> Option<DVec2> {
     let middle = DVec2::new(middle(0), middle(1));
     let is_alike = |(off, size): &&(DVec2, DVec2)| (*off - middle).abs().cmple(*size).all();
     let alike = off.iter().filter(is_alike).count();
-    (alike as f64 >= MOVED_SHARE * of as f64).then_some(middle)
+    (alike as f64 >= ALIKE_SHARE * dropped.len() as f64).then_some(middle)
 }
 
 impl fmt::Display for TrainingDrops {
