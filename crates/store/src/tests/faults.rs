@@ -87,6 +87,31 @@ async fn a_storm_of_503_is_waited_for_and_an_outage_ends_in_time() {
     }
 }
 
+#[tokio::test(start_paused = true)]
+async fn the_timeout_begins_anew_after_an_attempt_that_gets_further_than_all_before() {
+    let store = in_memory();
+    let cases: [(&[usize], usize); 5] = [
+        (&[], 1),
+        (&[5], 2),
+        (&[5, 7], 3),
+        (&[7, 7], 2),
+        (&[7, 5, 9], 2),
+    ];
+    for (bytes, attempts) in cases {
+        let connection = at(&store);
+        let mut made = 0;
+        // Every attempt takes as long as the timeout, and then breaks off.
+        let asked = connection.ask(async || {
+            connection.passed(bytes.get(made).copied().unwrap_or(0));
+            made += 1;
+            tokio::time::sleep(TIMEOUT).await;
+            Err::<(), _>(store.away("read it", "503"))
+        });
+        assert!(asked.await.unwrap_err().is_passing());
+        assert_eq!(made, attempts, "{bytes:?}");
+    }
+}
+
 #[tokio::test]
 async fn a_stray_key_is_named_at_once_with_a_remedy() {
     let store = over(FaultyStore::new(Faults {
