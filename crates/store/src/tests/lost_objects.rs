@@ -15,7 +15,7 @@ const FILES: [&str; 5] = [
 ];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Loss {
+pub(super) enum Loss {
     Deleted,
     Emptied,
     Cut,
@@ -24,7 +24,7 @@ enum Loss {
     Exchanged,
 }
 
-async fn lose(store: &CorpusStore, file: &str, loss: Loss) {
+pub(super) async fn lose(store: &CorpusStore, file: &str, loss: Loss) {
     let name = object_of(store, file).await;
     let mut bytes = at(store).read(&name).await.unwrap().unwrap();
     let mut options = PutOptions::default();
