@@ -45,8 +45,10 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     }
     for id in &report.different {
         eprint_warning!(
-            "{id} differs from the store's and was left alone; move {} away to fetch it, or `dtd push` it",
-            args.out.join("scenarios").join(id).display()
+            "{id} differs from the store's and was left alone; move {} away to fetch it; to replace the store's, delete \
+             {}/scenarios/{id}/DONE.json and `dtd push`",
+            args.out.join("scenarios").join(id).display(),
+            store.name()
         );
     }
     Ok(fetched.end("fetched"))

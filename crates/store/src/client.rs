@@ -64,7 +64,7 @@ pub struct CorpusStore {
     pub(crate) bucket: Option<Arc<AmazonS3>>,
     /// The URL, for messages.
     pub(crate) name: String,
-    /// Longest wait for a store that does not answer.
+    /// Longest time without progress while the store does not answer.
     pub(crate) timeout: Duration,
 }
 
@@ -176,7 +176,7 @@ impl CorpusStore {
         StoreError::Failed {
             url: self.name.clone(),
             doing: format!("write {name}"),
-            message: "the store confirmed it, and does not have it as it was sent. If no other process writes there, a proxy or cache may \
+            message: "the store confirmed the write but did not store it. If no other process writes there, a proxy or cache may \
                       drop or change what is written: connect to the store itself, and run the same command again"
                 .into(),
         }
@@ -242,6 +242,10 @@ fn s3(url: &str, timeout: Duration) -> AmazonS3Builder {
 pub(crate) struct Retries {
     since: Instant,
     pause: Duration,
+    /// [`Connection::bytes`] when the current attempt began.
+    bytes_before: u64,
+    /// Bytes of the attempt that got furthest.
+    max_bytes: u64,
 }
 
 impl Connection<'_> {
@@ -258,11 +262,22 @@ impl Connection<'_> {
         Retries {
             since: Instant::now(),
             pause: FIRST_PAUSE,
+            bytes_before: self.bytes(),
+            max_bytes: 0,
         }
     }
 
     /// Waits before the next attempt, longer each time; returns the error of the last attempt once the timeout has passed.
+    ///
+    /// The timeout starts anew after an attempt that transferred more than all before. Bytes that are transferred again do not count:
+    /// a store that always breaks off at the same place would be retried forever.
     pub(crate) async fn wait(&self, retries: &mut Retries, error: StoreError) -> Result<()> {
+        let bytes = self.bytes() - retries.bytes_before;
+        if bytes > retries.max_bytes {
+            retries.max_bytes = bytes;
+            retries.since = Instant::now();
+            retries.pause = FIRST_PAUSE;
+        }
         if retries.pause == FIRST_PAUSE {
             self.watch.warn(&format!("retrying the store: {error}"));
         }
@@ -275,6 +290,7 @@ impl Connection<'_> {
             sleep(POLL_INTERVAL.min(until - Instant::now())).await;
         }
         retries.pause = (retries.pause * 2).min(MAX_PAUSE);
+        retries.bytes_before = self.bytes();
         Ok(())
     }
 
@@ -417,6 +433,7 @@ impl Connection<'_> {
             while let Some(bytes) = content.try_next().await.map_err(failed)? {
                 self.watch.check()?;
                 hasher.update(&bytes);
+                self.passed(bytes.len());
             }
             Ok(Some(hasher.finalize().to_string()))
         })

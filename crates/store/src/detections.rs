@@ -3,7 +3,7 @@
 //! stay, unless they are damaged.
 //!
 //! The record `detections/<model>.json` commits: it is sent last. A copy with its hash in the name is sent before, so that a changed
-//! record shows. Records from earlier versions have no such copy.
+//! record shows. Records from earlier versions have no such copy until they are pushed again.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use dataset::corpus::ScenarioFolder;
 use dataset::corpus::detections::{
     FOLDER, FOLDERS, Provenance, models_of, provenance, record_path,
 };
-use dataset::corpus::seal::{self, SealedFile, hash_bytes, hash_file, is_within};
+use dataset::corpus::seal::{SealedFile, hash_bytes, hash_file, is_within};
 use dataset::files::json_file::write_atomically;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
@@ -21,7 +21,6 @@ use crate::download::claim;
 use crate::error::{Result, StoreError};
 use crate::mirror::MirrorReport;
 use crate::stored::{Evidence, content_name, file_name};
-use crate::upload::size_of;
 
 /// Advice for detections that are damaged in the store.
 const MEND: &str = "`dtd push` from a folder that has them sends them again; without one, detect again with that model and push";
@@ -128,7 +127,7 @@ impl Connection<'_> {
         let commit = scenario_file(&id, &own.name);
         let copy = content_name(&own);
         let mut files = ours.tables(model);
-        files.push(own);
+        files.push(own.clone());
         let mut retries = self.retries();
         let (mut fault, mut before_push) = (None, None);
         loop {
@@ -136,12 +135,10 @@ impl Connection<'_> {
             let theirs = self.read_object(&commit).await?;
             let mut lost = Vec::new();
             for file in &files {
-                let path = seal::current_path(folder.root(), &file.name)?;
-                let evidence = Evidence::Note {
-                    bytes: Some(size_of(&path)?),
-                    e_tag: None,
-                };
-                if self.look(&id, file, evidence, &there).await?.is_err() {
+                // The record itself is no copy of it.
+                let is_there = *file != own || there.0.contains_key(&copy);
+                let looked = self.look(&id, file, Evidence::Content, &there).await?;
+                if !is_there || looked.is_err() {
                     lost.push(file);
                 }
             }

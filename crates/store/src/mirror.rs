@@ -173,12 +173,15 @@ impl Connection<'_> {
 
     /// Advice for a scenario that is damaged in the store. One that is not planned is neither pushed nor recorded.
     pub fn advice(&self, planned: &PlannedScenarios, id: &str) -> String {
+        let done = format!("{}/scenarios/{id}/DONE.json", self.store.name());
         if planned.has(id) {
-            "`dtd push` from a folder that has it whole sends what is missing; without one, `dtd generate` records it again".into()
-        } else {
-            let store = self.store.name();
             format!(
-                "plan.json has no such scenario: delete {store}/scenarios/{id}/DONE.json, which removes it from the corpus"
+                "`dtd push` from a folder that has it whole sends what is missing; without one, delete {done}, and `dtd generate` records it \
+                 again"
+            )
+        } else {
+            format!(
+                "plan.json has no such scenario: delete {done}, which removes it from the corpus"
             )
         }
     }

@@ -129,11 +129,19 @@ impl StoredSeal {
 
     /// Noted size and ETag, as far as they are known.
     fn evidence(&self, file: &SealedFile) -> Evidence<'_> {
-        let noted = self.noted(file);
-        let sealed_bytes = || self.seal.video_bytes.get(&file.name).copied();
+        let sealed = || Evidence::Note {
+            bytes: self.seal.video_bytes.get(&file.name).copied(),
+            e_tag: None,
+        };
+        self.noted(file).map_or_else(sealed, Noted::evidence)
+    }
+}
+
+impl Noted {
+    pub(crate) fn evidence(&self) -> Evidence<'_> {
         Evidence::Note {
-            bytes: noted.map(|noted| noted.bytes).or_else(sealed_bytes),
-            e_tag: noted.and_then(|noted| noted.e_tag.as_deref()),
+            bytes: Some(self.bytes),
+            e_tag: self.e_tag.as_deref(),
         }
     }
 }
@@ -306,20 +314,29 @@ impl Connection<'_> {
     }
 
     async fn faults(&self, id: &str, stored: &StoredSeal, there: &Objects) -> Result<Vec<Fault>> {
-        let files = if stored.objects.is_empty() {
-            match self.manifest(id, stored, there).await? {
-                Ok((_, files)) => files,
-                Err(fault) => return Ok(vec![fault]),
-            }
-        } else {
-            let noted = stored.objects.iter();
-            let files = noted.map(|(name, noted)| SealedFile {
-                name: name.clone(),
-                blake3: noted.blake3.clone(),
-            });
-            files.collect()
-        };
-        self.faults_of(id, &files, stored, there).await
+        match self.files_of(id, stored, there).await? {
+            Ok(files) => self.faults_of(id, &files, stored, there).await,
+            Err(fault) => Ok(vec![fault]),
+        }
+    }
+
+    /// Sealed files and the manifest, as the seal notes them or else the manifest lists them; or the manifest's fault.
+    pub(crate) async fn files_of(
+        &self,
+        id: &str,
+        stored: &StoredSeal,
+        there: &Objects,
+    ) -> Result<std::result::Result<Vec<SealedFile>, Fault>> {
+        if stored.objects.is_empty() {
+            let listed = self.manifest(id, stored, there).await?;
+            return Ok(listed.map(|(_, files)| files));
+        }
+        let noted = stored.objects.iter();
+        let files = noted.map(|(name, noted)| SealedFile {
+            name: name.clone(),
+            blake3: noted.blake3.clone(),
+        });
+        Ok(Ok(files.collect()))
     }
 
     /// Faults of the objects of sealed files.

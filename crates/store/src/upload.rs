@@ -1,7 +1,8 @@
 //! Uploads one scenario: all files first, then its seal, which commits them.
 //!
-//! The seal is created, or replaces one that was judged: damaged, or unlabelled and from the same recording if ours is labelled. A scenario
-//! counts as committed once seal and listing were read again and agree. A repeated upload sends only missing files.
+//! The seal is created, or replaces one that was judged: of the same recording, and damaged or, if ours is labelled, unlabelled. A damaged
+//! labelled copy is given back what it lost if ours is unlabelled. A scenario counts as committed once seal and listing were read again
+//! and agree. A repeated upload sends only missing files.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -10,7 +11,7 @@ use std::path::Path;
 
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::seal::sealed::Sealed;
-use dataset::corpus::seal::{self, DONE, MANIFEST, SealedFile};
+use dataset::corpus::seal::{self, DONE, MANIFEST, Seal, SealedFile};
 use dataset::files::outside_file::{self, FileKind};
 use object_store::{PutMultipartOptions, PutOptions, PutResult, WriteMultipart};
 use tokio::task::spawn_blocking;
@@ -37,8 +38,16 @@ pub enum Before {
     Nothing,
     /// It was committed without labels.
     Unlabelled,
-    /// It was committed and is not whole.
+    /// It was committed and was not whole.
     Damaged(Faults),
+}
+
+/// What an upload commits: our copy, or the store's with the files that it had lost.
+struct Commit {
+    before: Before,
+    seal: Seal,
+    /// The sealed files and the manifest.
+    files: Vec<SealedFile>,
 }
 
 /// Upload result.
@@ -68,6 +77,16 @@ struct LocalCopy<'a> {
     sealed: &'a Sealed,
     /// The sealed files and the manifest.
     files: Vec<SealedFile>,
+}
+
+impl LocalCopy<'_> {
+    fn commit(&self, before: Before) -> Commit {
+        Commit {
+            before,
+            seal: self.sealed.seal().clone(),
+            files: self.files.clone(),
+        }
+    }
 }
 
 impl Connection<'_> {
@@ -128,55 +147,60 @@ impl Connection<'_> {
         loop {
             let found = self.found_seal(&ours.id).await?;
             let there = self.objects(&ours.id).await?;
-            let before = match self.judge(&ours, found.as_ref(), &there).await? {
-                Ok(before) => before,
-                Err(Pushed::Same) => return Ok(committed.unwrap_or(Pushed::Same)),
-                Err(pushed) => return Ok(pushed),
+            let commit = match self.judge(&ours, found.as_ref(), &there).await? {
+                Ok(commit) => commit,
+                Err(Pushed::Other) => return Ok(Pushed::Other),
+                Err(pushed) => return Ok(committed.unwrap_or(pushed)),
             };
             // What this call has sent or committed is not there, or others have replaced it.
             if let Some(fault) = fault.take() {
                 self.wait(&mut retries, fault).await?;
             }
             // Only a whole copy may replace a whole one: the hashes of the files that are sent do not suffice.
-            if before == Before::Unlabelled
+            if commit.before == Before::Unlabelled
                 && let Some(fault) = seal::faults(folder.root())?.into_iter().next()
             {
                 return Err(damaged(fault));
             }
             let stored = found.as_ref().and_then(|found| found.stored.as_ref().ok());
-            let count = self.send_files(&ours, stored, &there, &mut sent).await?;
+            let files = &commit.files;
+            let count = self.send_files(&ours, files, stored, &there, &mut sent);
+            let count = count.await?;
             let listed = self.objects(&ours.id).await?;
             let is_lost = |file: &&SealedFile| {
                 let noted = sent.get(&file.name);
                 !noted.is_some_and(|noted| listed.has(file, noted))
             };
-            if let Some(lost) = ours.files.iter().find(is_lost) {
+            if let Some(lost) = files.iter().find(is_lost) {
                 fault = Some(self.store.not_kept(&scenario_file(&ours.id, &lost.name)));
                 continue;
             }
-            let stored = StoredSeal::new(sealed.seal().clone(), sent.clone());
+            let stored = StoredSeal::new(commit.seal, sent.clone());
             let version = found.as_ref().map(|found| &found.version);
             // A repeated request may meet what the first one wrote.
             self.replace(&done, &stored.to_json()?, version).await?;
             committed.get_or_insert(Pushed::Committed {
                 sent: count,
-                there: sealed.files().len() - count,
-                before,
+                there: files.len() - 1 - count,
+                before: commit.before,
             });
             fault = Some(self.store.not_kept(&done));
         }
     }
 
-    /// Compares our copy with the store's: the state that ours may replace, or why it stays.
+    /// Compares our copy with the store's: what to commit, or why the store's stays.
+    ///
+    /// # Errors
+    /// The store's copy has other parameters, or is damaged and may not be replaced by ours.
     async fn judge(
         &self,
         ours: &LocalCopy<'_>,
         found: Option<&FoundSeal>,
         there: &Objects,
-    ) -> Result<std::result::Result<Before, Pushed>> {
-        let damaged = |faults: Vec<Fault>| Ok(Ok(Before::Damaged(Faults(faults))));
+    ) -> Result<std::result::Result<Commit, Pushed>> {
+        let damaged = |faults| Ok(Ok(ours.commit(Before::Damaged(Faults(faults)))));
         let stored = match found.map(|found| &found.stored) {
-            None => return Ok(Ok(Before::Nothing)),
+            None => return Ok(Ok(ours.commit(Before::Nothing))),
             Some(Err(fault)) => return damaged(vec![fault.clone()]),
             Some(Ok(stored)) => stored,
         };
@@ -206,52 +230,92 @@ impl Connection<'_> {
             );
             return Err(self.store.damaged(&format!("scenarios/{id}"), message));
         }
-        let files = match self.manifest(id, stored, there).await? {
-            Ok((_, files)) => files,
-            Err(fault) => return damaged(vec![fault]),
-        };
-        let faults = self.faults_of(id, &files, stored, there).await?;
-        if !faults.is_empty() {
-            return damaged(faults);
-        }
-        let is_same_recording = videos_of(&ours.files) == videos_of(&files);
-        Ok(match (is_labelled(&ours.files), is_labelled(&files)) {
-            (true, false) if is_same_recording => Ok(Before::Unlabelled),
-            (false, true) if is_same_recording => Err(Pushed::Labelled),
-            _ => Err(Pushed::Other),
-        })
+        self.judge_content(ours, stored, there).await
     }
 
-    /// Sends all files and the manifest, unless they are there; returns how many files were sent.
+    /// Compares our copy with a different one in the store that has the same parameters.
+    async fn judge_content(
+        &self,
+        ours: &LocalCopy<'_>,
+        stored: &StoredSeal,
+        there: &Objects,
+    ) -> Result<std::result::Result<Commit, Pushed>> {
+        let id = &ours.id;
+        let damaged = |faults| Before::Damaged(Faults(faults));
+        let files = match self.files_of(id, stored, there).await? {
+            Ok(files) => files,
+            Err(fault) => return Ok(Ok(ours.commit(damaged(vec![fault])))),
+        };
+        let faults = self.faults_of(id, &files, stored, there).await?;
+        let is_same_recording = videos_of(&ours.files) == videos_of(&files);
+        let labels = (is_labelled(&ours.files), is_labelled(&files));
+        if faults.is_empty() {
+            return Ok(match labels {
+                (true, false) if is_same_recording => Ok(ours.commit(Before::Unlabelled)),
+                (false, true) if is_same_recording => Err(Pushed::Labelled),
+                _ => Err(Pushed::Other),
+            });
+        }
+        let removes_labels = labels == (false, true);
+        if is_same_recording && !removes_labels {
+            return Ok(Ok(ours.commit(damaged(faults))));
+        }
+        let is_lost = |file: &&SealedFile| faults.iter().any(|fault| fault.file == file.name);
+        let mut lost = files.iter().filter(is_lost);
+        if is_same_recording && lost.all(|file| ours.files.contains(file)) {
+            return Ok(Ok(Commit {
+                before: damaged(faults),
+                seal: stored.seal.clone(),
+                files,
+            }));
+        }
+        let (reason, needed) = if is_same_recording {
+            ("it has no labels", "a labelled copy")
+        } else {
+            (
+                "it is a different recording",
+                "a copy of the store's recording",
+            )
+        };
+        let message = format!(
+            "is damaged: {}; {} does not replace it, because {reason}; to mend it, push {needed}; to replace it, delete {}/{} and run the \
+             same command again",
+            Faults(faults),
+            ours.folder.root().display(),
+            self.store.name(),
+            scenario_file(id, DONE),
+        );
+        Err(self.store.damaged(&format!("scenarios/{id}"), message))
+    }
+
+    /// Sends these files, unless they are there; returns how many were sent, not counting the manifest. What nobody noted is read: the
+    /// store may have exchanged it since a killed upload.
     async fn send_files(
         &self,
         ours: &LocalCopy<'_>,
+        files: &[SealedFile],
         stored: Option<&StoredSeal>,
         there: &Objects,
         sent: &mut BTreeMap<String, Noted>,
     ) -> Result<usize> {
         let mut count = 0;
         let manifest = ours.sealed.manifest().as_bytes();
-        for file in &ours.files {
+        let own_manifest = manifest_file(ours.sealed.seal());
+        sent.retain(|name, noted| {
+            let is_sent = |file: &SealedFile| file.name == *name && file.blake3 == noted.blake3;
+            files.iter().any(is_sent)
+        });
+        for file in files {
             self.watch.check()?;
-            let is_manifest = file.name == MANIFEST;
-            let bytes = if is_manifest {
-                manifest.len() as u64
-            } else {
-                size_of(&seal::current_path(ours.folder.root(), &file.name)?)?
-            };
             let noted = sent.get(&file.name);
             let noted = noted.or_else(|| stored.and_then(|stored| stored.noted(file)));
-            let evidence = Evidence::Note {
-                bytes: Some(bytes),
-                e_tag: noted.and_then(|noted| noted.e_tag.as_deref()),
-            };
+            let evidence = noted.map_or(Evidence::Content, Noted::evidence);
             let noted = match self.look(&ours.id, file, evidence, there).await? {
                 Ok(noted) => noted,
-                Err(_) if is_manifest => {
+                Err(_) if *file == own_manifest => {
                     let name = scenario_file(&ours.id, &content_name(file));
                     let put = async || self.put_hashed(&name, manifest, &file.blake3).await;
-                    note(file, bytes, self.ask(put).await?)
+                    note(file, manifest.len() as u64, self.ask(put).await?)
                 }
                 Err(_) => {
                     count += 1;
@@ -391,7 +455,7 @@ fn videos_of(files: &[SealedFile]) -> BTreeMap<&str, &str> {
         .collect()
 }
 
-pub(crate) fn size_of(path: &Path) -> Result<u64> {
+fn size_of(path: &Path) -> Result<u64> {
     let about = fs::metadata(path).map_err(dataset::Error::io("read", path))?;
     Ok(about.len())
 }

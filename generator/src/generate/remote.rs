@@ -159,7 +159,7 @@ impl Remote {
             Ok(false) => {
                 tracing::warn!(
                     id,
-                    "stays on the stage, for the store has not all of its detections; send them with `dtd push {} {}`",
+                    "stays on the stage, because the store lacks some of its detections; send them with `dtd push {} {}`",
                     stage.root().display(),
                     self.store.name()
                 );

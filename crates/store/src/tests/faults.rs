@@ -2,6 +2,7 @@
 
 use super::copies::LocalCopy;
 use super::faulty_store::{Faults, FaultyStore};
+use super::lost_objects::{Loss, lose};
 use super::*;
 use crate::corpus_files::CorpusFiles;
 use object_store::local::LocalFileSystem;
@@ -12,6 +13,7 @@ fn behind(inner: &Arc<InMemory>, faults: Faults) -> CorpusStore {
     over(FaultyStore::over(inner.clone(), faults))
 }
 
+const RECORD: &str = "detections/abc.json";
 const SPLIT: &str =
     r#"{"by": "trajectory", "scenarios": {"a": {"trajectory": "x", "side": "train"}}}"#;
 
@@ -84,6 +86,31 @@ async fn a_storm_of_503_is_waited_for_and_an_outage_ends_in_time() {
         let error = push(&away, &ours).await.unwrap_err();
         assert!(error.is_passing(), "{error}");
         assert!(began.elapsed() <= TIMEOUT);
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn the_timeout_begins_anew_after_an_attempt_that_gets_further_than_all_before() {
+    let store = in_memory();
+    let cases: [(&[usize], usize); 5] = [
+        (&[], 1),
+        (&[5], 2),
+        (&[5, 7], 3),
+        (&[7, 7], 2),
+        (&[7, 5, 9], 2),
+    ];
+    for (bytes, attempts) in cases {
+        let connection = at(&store);
+        let mut made = 0;
+        // Every attempt takes as long as the timeout, and then breaks off.
+        let asked = connection.ask(async || {
+            connection.passed(bytes.get(made).copied().unwrap_or(0));
+            made += 1;
+            tokio::time::sleep(TIMEOUT).await;
+            Err::<(), _>(store.away("read it", "503"))
+        });
+        assert!(asked.await.unwrap_err().is_passing());
+        assert_eq!(made, attempts, "{bytes:?}");
     }
 }
 
@@ -213,7 +240,7 @@ async fn different_detections_stay_on_both_sides_unless_the_stores_are_damaged()
 }
 
 #[tokio::test]
-async fn exchanged_detections_are_not_taken_for_a_copy_of_the_local_ones() {
+async fn exchanged_detections_are_not_taken_for_a_copy_of_the_local_ones_and_sent_again() {
     let store = in_memory();
     let (_ours, ours) = corpus_with_record();
     detect(&ours, 0.5);
@@ -221,17 +248,31 @@ async fn exchanged_detections_are_not_taken_for_a_copy_of_the_local_ones() {
     let folder = ours.scenario(ID);
     push_detections(&store, &folder).await;
     assert!(at(&store).has_detections_of(&folder).await.unwrap());
-    let table = object_of(&store, "detections/abc.parquet").await;
-    let content = at(&store).read(&table).await.unwrap().unwrap();
-    let options = object_store::PutOptions {
-        attributes: store.attributes(&seal::hash_bytes(&content)),
-        ..object_store::PutOptions::default()
-    };
-    store
-        .put(&table, &vec![b'x'; content.len()], options)
-        .await
-        .unwrap();
+    lose(&store, "detections/abc.parquet", Loss::Exchanged).await;
     assert!(!at(&store).has_detections_of(&folder).await.unwrap());
+    let pushed = push_detections(&store, &folder).await;
+    assert_eq!(pushed.mended_detections, [MODEL]);
+    assert!(at(&store).has_detections_of(&folder).await.unwrap());
+}
+
+#[tokio::test]
+async fn a_record_of_detections_without_its_copy_gets_one() {
+    let store = in_memory();
+    let (_ours, ours) = corpus_with_record();
+    detect(&ours, 0.5);
+    push(&store, &ours).await.unwrap();
+    let folder = ours.scenario(ID);
+    push_detections(&store, &folder).await;
+    let objects = async || at(&store).objects(ID).await.unwrap().0.into_keys();
+    let is_copy = |name: &String| file_name(name) == RECORD && name != RECORD;
+    let copy = objects().await.find(is_copy).unwrap();
+    let key = store.key(&scenario_file(ID, &copy));
+    store.client.delete(&key).await.unwrap();
+    for expected in [vec![MODEL], vec![]] {
+        let pushed = push_detections(&store, &folder).await;
+        assert_eq!(pushed.mended_detections, expected);
+        assert!(objects().await.any(|name| name == copy));
+    }
 }
 
 #[tokio::test]
@@ -290,7 +331,7 @@ async fn one_damaged_scenario_stops_no_other() {
         .iter()
         .map(|(what, _)| what.as_str())
         .collect();
-    assert_eq!(refused[2..], ["broken", "lost"], "{refused:?}");
+    assert_eq!(refused[1..], [Corpus::PLAN, "broken", "lost"]);
     let done = folder.path().join("scenarios").join(ID).join(DONE);
     fs::write(done, "{").unwrap();
     let report = fetch_all(&store, folder.path()).await;

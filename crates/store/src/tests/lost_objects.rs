@@ -2,6 +2,7 @@
 
 use super::copies::LocalCopy;
 use super::faulty_store::{Faults, FaultyStore};
+use super::interleavings::read_all;
 use super::*;
 use object_store::PutOptions;
 
@@ -15,7 +16,7 @@ const FILES: [&str; 5] = [
 ];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Loss {
+pub(super) enum Loss {
     Deleted,
     Emptied,
     Cut,
@@ -24,7 +25,7 @@ enum Loss {
     Exchanged,
 }
 
-async fn lose(store: &CorpusStore, file: &str, loss: Loss) {
+pub(super) async fn lose(store: &CorpusStore, file: &str, loss: Loss) {
     let name = object_of(store, file).await;
     let mut bytes = at(store).read(&name).await.unwrap().unwrap();
     let mut options = PutOptions::default();
@@ -87,26 +88,43 @@ async fn what_the_store_lost_is_sent_again_by_every_whole_copy() {
 
 #[tokio::test]
 async fn a_damaged_copy_is_replaced_by_a_whole_one_and_an_unlabelled_one_by_labels() {
-    let [plain, labelled, ..] = LocalCopy::some();
+    let [plain, labelled, relabelled, other] = LocalCopy::some();
     let store = in_memory();
     assert!(push(&store, &labelled.corpus).await.is_ok());
     assert_eq!(push(&store, &plain.corpus).await.unwrap(), Pushed::Labelled);
+    let is_mended = |pushed: Pushed| {
+        matches!(
+            pushed,
+            Pushed::Committed {
+                before: Before::Damaged(_),
+                ..
+            }
+        )
+    };
+    // An unlabelled copy gives back a video and takes no labels.
+    lose(&store, "views/left.mp4", Loss::Deleted).await;
+    assert!(is_mended(push(&store, &plain.corpus).await.unwrap()));
+    let whole = |copy: &LocalCopy| Committed::Whole(copy.seal.clone());
+    assert_eq!(at(&store).state(ID).await.unwrap(), whole(&labelled));
     lose(&store, "boxes_truth.parquet", Loss::Deleted).await;
-    let pushed = push(&store, &plain.corpus).await.unwrap();
-    assert!(matches!(
-        pushed,
-        Pushed::Committed {
-            before: Before::Damaged(_),
-            ..
-        }
-    ));
+    for (copy, words) in [
+        (&plain, "it has no labels"),
+        (&other, "it is a different recording"),
+    ] {
+        let error = push(&store, &copy.corpus).await.unwrap_err();
+        assert!(error.is_of_scenario() && error.to_string().contains(words));
+    }
+    assert!(is_mended(push(&store, &relabelled.corpus).await.unwrap()));
+    assert_eq!(at(&store).state(ID).await.unwrap(), whole(&relabelled));
+    lose(&store, DONE, Loss::Deleted).await;
+    assert!(push(&store, &plain.corpus).await.is_ok());
     // A damaged labelled copy replaces nothing.
     let [_, damaged, ..] = LocalCopy::some();
     let table = damaged.folder().root().join("frames.parquet");
     fs::write(table, "damaged").unwrap();
     let refused = push(&store, &damaged.corpus).await.unwrap_err();
     assert!(refused.to_string().contains("frames.parquet"), "{refused}");
-    // Only the lost file is sent: the others are still there.
+    // Only the lost table is sent: the others are still there.
     let pushed = push(&store, &labelled.corpus).await.unwrap();
     let expected = Pushed::Committed {
         sent: 1,
@@ -114,6 +132,22 @@ async fn a_damaged_copy_is_replaced_by_a_whole_one_and_an_unlabelled_one_by_labe
         before: Before::Unlabelled,
     };
     assert_eq!(pushed, expected);
+}
+
+#[tokio::test]
+async fn what_a_killed_upload_left_is_read_before_it_is_noted() {
+    let (_folder, stores) = stores();
+    let [_, labelled, ..] = LocalCopy::some();
+    for store in stores {
+        assert!(push(&store, &labelled.corpus).await.is_ok());
+        for file in &FILES[..4] {
+            lose(&store, file, Loss::Exchanged).await;
+            lose(&store, DONE, Loss::Deleted).await;
+            assert!(push(&store, &labelled.corpus).await.is_ok());
+            let read = read_all(&store).await;
+            assert_eq!(read.as_ref(), Ok(&labelled.seal), "{file}");
+        }
+    }
 }
 
 #[tokio::test]

@@ -146,7 +146,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
         let id = scenario.id.as_str();
         let began = Instant::now();
         match self.push(id).await {
-            // The store has a whole copy: this one, or one that goes before it.
+            // The store has a whole copy, this one or a different one.
             Ok(pushed) => {
                 self.remote.forget_failure(id).await;
                 if !self.remote.keep_staged && !self.is_only_labelled_copy(id, &pushed) {
@@ -163,7 +163,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
             Err(StoreError::Stopped(_)) => self.tally.stays_staged(scenario),
             Err(error) if error.is_of_scenario() => {
                 let reason = format!(
-                    "{error}. Move {} away, then the scenario will be recorded again",
+                    "{error}. If {} is damaged, move it away, then the scenario will be recorded again",
                     self.stage.scenario(id).root().display()
                 );
                 self.reporter.tell(Event::Failed {
@@ -193,7 +193,7 @@ impl<'r, 'a> Uploader<'r, 'a> {
         }
         tracing::warn!(
             id,
-            "stays on the stage: it is labelled, and the store has a different copy of it; move it away to keep it"
+            "stays on the stage: it is labelled, and the store has a different copy of it"
         );
         true
     }
