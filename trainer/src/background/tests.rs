@@ -126,9 +126,9 @@ fn references_are_placed_by_one_another_and_come_back_from_their_files() {
     };
     let there = &backgrounds.views[0].references[1];
     assert!(
-        (there.turn_rad - moved().turn_rad).length() < 1e-4,
+        (there.direction.turn_rad - moved().turn_rad).length() < 1e-4,
         "{:?}",
-        there.turn_rad
+        there.direction.turn_rad
     );
     let (stored, png) = (backgrounds.stored(), backgrounds.png());
     let back = Backgrounds::of(&stored, &png).unwrap();
