@@ -350,11 +350,11 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it_with_what_to_do(
         let second = Answer::floats("output1", &[1, 84, 84], vec![0.0; 84 * 84]);
         Model::of(vec![columns_with(84, 80, 4), second])
     };
-    let yolox = || {
-        let row = objects_row(HIDDEN, 80, 4);
-        Model::of(vec![rows_with(84, 9, &row)])
+    let yolox = |setting| {
+        let model = Model::of(vec![rows_with(84, 9, &objects_row(HIDDEN, 80, 4))]);
+        model.with_settings(setting)
     };
-    let of_three = || Model::of(vec![columns_with(84, 3, 1)]);
+    let of_three = |settings| Model::of(vec![columns_with(84, 3, 1)]).with_settings(settings);
     let task = |task| [("task", task), ("names", "{0: 'airplane'}")];
     let (segment, classify) = (task("segment"), task("classify"));
     let black = [("dtd_profile", r#"{"input": {"scale": 0.0}}"#)];
@@ -416,19 +416,15 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it_with_what_to_do(
             ],
         ),
         (
-            of_three().with_settings("[input]\nsize_px = 416\n"),
+            of_three("[input]\nsize_px = 416\n"),
             &["input.size_px = 416", "windows of 64x64 px"],
         ),
         (
-            of_three().with_settings("layout = 'batch-corners'\n"),
-            &[
-                "layout = \"batch-corners\"",
-                "[boxes, 7]",
-                "Tensor<f32>(1, 7, 84)",
-            ],
+            of_three("layout = 'batch-corners'\n"),
+            &["\"batch-corners\"", "[boxes, 7]", "Tensor<f32>(1, 7, 84)"],
         ),
         (
-            of_three().with_settings("aircraft_clas = 1\n"),
+            of_three("aircraft_clas = 1\n"),
             &[
                 "model.onnx.toml:1:1",
                 "aircraft_clas",
@@ -437,11 +433,11 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it_with_what_to_do(
             ],
         ),
         (
-            yolox().with_settings("layout = 'yolox'\nbox_unit = 'normalized'\n"),
+            yolox("layout = 'yolox'\nbox_unit = 'normalized'\n"),
             &["box_form or box_unit", "layout is yolox"],
         ),
         (
-            yolox().with_settings("layout = 'yolox'\nbox_form = 'corners'\n"),
+            yolox("layout = 'yolox'\nbox_form = 'corners'\n"),
             &["box_form or box_unit", "layout is yolox"],
         ),
         (
