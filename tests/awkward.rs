@@ -253,44 +253,31 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
     watch.end().await;
 }
 
-/// Difference of the haze's images from the expected ones without the plugin's remedy for a habit.
-fn without_remedy(quirk: &str, change: (&str, &str, &str)) -> f64 {
+/// Fails unless the haze's images differ from the expected ones when the plugin lacks its remedy for a habit.
+fn assert_seen_without_remedy(quirk: &str, change: (&str, &str, &str)) {
     let folder = tempfile::tempdir().unwrap();
     let plugin = plugin::with(folder.path(), &[change]);
     let simulator = SimulatorProcess::start(DTD, "12", Some(quirk), &plugin);
     let corpus = made(&simulator, HAZE).unwrap();
-    farthest(&pictures(&corpus, HAZE), wanted("12", HAZE))
+    let apart = farthest(&pictures(&corpus, HAZE), wanted("12", HAZE));
+    assert!(apart > ALIKE, "{apart}");
 }
 
 #[test]
 fn the_comparison_of_pictures_sees_a_cockpit() {
-    let blind = (
-        "stage.py",
-        "return self._datarefs.get_or(names.VIEW_IS_EXTERNAL, 1.0) != 0",
-        "return True",
-    );
-    let apart = without_remedy("cockpit_view", blind);
-    assert!(apart > ALIKE, "{apart}");
+    let remedy = "return self._datarefs.get_or(names.VIEW_IS_EXTERNAL, 1.0) != 0";
+    assert_seen_without_remedy("cockpit_view", ("stage.py", remedy, "return True"));
 }
 
 #[test]
 fn the_comparison_of_pictures_sees_a_pop_up() {
-    let blind = (
-        "stage.py",
-        "by a command or a dataref.\"\"\"\n",
-        "by a command or a dataref.\"\"\"\n        return\n",
-    );
-    let apart = without_remedy("pop_ups", blind);
-    assert!(apart > ALIKE, "{apart}");
+    let start = "by a command or a dataref.\"\"\"\n";
+    let blind = format!("{start}        return\n");
+    assert_seen_without_remedy("pop_ups", ("stage.py", start, &blind));
 }
 
 #[test]
 fn the_comparison_of_pictures_sees_a_stale_frame() {
-    let blind = (
-        "capture.py",
-        "while stage.written - first < frames:",
-        "while stage.written - first < 1:",
-    );
-    let apart = without_remedy("stale_frames", blind);
-    assert!(apart > ALIKE, "{apart}");
+    let [remedy, blind] = ["frames", "1"].map(|n| format!("while stage.written - first < {n}:"));
+    assert_seen_without_remedy("stale_frames", ("capture.py", &remedy, &blind));
 }

@@ -163,62 +163,31 @@ fn every_layout_of_a_wide_model_gives_the_aircraft_at_its_place() {
     let planes = ultralytics("{0: 'drone', 1: 'plane', 2: 'bird'}");
     let airplanes = ultralytics(r#"{0: "drone", 1: "airplane"}"#);
     let coco = [("stride", "32"), ("names", "['person', 'airplane']")];
-    let corner = [40.0, 30.0];
     let settings = "layout = 'rows'\naircraft_class = 2\nbox_origin = 'pixel-corner'\n";
-    let cases: [(&str, Model<'_>, [f64; 2]); 13] = [
-        (
-            "v5, v7",
-            Model::of(vec![rows_with(3 * plain, 50, &hidden(80, 4))]),
-            corner,
-        ),
-        (
-            "v5, one class",
-            Model::of(vec![rows_with(3 * plain, 50, &hidden(1, 0))]),
-            corner,
-        ),
-        (
-            "v5, named",
-            Model::of(vec![rows_with(3 * plain, 50, &hidden(2, 1))]).with_metadata(&coco),
-            corner,
-        ),
-        ("v7 end to end", Model::of(vec![end_to_end]), corner),
-        ("efficient nms", Model::of(efficient_nms()), corner),
-        (
-            "v8, v11",
-            Model::of(vec![columns_with(plain, 80, 4)]),
-            corner,
-        ),
-        (
-            "v8, one class",
-            Model::of(vec![columns_with(plain, 1, 0)]),
-            corner,
-        ),
+    let one = |answer| Model::of(vec![answer]);
+    let rows = |count, at, classes, class| one(rows_with(count, at, &hidden(classes, class)));
+    let nms = one(final_rows(100, 1.0)).with_metadata(&airplanes);
+    let cases = [
+        ("v5, v7", rows(3 * plain, 50, 80, 4)),
+        ("v5, one class", rows(3 * plain, 50, 1, 0)),
+        ("v5, named", rows(3 * plain, 50, 2, 1).with_metadata(&coco)),
+        ("v7 end to end", one(end_to_end)),
+        ("efficient nms", Model::of(efficient_nms())),
+        ("v8, v11", one(columns_with(plain, 80, 4))),
+        ("v8, one class", one(columns_with(plain, 1, 0))),
         (
             "v11, named",
-            Model::of(vec![columns_with(plain, 3, 1)]).with_metadata(&planes),
-            corner,
+            one(columns_with(plain, 3, 1)).with_metadata(&planes),
         ),
-        ("v10, v26", Model::of(vec![final_rows(300, 4.0)]), corner),
-        (
-            "v11 with suppression",
-            Model::of(vec![final_rows(100, 1.0)]).with_metadata(&airplanes),
-            corner,
-        ),
-        ("yolox", Model::of(vec![yolox]), corner),
-        (
-            "ours",
-            Model::of(vec![rows_with(cells(&[8]), 50, &hidden(1, 0))]),
-            [40.5, 30.5],
-        ),
-        (
-            "settings",
-            Model::of(vec![rows_with(50, 7, &hidden(3, 2))]).with_settings(settings),
-            corner,
-        ),
+        ("v10, v26", one(final_rows(300, 4.0))),
+        ("v11 with suppression", nms),
+        ("yolox", one(yolox)),
+        ("settings", rows(50, 7, 3, 2).with_settings(settings)),
     ];
-    for (case, model, middle) in cases {
-        assert_reads_at(middle, case, model);
+    for (case, model) in cases {
+        assert_reads(case, model);
     }
+    assert_reads_at([40.5, 30.5], "ours", rows(cells(&[8]), 50, 1, 0));
 }
 
 /// Detects with a model of wide windows, and expects the hidden box in every image.
@@ -252,13 +221,9 @@ fn shapes_with_several_meanings_are_read_by_their_numbers_without_settings() {
         let row = |class: f32| [&[0.0][..], &CORNERS, &[SCORE, class]].concat();
         Answer::floats("flat_predictions", &[2, 7], [row(4.0), row(0.0)].concat())
     };
-    for (case, answer) in [
-        ("YOLO-NAS flat", of_nas),
-        (
-            "one class with a score of 1 everywhere, in parts of the window",
-            rows_of(&parts, |k| vec![if k == 9 { SCORE } else { 0.01 }, 1.0]),
-        ),
-    ] {
+    let certain = rows_of(&parts, |k| vec![if k == 9 { SCORE } else { 0.01 }, 1.0]);
+    let certain_case = "one class with a score of 1 everywhere, in parts of the window";
+    for (case, answer) in [("YOLO-NAS flat", of_nas), (certain_case, certain)] {
         assert_reads(case, Model::of(vec![answer]));
     }
 }
@@ -268,17 +233,16 @@ fn rt_detr_is_read_without_settings_in_all_its_versions() {
     let queries = candidates(P2).into_iter().map(normalized).take(300);
     let queries: Vec<_> = queries.collect();
     let three = "{0: 'drone', 1: 'airplane', 2: 'bird'}";
+    let two = "{0: 'drone', 1: 'airplane'}";
+    let best = rows_of(&queries, |k| best_of(k, 1).to_vec());
+    let all = |classes| rows_of(&queries, move |k| scores_of(k, classes, 1));
     for (case, names, answer) in [
-        (
-            "today's",
-            three,
-            rows_of(&queries, |k| best_of(k, 1).to_vec()),
-        ),
-        ("earlier", three, rows_of(&queries, |k| scores_of(k, 3, 1))),
+        ("today's", three, best),
+        ("earlier", three, all(3)),
         (
             "earlier with two classes, whose rows look like final boxes",
-            "{0: 'drone', 1: 'airplane'}",
-            rows_of(&queries, |k| scores_of(k, 2, 1)),
+            two,
+            all(2),
         ),
     ] {
         let head = [("task", "detect"), ("head", "RTDETRDecoder")];
@@ -386,11 +350,11 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it_with_what_to_do(
         let second = Answer::floats("output1", &[1, 84, 84], vec![0.0; 84 * 84]);
         Model::of(vec![columns_with(84, 80, 4), second])
     };
-    let yolox = || {
-        let row = objects_row(HIDDEN, 80, 4);
-        Model::of(vec![rows_with(84, 9, &row)])
+    let yolox = |setting| {
+        let model = Model::of(vec![rows_with(84, 9, &objects_row(HIDDEN, 80, 4))]);
+        model.with_settings(setting)
     };
-    let of_three = || Model::of(vec![columns_with(84, 3, 1)]);
+    let of_three = |settings| Model::of(vec![columns_with(84, 3, 1)]).with_settings(settings);
     let task = |task| [("task", task), ("names", "{0: 'airplane'}")];
     let (segment, classify) = (task("segment"), task("classify"));
     let black = [("dtd_profile", r#"{"input": {"scale": 0.0}}"#)];
@@ -452,19 +416,15 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it_with_what_to_do(
             ],
         ),
         (
-            of_three().with_settings("[input]\nsize_px = 416\n"),
+            of_three("[input]\nsize_px = 416\n"),
             &["input.size_px = 416", "windows of 64x64 px"],
         ),
         (
-            of_three().with_settings("layout = 'batch-corners'\n"),
-            &[
-                "layout = \"batch-corners\"",
-                "[boxes, 7]",
-                "Tensor<f32>(1, 7, 84)",
-            ],
+            of_three("layout = 'batch-corners'\n"),
+            &["\"batch-corners\"", "[boxes, 7]", "Tensor<f32>(1, 7, 84)"],
         ),
         (
-            of_three().with_settings("aircraft_clas = 1\n"),
+            of_three("aircraft_clas = 1\n"),
             &[
                 "model.onnx.toml:1:1",
                 "aircraft_clas",
@@ -473,11 +433,11 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it_with_what_to_do(
             ],
         ),
         (
-            yolox().with_settings("layout = 'yolox'\nbox_unit = 'normalized'\n"),
+            yolox("layout = 'yolox'\nbox_unit = 'normalized'\n"),
             &["box_form or box_unit", "layout is yolox"],
         ),
         (
-            yolox().with_settings("layout = 'yolox'\nbox_form = 'corners'\n"),
+            yolox("layout = 'yolox'\nbox_form = 'corners'\n"),
             &["box_form or box_unit", "layout is yolox"],
         ),
         (

@@ -366,6 +366,7 @@ fn labels_go_back_to_the_bucket_and_another_mirror_gets_them() {
         .unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     assert_eq!(number(&json(&output), "different"), SCENARIOS);
+    assert!(said(&output).contains("delete s3://"));
 }
 
 /// A copy of a corpus that may be changed.

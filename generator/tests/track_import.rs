@@ -110,6 +110,17 @@ fn import(folder: &Path, text: &str) -> TrackImport {
     import_tracks(&[file], &runway(), &out).unwrap()
 }
 
+/// Fails unless the track is refused alone, with a reason that has these words.
+fn assert_refused(text: &str, words: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let found = import(folder.path(), text);
+    assert_eq!(found.imported, [], "{words}");
+    let reason = &found.refused[0].reason;
+    assert!(reason.contains(words), "{words}: {reason}");
+    let flights = fs::read_dir(folder.path().join("flights"));
+    assert_eq!(flights.unwrap().count(), 0, "{words}");
+}
+
 fn only(import: &TrackImport) -> PathBuf {
     assert_eq!(import.refused, []);
     import.imported[0].recording.clone()
@@ -182,46 +193,22 @@ fn a_track_that_is_no_arrival_is_refused_with_the_reason() {
         });
         kept.cloned().collect::<Vec<_>>()
     };
-    let cases: [(&str, Vec<Report>, &str); 6] = [
-        (
-            "elsewhere",
-            moved(&|report| report.state.pose.latitude_deg += 5.0),
-            "never approaches",
-        ),
-        (
-            "another runway",
-            moved(&|report| report.state.pose.longitude_deg += 0.005),
-            "beside the centreline",
-        ),
-        ("a gap", far(4_000.0, 5_500.0), "no position for"),
-        ("an early end", far(-1e9, 5_000.0), "it ends"),
-        (
-            "level",
-            moved(&|report| report.state.pose.altitude_msl_m = 700.0),
-            "descends at",
-        ),
-        ("taxiing", far(-100.0, 1e9), "never approaches"),
+    let elsewhere = moved(&|report| report.state.pose.latitude_deg += 5.0);
+    let another_runway = moved(&|report| report.state.pose.longitude_deg += 0.005);
+    let level = moved(&|report| report.state.pose.altitude_msl_m = 700.0);
+    let (gap, early_end, taxiing) = (far(4_000.0, 5_500.0), far(-1e9, 5_000.0), far(-100.0, 1e9));
+    let cases = [
+        (elsewhere, "never approaches"),
+        (another_runway, "beside the centreline"),
+        (gap, "no position for"),
+        (early_end, "it ends"),
+        (level, "descends at"),
+        (taxiing, "never approaches"),
     ];
-    for (kind, reports, words) in cases {
-        let folder = tempfile::tempdir().unwrap();
-        let found = import(folder.path(), &csv(&reports, 0.0));
-        assert_eq!(found.imported, [], "{kind}");
-        assert!(
-            found.refused[0].reason.contains(words),
-            "{kind}: {:?}",
-            found.refused
-        );
-        assert_eq!(
-            fs::read_dir(folder.path().join("flights")).unwrap().count(),
-            0
-        );
+    for (reports, words) in cases {
+        assert_refused(&csv(&reports, 0.0), words);
     }
-    let folder = tempfile::tempdir().unwrap();
-    let found = import(folder.path(), "a,b\n1,2\n");
-    assert!(
-        found.refused[0].reason.contains("no column for timestamp"),
-        "{found:?}"
-    );
+    assert_refused("a,b\n1,2\n", "no column for timestamp");
 }
 
 #[test]
@@ -488,12 +475,7 @@ fn a_broken_recording_of_x_plane_is_refused_with_line_and_reason_and_pressure_al
         ),
         ("A\n4\nCOMM, nothing\n".to_owned(), "it has no positions"),
     ] {
-        let folder = tempfile::tempdir().unwrap();
-        let found = import(folder.path(), &text);
-        assert!(
-            found.refused[0].reason.contains(words),
-            "{words}: {found:?}"
-        );
+        assert_refused(&text, words);
     }
 }
 

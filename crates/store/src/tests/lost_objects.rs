@@ -92,14 +92,9 @@ async fn a_damaged_copy_is_replaced_by_a_whole_one_and_an_unlabelled_one_by_labe
     let store = in_memory();
     assert!(push(&store, &labelled.corpus).await.is_ok());
     assert_eq!(push(&store, &plain.corpus).await.unwrap(), Pushed::Labelled);
-    let is_mended = |pushed: Pushed| {
-        matches!(
-            pushed,
-            Pushed::Committed {
-                before: Before::Damaged(_),
-                ..
-            }
-        )
+    let is_mended = |pushed: Pushed| match pushed {
+        Pushed::Committed { before, .. } => matches!(before, Before::Damaged(_)),
+        _ => false,
     };
     // An unlabelled copy gives back a video and takes no labels.
     lose(&store, "views/left.mp4", Loss::Deleted).await;

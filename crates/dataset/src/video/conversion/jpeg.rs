@@ -112,8 +112,7 @@ mod tests {
         let coded = jpeg(Path::new("odd"), &rgb, [width, height]).unwrap();
         assert_eq!(&coded[..3], [0xff, 0xd8, 0xff]);
 
-        let named = decoder::find(Id::MJPEG).unwrap();
-        let context = context::Context::new_with_codec(named);
+        let context = context::Context::new_with_codec(decoder::find(Id::MJPEG).unwrap());
         let mut decoder = context.decoder().video().unwrap();
         decoder.send_packet(&Packet::copy(&coded)).unwrap();
         decoder.send_eof().unwrap();
