@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use ffmpeg_next::codec;
 use ffmpeg_next::{Packet, decoder, format, frame};
 
+use super::conversion::jpeg::{jpeg, jpeg_of_planes};
 use super::conversion::luma::Luma;
 use super::conversion::{self, Conversion, PicturePart};
 use super::{BYTES_PER_PIXEL, TimeBase, fault, open_stream, slice_threads};
@@ -210,6 +211,17 @@ impl VideoReader {
     pub fn planes(&self) -> Result<Option<Vec<u8>>> {
         self.check_size()?;
         Ok(conversion::planes(&self.coded))
+    }
+
+    /// The image that was decoded last, as JPEG. `path` names it in errors.
+    pub fn jpeg(&mut self, path: &Path) -> Result<Vec<u8>> {
+        let size_px = [self.width_px, self.height_px];
+        if let Some(planes) = self.planes()? {
+            return jpeg_of_planes(path, planes, size_px);
+        }
+        let mut rgb = Vec::new();
+        self.convert(&mut rgb)?;
+        jpeg(path, &rgb, size_px)
     }
 
     /// Converts only a part of the image.

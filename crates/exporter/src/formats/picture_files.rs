@@ -60,12 +60,11 @@ pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Value> {
             if !source.is_asked_for(row.tick) || source.is_left_out(view, row.tick) {
                 continue;
             }
-            decoded.convert(&mut rgb)?;
             let id = &source.record.id;
             let extension = stills.extension();
             let file = format!("{pictures}/{id}_{view}_{:06}.{extension}", row.tick);
             let path = scenario.folder.join(&file);
-            stills.write(&path, &rgb, decoded.size_px())?;
+            decoded.write(&path, stills, &mut rgb)?;
             written.push(Picture {
                 tick: row.tick,
                 time_ns: row.time_ns,

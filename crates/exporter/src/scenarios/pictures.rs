@@ -1,10 +1,14 @@
 //! Decoded view images, each checked against its tick's timestamp.
 
+use std::fs;
+use std::path::Path;
+
 use dataset::tables::frames::TickRow;
 use dataset::video::VideoReader;
 
 use super::source::Source;
 use crate::error::Result;
+use crate::still::StillFormat;
 
 /// A video that is being decoded.
 pub(crate) struct ViewPictures<'a> {
@@ -42,6 +46,21 @@ impl<'a> ViewPictures<'a> {
         Err(self
             .source
             .lost_picture(self.view, row.tick, expected, found))
+    }
+
+    /// Writes the image that was decoded last. `rgb` is memory that is used again.
+    pub(crate) fn write(
+        &mut self,
+        path: &Path,
+        form: StillFormat,
+        rgb: &mut Vec<u8>,
+    ) -> Result<()> {
+        if form == StillFormat::Jpeg {
+            let bytes = self.reader.jpeg(path)?;
+            return Ok(fs::write(path, bytes).map_err(dataset::Error::io("write", path))?);
+        }
+        self.convert(rgb)?;
+        form.write(path, rgb, self.size_px())
     }
 
     /// The image that was decoded last, as RGB.
