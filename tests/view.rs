@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use testkit::command::{Ending, Server};
 use testkit::judge_in_chromium;
 use tiny::{SCENARIOS, Tiny};
+use zune_jpeg::{JpegDecoder, zune_core::bytestream::ZCursor};
 
 /// A folder's server.
 struct Page {
@@ -27,15 +28,9 @@ struct Answer {
 
 impl Page {
     fn of(tiny: &Tiny, arguments: &[&str]) -> Self {
-        let fixed = [
-            "view",
-            "corpus",
-            "--port",
-            "0",
-            "--no-open",
-            "--until-stdin-ends",
-        ];
-        let server = Server::start(&mut tiny.dtd(&[&fixed[..], arguments].concat()));
+        let fixed = ["view", "corpus", "--port", "0"];
+        let alone = ["--no-open", "--until-stdin-ends"];
+        let server = Server::start(&mut tiny.dtd(&[&fixed[..], &alone, arguments].concat()));
         Self { server }
     }
 
@@ -92,7 +87,10 @@ impl Answer {
     fn image(&self) -> RgbImage {
         assert_eq!(self.status, 200, "{}", self.text());
         assert!(self.head.contains("content-type: image/jpeg"));
-        image::load_from_memory(&self.body).unwrap().to_rgb8()
+        let mut jpeg = JpegDecoder::new(ZCursor::new(&self.body));
+        let rgb = jpeg.decode().unwrap();
+        let (width, height) = jpeg.dimensions().unwrap();
+        RgbImage::from_raw(width as u32, height as u32, rgb).unwrap()
     }
 }
 
@@ -105,10 +103,8 @@ fn assert_near(found: &[f64], expected: impl Iterator<Item = f64>) {
     let expected: Vec<f64> = expected.collect();
     assert_eq!(found.len(), expected.len());
     for (found, expected) in found.iter().zip(expected) {
-        assert!(
-            (found - expected).abs() <= 5.1e-4,
-            "{found}, expected {expected}"
-        );
+        let off = (found - expected).abs();
+        assert!(off <= 5.1e-4, "{found}, expected {expected}");
     }
 }
 
