@@ -126,18 +126,19 @@ fn to_bt_601(brightness: &mut [u8], colours: &mut [u8], width: usize) {
     let colours = blueness
         .chunks_exact_mut(columns)
         .zip(redness.chunks_exact_mut(columns));
+    let mut brighter = vec![0_i16; width];
     for (rows, (blueness, redness)) in brightness.chunks_exact_mut(2 * width).zip(colours) {
-        let (upper, lower) = rows.split_at_mut(width);
-        let upper = upper.as_chunks_mut::<2>().0.iter_mut();
-        let pairs = upper.zip(lower.as_chunks_mut::<2>().0);
-        for ((upper, lower), (blue, red)) in pairs.zip(blueness.iter_mut().zip(redness)) {
+        let pairs = brighter.as_chunks_mut::<2>().0.iter_mut();
+        for (brighter, (blue, red)) in pairs.zip(blueness.iter_mut().zip(redness)) {
             let colour = [*blue, *red].map(|level| i32::from(level) - 128);
-            let brighter = level(BRIGHTER, colour, 16);
-            for level in upper.iter_mut().chain(lower) {
-                *level = (i32::from(*level) + brighter).clamp(0, 255) as u8;
-            }
+            *brighter = [level(BRIGHTER, colour, 16) as i16; 2];
             *blue = (level(BLUER, colour, 16) + 128).clamp(0, 255) as u8;
             *red = (level(REDDER, colour, 16) + 128).clamp(0, 255) as u8;
+        }
+        for row in rows.chunks_exact_mut(width) {
+            for (level, brighter) in row.iter_mut().zip(&brighter) {
+                *level = (i16::from(*level) + brighter).clamp(0, 255) as u8;
+            }
         }
     }
 }
