@@ -1,4 +1,4 @@
-//! No verb follows or replaces what others put into a folder. Whole places of others are wrong arguments (src/output_arg/tests.rs).
+//! No verb follows or replaces what others put into a folder. Whole places of others are wrong arguments (src/args/shared/output/tests.rs).
 
 use std::collections::BTreeMap;
 use std::fs;

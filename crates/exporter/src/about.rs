@@ -84,8 +84,8 @@ impl About {
             "# {name}\n\n{name}: landing approaches of an aircraft, seen by synchronised, calibrated cameras, with its pose, its boxes in the \
              images and its distance to touchdown at every tick.\n\nRecorded by dtd from the simulator {simulators}, in lockstep: each image \
              was drawn for the pose and the camera of its tick. The splits are by trajectory: no flown path is in two of them. Distances \
-             and ground-truth boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; nobody drew \
-             them."
+             and ground-truth boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; none was \
+             drawn by hand."
         );
         if !self.models.is_empty() {
             let models = joined(&self.models);

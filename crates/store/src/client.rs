@@ -269,7 +269,7 @@ impl Connection<'_> {
 
     /// Waits before the next attempt, longer each time; returns the error of the last attempt once the timeout has passed.
     ///
-    /// The timeout starts anew after an attempt that transferred more than all before. Bytes that are transferred again do not count:
+    /// An attempt that transferred more than all earlier ones restarts the timeout. Bytes that are transferred again do not count:
     /// a store that always breaks off at the same place would be retried forever.
     pub(crate) async fn wait(&self, retries: &mut Retries, error: StoreError) -> Result<()> {
         let bytes = self.bytes() - retries.bytes_before;

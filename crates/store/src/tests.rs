@@ -95,7 +95,7 @@ fn stores() -> (TempDir, [CorpusStore; 2]) {
     (folder, [in_memory(), in_folder])
 }
 
-/// A connection that nobody watches.
+/// A connection without a watch.
 fn at(store: &CorpusStore) -> Connection<'_> {
     store.watched(&Silent)
 }

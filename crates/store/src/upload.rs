@@ -42,7 +42,7 @@ pub enum Before {
     Damaged(Faults),
 }
 
-/// What an upload commits: our copy, or the store's with the files that it had lost.
+/// The copy that an upload commits: ours, or the store's with the files that it had lost.
 struct Commit {
     before: Before,
     seal: Seal,
@@ -288,8 +288,8 @@ impl Connection<'_> {
         Err(self.store.damaged(&format!("scenarios/{id}"), message))
     }
 
-    /// Sends these files, unless they are there; returns how many were sent, not counting the manifest. What nobody noted is read: the
-    /// store may have exchanged it since a killed upload.
+    /// Sends the files that the store lacks, and returns their number without the manifest. An object without a note is read: the store
+    /// may have exchanged it since a killed upload.
     async fn send_files(
         &self,
         ours: &LocalCopy<'_>,

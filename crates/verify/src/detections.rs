@@ -236,7 +236,7 @@ fn check_registration_counts(
     }
 }
 
-/// Compares the counts in a record with those of its table, and its time with possible ones.
+/// Compares the counts in a record with its table, and checks that its time is possible.
 fn check_numbers(
     file: &str,
     counts: &[(&str, Option<u64>, Option<usize>)],

@@ -69,7 +69,7 @@ impl Provider {
                  names"
             }
             Self::OpenVino => {
-                "the Python package onnxruntime-openvino has it; a GPU needs Intel's driver, too"
+                "the Python package onnxruntime-openvino has it; a GPU also needs Intel's driver"
             }
             Self::CoreMl => "builds of ONNX Runtime for macOS have it",
             Self::DirectMl => {

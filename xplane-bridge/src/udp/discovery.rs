@@ -79,7 +79,7 @@ fn note(found: &mut BTreeMap<SocketAddr, Beacon>, address: SocketAddr, beacon: B
 /// The one simulator that announces itself within `time`, at an address where it answers.
 ///
 /// # Errors
-/// None or several simulators announced themselves ([`BridgeError::SeveralAnnounced`]), or this computer cannot listen to the beacon.
+/// No simulator announced itself, or several did ([`BridgeError::SeveralAnnounced`]), or this computer cannot listen to the beacon.
 pub async fn the_announced(time: Duration, local: &LocalUdp) -> Result<Announced, BridgeError> {
     choose(announced(time).await?, time, local).await
 }

@@ -56,7 +56,7 @@ impl Pose {
         }
     }
 
-    /// The same attitude at another position.
+    /// This pose's attitude at a different position.
     pub fn moved_to(self, position: Geodetic) -> Self {
         Self {
             latitude_deg: position.latitude_deg,

@@ -30,7 +30,7 @@ impl CpuTime {
         self.decode + self.convert + self.infer + self.rest
     }
 
-    /// The same stages in another unit.
+    /// Times of all stages in a different unit.
     #[must_use]
     pub fn map(&self, in_unit: impl Fn(f64) -> f64) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! Single images as JPEG, by FFmpeg's encoder, which is several times faster than the one of `image`.
+//! Single images as JPEG, by FFmpeg's encoder (benches/export_jpeg.py compares it with OpenCV's).
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use ffmpeg_next::{Dictionary, Packet, Rational, color, frame};
 use crate::error::Result;
 use crate::video::{BYTES_PER_PIXEL, fault, start_ffmpeg};
 
-/// The encoder's finest quantiser: grey levels change by 0.3 on average and by 6 at most, as with quality 95 of libjpeg.
+/// The encoder's finest quantiser.
 const QUANTISER: &str = "1";
 /// Red, green and blue of brightness, blueness and redness in JPEG (BT.601, full range), over 65,536.
 const BRIGHTNESS: [i32; BYTES_PER_PIXEL] = [19_595, 38_470, 7_471];
@@ -31,7 +31,7 @@ pub fn jpeg(path: &Path, rgb: &[u8], size_px: [u32; 2]) -> Result<Vec<u8>> {
     encode(&planes, size_px).map_err(|e| fault(path, "encode it as JPEG", e))
 }
 
-/// The same for the planes of a decoded image ([`super::planes`]), which takes two thirds of the time.
+/// [`jpeg`] of a decoded image from its planes ([`super::planes`]), without converting it to RGB and back.
 pub(in crate::video) fn jpeg_of_planes(
     path: &Path,
     mut planes: Vec<u8>,
