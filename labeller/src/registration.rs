@@ -13,14 +13,12 @@
 
 mod expected;
 mod fit;
-mod linear;
 mod patch;
 
 use dataset::tables::registrations::{NoShift, Shift, is_within_limits};
 use glam::DVec2;
 
 pub(crate) use expected::ExpectedDifference;
-pub(crate) use linear::Normal;
 pub(crate) use patch::EDGE_PX;
 pub use patch::Patch;
 
@@ -44,7 +42,7 @@ const MARGIN_PX: f64 = 4.0;
 const SEARCH_PX: f64 = 6.0;
 const SEARCH_PART: f64 = 0.1;
 /// Least correlation. Of 1,340 pairs of the demo's corpus none that shows the aircraft in both views is below 0.65.
-pub(crate) const MIN_CORRELATION: f64 = 0.6;
+const MIN_CORRELATION: f64 = 0.6;
 /// Minimum ratio of the aircraft's extreme pixel to the noise. The extreme of a few hundred noise pixels is about 3.
 const MIN_CONTRAST: f64 = 4.0;
 /// Range of the ratio of contrasts; beyond it, one of the images does not show the aircraft, or as a negative.

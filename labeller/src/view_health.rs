@@ -5,7 +5,6 @@
 //! moved earlier is up to the comparison between flights. Rules look at some seconds and ticks around each tick; a state needs a large and
 //! certain deviation, so that a healthy camera has no findings.
 
-mod camera_motion;
 mod frozen;
 mod live;
 #[cfg(test)]
@@ -14,17 +13,20 @@ pub(crate) mod view_lag;
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::spread::{self, deviation_from_zero};
+use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::health::{CameraTurn, HealthState};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
+use sight::background::{Background, Collected};
+use sight::ground::Motion;
+use sight::watched::{Measured, Watched};
 
-use camera_motion::{CameraMotion, Measured, Turn};
 pub(crate) use frozen::Change;
 use live::LiveHealth;
 
 /// Version of the measurement; health of other versions is measured again.
-pub(crate) const METHOD: u32 = 8;
+pub(crate) const METHOD: u32 = 9;
 
 /// Ticks and seconds around a tick that decide about it.
 const AROUND_TICKS: usize = 5;
@@ -75,14 +77,28 @@ impl Look {
 
 /// Judges a camera's consecutive images. Memory does not grow with their number.
 pub(crate) struct CameraWatch {
-    motion: CameraMotion,
+    motion: Watched,
+    background: Collected,
+    /// Tick of the last image of the background.
+    background_tick: u32,
     live: LiveHealth,
+}
+
+/// What an image shows of its camera.
+pub(crate) struct CameraLook {
+    pub(crate) look: Look,
+    /// Its condition, by the images up to now.
+    pub(crate) state: HealthState,
+    /// The background, if it is complete with this image.
+    pub(crate) background: Option<Background>,
 }
 
 impl CameraWatch {
     pub(crate) fn new(camera: &Camera) -> Self {
         Self {
-            motion: CameraMotion::new(camera),
+            motion: Watched::new(camera),
+            background: Collected::new(camera),
+            background_tick: 0,
             live: LiveHealth::default(),
         }
     }
@@ -95,11 +111,43 @@ impl CameraWatch {
         images: [Option<Luma<'_>>; 2],
         best: Option<PixelBox>,
         counted: Option<PixelBox>,
-    ) -> (Look, HealthState) {
-        let turn = images[1].as_ref().and_then(|image| self.motion.next(image));
+    ) -> CameraLook {
+        let mut turn = None;
+        let mut background = None;
+        if let Some(image) = &images[1] {
+            turn = self.motion.next(image);
+            let is_hidden = !self.motion.has_begun();
+            if self.background.take(image, turn, is_hidden) {
+                self.background_tick = at.0;
+            }
+            if self.background.is_complete() && self.background_tick == at.0 {
+                background = self.background.background();
+            }
+        }
         let look = Look::of(at, turn, images, best);
         let state = self.live.next(&look, counted, images);
-        (look, state)
+        CameraLook {
+            look,
+            state,
+            background,
+        }
+    }
+
+    /// The background of the whole flight, relative to whose direction the usual one is given; `None` without an image.
+    pub(crate) fn background(&self, view: &str, usual: Option<Measured>) -> Option<ViewBackground> {
+        let background = self.background.background()?;
+        let usual = usual.unwrap_or(Measured {
+            turn: background.turn,
+            sd_px: 0.0,
+        });
+        Some(ViewBackground {
+            tick: self.background_tick,
+            view: view.to_owned(),
+            images: background.images,
+            top_px: background.top_px as u32,
+            usual: camera_turn(&off_from(usual, background.turn), 0.0),
+            png: background.png(),
+        })
     }
 }
 
@@ -111,7 +159,7 @@ pub(crate) fn judge(
     let frozen = frozen::frozen(looks, confirmed);
     let usual = usual(looks);
     let off: Vec<Option<Measured>> = (looks.iter())
-        .map(|look| Some(look.turn?.off_from(usual?.turn)))
+        .map(|look| Some(off_from(look.turn?, usual?.turn)))
         .collect();
     let states: Vec<Option<HealthState>> = (0..looks.len())
         .map(|tick| direction_at(tick, looks, &off))
@@ -128,49 +176,43 @@ pub(crate) fn judge(
         }
         None => HealthState::Unknown,
     };
-    (0..looks.len())
-        .map(|tick| {
-            let turn = off[tick].zip(usual);
-            let turn = turn.map(|(off, usual)| off.as_camera_turn(usual.sd_px));
-            let state = if frozen[tick] {
-                HealthState::Frozen
-            } else {
-                known(tick)
-            };
-            (state, turn)
-        })
-        .collect()
+    let judged = (0..looks.len()).map(|tick| {
+        let turn = off[tick].zip(usual);
+        let turn = turn.map(|(off, usual)| camera_turn(&off, usual.sd_px));
+        let state = if frozen[tick] {
+            HealthState::Frozen
+        } else {
+            known(tick)
+        };
+        (state, turn)
+    });
+    judged.collect()
 }
 
-impl Measured {
-    /// The direction relative to the usual one.
-    fn off_from(self, usual: Turn) -> Self {
-        Self {
-            turn: Turn {
-                shift_px: self.turn.shift_px - usual.shift_px,
-                roll_rad: self.turn.roll_rad - usual.roll_rad,
-            },
-            ..self
-        }
+/// The direction relative to the usual one.
+fn off_from(measured: Measured, usual: Motion) -> Measured {
+    Measured {
+        turn: measured.turn.after(usual.back()),
+        ..measured
     }
+}
 
-    /// The turn from a usual direction with this standard deviation, whose error is the same at each tick.
-    fn as_camera_turn(&self, usual_sd_px: f64) -> CameraTurn {
-        CameraTurn {
-            shift_x_px: self.turn.shift_px.x,
-            shift_y_px: self.turn.shift_px.y,
-            roll_deg: self.turn.roll_rad.to_degrees(),
-            shift_sd_px: self.sd_px.hypot(usual_sd_px.min(MAX_USUAL_SD_PX)),
-        }
+/// The turn from a usual direction with this standard deviation, whose error is the same at each tick.
+fn camera_turn(measured: &Measured, usual_sd_px: f64) -> CameraTurn {
+    CameraTurn {
+        shift_x_px: measured.turn.shift_px.x,
+        shift_y_px: measured.turn.shift_px.y,
+        roll_deg: measured.turn.roll_rad.to_degrees(),
+        shift_sd_px: measured.sd_px.hypot(usual_sd_px.min(MAX_USUAL_SD_PX)),
     }
+}
 
-    fn tolerated_px(&self) -> f64 {
-        MIN_OFF_PX.max(MIN_OFF_SD * self.sd_px)
-    }
+fn tolerated_px(measured: &Measured) -> f64 {
+    MIN_OFF_PX.max(MIN_OFF_SD * measured.sd_px)
+}
 
-    fn is_off_from(&self, direction_px: DVec2) -> bool {
-        self.turn.shift_px.distance(direction_px) > self.tolerated_px()
-    }
+fn is_off_from(measured: &Measured, direction_px: DVec2) -> bool {
+    measured.turn.shift_px.distance(direction_px) > tolerated_px(measured)
 }
 
 fn around(tick: usize, looks: &[Look]) -> std::ops::Range<usize> {
@@ -187,8 +229,8 @@ fn around(tick: usize, looks: &[Look]) -> std::ops::Range<usize> {
 
 /// The direction in which the flight begins, averaged over all ticks with this direction. A shaking camera leaves the mean uncertain, by
 /// its scatter over the root of their number: ticks count as independent, as they are at low image rates.
-fn usual(looks: &[Look]) -> Option<Measured> {
-    let turns: Vec<Turn> = looks
+pub(crate) fn usual(looks: &[Look]) -> Option<Measured> {
+    let turns: Vec<Motion> = looks
         .iter()
         .filter_map(|look| Some(look.turn?.turn))
         .collect();
@@ -210,7 +252,7 @@ fn usual(looks: &[Look]) -> Option<Measured> {
     let scatter_px = deviation_from_zero(off.map(|(turn, median)| turn.shift_px.distance(*median)));
     let tolerated_px = SAME_PX.max(SCATTER * scatter_px);
     let mut direction_px = *medians.first()?;
-    let mut there: Vec<&Turn> = Vec::new();
+    let mut there: Vec<&Motion> = Vec::new();
     for _ in 0..3 {
         let places = turns.iter().zip(&medians);
         there = places
@@ -223,16 +265,17 @@ fn usual(looks: &[Look]) -> Option<Measured> {
         direction_px = median(there.iter().map(|turn| turn.shift_px));
     }
     // One wild measurement must not move the mean.
-    let is_near = |turn: &&&Turn| turn.shift_px.distance(direction_px) <= 2.0 * tolerated_px;
-    let near: Vec<&Turn> = there.iter().filter(is_near).copied().collect();
+    let is_near = |turn: &&&Motion| turn.shift_px.distance(direction_px) <= 2.0 * tolerated_px;
+    let near: Vec<&Motion> = there.iter().filter(is_near).copied().collect();
     let count = near.len().max(1) as f64;
     let shift_px = near.iter().map(|turn| turn.shift_px).sum::<DVec2>() / count;
     let off_px = near.iter().map(|turn| turn.shift_px - shift_px);
     let squares: DVec2 = off_px.map(|off_px| off_px * off_px).sum();
     Some(Measured {
-        turn: Turn {
+        turn: Motion {
             shift_px,
             roll_rad: near.iter().map(|turn| turn.roll_rad).sum::<f64>() / count,
+            ..Motion::default()
         },
         sd_px: (squares.max_element() / (count - 1.0).max(1.0) / count).sqrt(),
     })
@@ -244,21 +287,21 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Measured>]) -> Option
     let around = around(tick, looks);
     let measured = |range: std::ops::Range<usize>| off[range].iter().flatten();
     let median = median(measured(around.clone()).map(|off| off.turn.shift_px));
-    let off_ticks = measured(around.clone()).filter(|off| off.is_off_from(DVec2::ZERO));
-    let is_moved = median.length() > own.tolerated_px() && off_ticks.count() >= MIN_MOVED;
+    let off_ticks = measured(around.clone()).filter(|off| is_off_from(off, DVec2::ZERO));
+    let is_moved = median.length() > tolerated_px(&own) && off_ticks.count() >= MIN_MOVED;
     // A step has scatter on a single side, about the direction of the other.
     let scatters = |range: std::ops::Range<usize>| {
         let many = range.len().div_ceil(5).max(2);
         range.is_empty()
             || measured(range)
-                .filter(|off| off.is_off_from(median))
+                .filter(|off| is_off_from(off, median))
                 .count()
                 >= many
     };
     let is_shaking =
         around.len() > 2 && scatters(around.start..tick) && scatters(tick + 1..around.end)
-            || !is_moved && own.is_off_from(DVec2::ZERO)
-            || is_moved && own.is_off_from(median);
+            || !is_moved && is_off_from(&own, DVec2::ZERO)
+            || is_moved && is_off_from(&own, median);
     Some(match (is_shaking, is_moved) {
         (true, _) => HealthState::Shaking,
         (false, true) => HealthState::Moved,

@@ -6,7 +6,7 @@
 //!   scenarios/1700-foggy-r3/
 //!     scenario.json  calibration.json  frames.parquet  boxes_truth.parquet
 //!     views/<camera>.mp4  (.mov for FFV1)  detections/<model>.parquet  detections/<model>.json
-//!     registrations/<model>.parquet  health/<model>.parquet
+//!     registrations/<model>.parquet  health/<model>.parquet  backgrounds/<model>.parquet
 //!     MANIFEST.b3  DONE.json
 //! ```
 

@@ -391,6 +391,7 @@ fn write_detection(claim: &Claim, folder: &ScenarioFolder, detection: Detection)
         // The scenario has one view; a table without rows travels like any other.
         registrations: Some(&[]),
         health: Some(&[]),
+        backgrounds: None,
     };
     detections::replace(claim, &source, &detector, "abc", tables, record).unwrap();
 }

@@ -204,6 +204,7 @@ impl SyntheticCorpus {
                 detections: &detections,
                 registrations: registrations.as_deref(),
                 health: None,
+                backgrounds: None,
             },
             |made| made,
         )

@@ -265,6 +265,7 @@ impl ScenarioJob {
         let ViewFindings {
             detections,
             mut health,
+            backgrounds,
             windows,
             cpu_s,
         } = ViewFindings::together(views);
@@ -300,6 +301,7 @@ impl ScenarioJob {
         });
         let tables = NewTables {
             health: Some(&health),
+            backgrounds: Some(&backgrounds),
             detections: &detections,
             registrations: registered
                 .as_ref()

@@ -5,6 +5,7 @@ use dataset::geometry::camera::Camera;
 use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
+use sight::background::Background;
 
 use super::mode::Mode;
 use super::pairs::best_box::best_of;
@@ -14,7 +15,7 @@ use crate::detector::Detector;
 use crate::error::Result;
 use crate::registration::Patch;
 use crate::tiling::TilingSettings;
-use crate::view_health::CameraWatch;
+use crate::view_health::{CameraLook, CameraWatch};
 
 /// Search image by image.
 pub struct ViewSearch {
@@ -36,6 +37,8 @@ pub struct ImageFindings {
     pub mode: SearchMode,
     /// Camera condition, by the images up to now.
     pub camera: HealthState,
+    /// What the camera sees around the aircraft, with the image that completes it.
+    pub background: Option<Background>,
 }
 
 /// A box that belongs to a track.
@@ -81,7 +84,9 @@ impl ViewSearch {
         let counted = best_of(boxes.iter().filter(|found| found.counts).map(ranked));
         let at = (self.images, time_s);
         self.images = self.images.wrapping_add(1);
-        let (_, state) = self.camera.look(at, image.lumas(), best, counted);
+        let CameraLook {
+            state, background, ..
+        } = self.camera.look(at, image.lumas(), best, counted);
         let patch = patch(image, best)?;
         let seen = |found: &Tracked| SeenBox {
             pixel_box: found.pixel_box,
@@ -94,6 +99,7 @@ impl ViewSearch {
             patch,
             mode,
             camera: state,
+            background,
         })
     }
 }

@@ -9,9 +9,11 @@ mod timed;
 use dataset::corpus::detections::{Detection, Detections, Miss, MissReason, SearchMode};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::geometry::camera::Camera;
+use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
+use sight::watched::Measured;
 
 use super::mode::Mode;
 use super::pairs::best_box::best_of;
@@ -23,7 +25,7 @@ use crate::error::Result;
 use crate::registration::Patch;
 use crate::tiling::TilingSettings;
 use crate::tracking::{Hindsight, TrackedBox};
-use crate::view_health::{CameraWatch, Look, judge};
+use crate::view_health::{CameraLook, CameraWatch, Look, judge, usual};
 use cpu_time::{CpuClock, CpuTime};
 use timed::Timed;
 
@@ -50,6 +52,8 @@ pub(crate) struct ViewFindings {
     pub(crate) detections: Detections,
     /// Condition of the camera at each tick, if it was asked for.
     pub(crate) health: Vec<ViewHealth>,
+    /// What the camera saw around the aircraft, if it was asked for.
+    pub(crate) backgrounds: Vec<ViewBackground>,
     /// Windows that the model was run on.
     pub(crate) windows: u64,
     pub(crate) cpu_s: CpuTime,
@@ -63,6 +67,7 @@ impl ViewFindings {
             all.detections.boxes.extend(view.detections.boxes);
             all.detections.misses.extend(view.detections.misses);
             all.health.extend(view.health);
+            all.backgrounds.extend(view.backgrounds);
             all.windows += view.windows;
             all.cpu_s += view.cpu_s;
         }
@@ -119,7 +124,8 @@ pub(crate) fn search_view(
             let counts = |found: &&Detection| found.counts_live.unwrap_or(found.confirmed);
             let counted = best_of(found.boxes.iter().filter(counts).map(ranked));
             let at = (tick.tick, tick.time_s);
-            looks.push(camera.look(at, pictures.lumas(), best, counted));
+            let CameraLook { look, state, .. } = camera.look(at, pictures.lumas(), best, counted);
+            looks.push((look, state));
         }
         picture_done(PictureDone {
             tick: tick.tick,
@@ -133,8 +139,11 @@ pub(crate) fn search_view(
         Source::Search(search) => search.finish(&mut detections),
         Source::Known(_) => 0,
     };
+    let (health, usual) = health_of(&view.id, looks, &detections);
+    let backgrounds = camera.and_then(|camera| camera.background(&view.id, usual));
     Ok(ViewFindings {
-        health: health_of(&view.id, &looks, &detections),
+        health,
+        backgrounds: backgrounds.into_iter().collect(),
         detections,
         windows,
         cpu_s: clock.spent(),
@@ -145,13 +154,13 @@ fn ranked(found: &Detection) -> (bool, f64, PixelBox) {
     (found.confirmed, found.score, found.pixel_box)
 }
 
-/// Health rows.
+/// Health rows, and the usual direction that turns are relative to.
 fn health_of(
     view: &str,
-    looks: &[(Look, HealthState)],
+    looks: Vec<(Look, HealthState)>,
     detections: &Detections,
-) -> Vec<ViewHealth> {
-    let (looks, live): (Vec<Look>, Vec<HealthState>) = looks.iter().copied().unzip();
+) -> (Vec<ViewHealth>, Option<Measured>) {
+    let (looks, live): (Vec<Look>, Vec<HealthState>) = looks.into_iter().unzip();
     let confirmed: Vec<Option<PixelBox>> = (looks.iter())
         .map(|look| {
             let first = (detections.boxes).partition_point(|found| found.tick < look.tick);
@@ -162,7 +171,7 @@ fn health_of(
         .collect();
     let judged = judge(&looks, &confirmed);
     let rows = looks.iter().zip(live).zip(judged);
-    rows.map(|((look, state_live), (state, motion))| ViewHealth {
+    let rows = rows.map(|((look, state_live), (state, motion))| ViewHealth {
         tick: look.tick,
         view: view.to_owned(),
         state,
@@ -170,8 +179,8 @@ fn health_of(
         state_live,
         lag: None,
         vertical_px: None,
-    })
-    .collect()
+    });
+    (rows.collect(), usual(&looks))
 }
 
 enum Source<'a> {

@@ -3,8 +3,8 @@
 use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::registrations::NoShift;
 use glam::{DMat2, DVec2};
+use sight::least_squares::{Normal, inverse};
 
-use super::linear::{Normal, inverse};
 use super::patch::Cleaned;
 use super::{MARGIN_PX, SEARCH_PX};
 

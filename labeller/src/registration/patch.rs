@@ -7,8 +7,8 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 use dataset::video::PicturePart;
 use glam::DVec2;
+use sight::least_squares::Normal;
 
-use super::linear::Normal;
 use super::{MIN_CONTRAST, SEARCH_PART};
 use crate::detector::PictureView;
 

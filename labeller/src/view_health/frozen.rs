@@ -7,8 +7,8 @@
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
+use sight::fit::NOISE_LEVELS;
 
-use super::camera_motion::NOISE_LEVELS;
 use super::{Look, median_or_zero};
 
 /// Margin around the box, as a part of its sides and in pixels.

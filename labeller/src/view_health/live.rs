@@ -8,10 +8,11 @@ use std::collections::VecDeque;
 use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
+use sight::ground::Motion;
+use sight::watched::Measured;
 
 use super::frozen::{MIN_RATIO, ROW_STEP, slope};
-use super::{AROUND_S, AROUND_TICKS, Look, direction_at, median, median_or_zero};
-use crate::view_health::camera_motion::{Measured, Turn};
+use super::{AROUND_S, AROUND_TICKS, Look, direction_at, median, median_or_zero, off_from};
 
 /// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
 const MAX_EQUAL_LEVELS: f64 = 0.3;
@@ -75,7 +76,7 @@ impl LiveHealth {
         self.recent.drain(..old);
         let usual = self.usual.direction;
         let off: Vec<Option<Measured>> = (self.recent.iter())
-            .map(|look| Some(look.turn?.off_from(usual?)))
+            .map(|look| Some(off_from(look.turn?, usual?)))
             .collect();
         match direction_at(self.recent.len() - 1, &self.recent, &off) {
             Some(state) => {
@@ -94,10 +95,10 @@ impl LiveHealth {
 /// Usual direction, from the first images.
 #[derive(Debug, Default)]
 struct Usual {
-    first: Vec<Turn>,
+    first: Vec<Motion>,
     since_s: f64,
     is_final: bool,
-    direction: Option<Turn>,
+    direction: Option<Motion>,
 }
 
 impl Usual {
@@ -111,9 +112,10 @@ impl Usual {
         self.first.push(measured.turn);
         let shift_px = median(self.first.iter().map(|turn| turn.shift_px));
         let rolls = self.first.iter().map(|turn| turn.roll_rad);
-        self.direction = Some(Turn {
+        self.direction = Some(Motion {
             shift_px,
             roll_rad: median_or_zero(rolls),
+            ..Motion::default()
         });
         if self.first.len() > 2 * AROUND_TICKS && look.time_s - self.since_s >= AROUND_S {
             self.is_final = true;

@@ -10,9 +10,9 @@ fn looks(directions: impl IntoIterator<Item = Option<DVec2>>) -> Vec<Look> {
             tick,
             time_s: 2.0 * f64::from(tick),
             turn: direction.map(|shift_px| Measured {
-                turn: Turn {
+                turn: Motion {
                     shift_px,
-                    roll_rad: 0.0,
+                    ..Motion::default()
                 },
                 sd_px: 0.03,
             }),

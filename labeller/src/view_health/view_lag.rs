@@ -12,8 +12,7 @@ use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{EpipolarLine, across_sd_px};
 use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
-
-use crate::registration::Normal;
+use sight::least_squares::Normal;
 
 /// Constant, and change with column and row in the first view and with the columns between the views; the lag.
 const UNKNOWNS: usize = 5;

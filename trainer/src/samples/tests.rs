@@ -411,6 +411,7 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
             detections: &found,
             registrations: Some(&registrations),
             health: Some(&health),
+            backgrounds: None,
         };
         let claim = folder.claim().unwrap();
         let model = detections::provenance(&folder, MODEL_HASH)

@@ -1,5 +1,5 @@
-//! `detections/`, `registrations/` and `health/`: a model's detections in a scenario's videos, where the same aircraft is in two views, and
-//! the condition of the cameras.
+//! `detections/`, `registrations/`, `health/` and `backgrounds/`: a model's detections in a scenario's videos, where the same aircraft is in
+//! two views, the condition of the cameras, and what they saw around the aircraft.
 //!
 //! They are not sealed: each model with its settings has its own. `detections/<model>.json`, where `<model>` is the start of the hash of
 //! both ([`ModelIdentity`]), records the detector, its videos, and the hashes of the table next to it and of the tables of the same name in
@@ -29,12 +29,13 @@ use crate::files::json_file::write_json;
 use crate::files::new_file::{clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
 use crate::files::own_path::own_path;
+use crate::tables::backgrounds::ViewBackground;
 use crate::tables::health::ViewHealth;
 use crate::tables::image_rows::ImageRow;
 use crate::tables::registrations::Registration;
 
 pub use crate::files::corpus_names::{
-    DETECTIONS as FOLDER, HEALTH, MODEL_FOLDERS as FOLDERS, REGISTRATIONS,
+    BACKGROUNDS, DETECTIONS as FOLDER, HEALTH, MODEL_FOLDERS as FOLDERS, REGISTRATIONS,
 };
 pub use choice::{NoChoice, choose};
 pub use table::{Detection, Detections, Miss, MissReason, Row, SearchMode};
@@ -57,6 +58,9 @@ pub struct Provenance {
     /// BLAKE3 hash of the table of health; missing if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub health_blake3: Option<String>,
+    /// BLAKE3 hash of the table of backgrounds; missing if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backgrounds_blake3: Option<String>,
 }
 
 impl Provenance {
@@ -76,6 +80,7 @@ impl Provenance {
         match parent {
             REGISTRATIONS => self.registrations_blake3.as_ref(),
             HEALTH => self.health_blake3.as_ref(),
+            BACKGROUNDS => self.backgrounds_blake3.as_ref(),
             _ => Some(&self.table_blake3),
         }
     }
@@ -232,6 +237,8 @@ pub struct NewTables<'a> {
     pub registrations: Option<&'a [Registration]>,
     /// Condition of the cameras; `None` if it was not measured.
     pub health: Option<&'a [ViewHealth]>,
+    /// What the cameras saw around the aircraft; `None` if it was not kept.
+    pub backgrounds: Option<&'a [ViewBackground]>,
 }
 
 impl<'a> NewTables<'a> {
@@ -241,6 +248,26 @@ impl<'a> NewTables<'a> {
             detections,
             registrations: None,
             health: None,
+            backgrounds: None,
+        }
+    }
+
+    fn has(&self, parent: &str) -> bool {
+        match parent {
+            REGISTRATIONS => self.registrations.is_some(),
+            HEALTH => self.health.is_some(),
+            BACKGROUNDS => self.backgrounds.is_some(),
+            _ => true,
+        }
+    }
+
+    /// Writes the table in one of [`FOLDERS`].
+    fn write(&self, parent: &str, path: &Path) -> Result<()> {
+        match parent {
+            REGISTRATIONS => Registration::write(self.registrations.unwrap_or_default(), path),
+            HEALTH => ViewHealth::write(self.health.unwrap_or_default(), path),
+            BACKGROUNDS => ViewBackground::write(self.backgrounds.unwrap_or_default(), path),
+            _ => self.detections.write(path),
         }
     }
 }
@@ -256,51 +283,45 @@ pub fn replace<R: Serialize>(
     record: impl FnOnce(Provenance) -> R,
 ) -> Result<()> {
     let folder = source.folder();
-    let mut parents = vec![own_path(folder.root(), FOLDER)?];
-    for (parent, is_written) in [
-        (REGISTRATIONS, tables.registrations.is_some()),
-        (HEALTH, tables.health.is_some()),
-    ] {
-        let parent = own_path(folder.root(), parent)?;
-        if is_written || parent.exists() {
-            parents.push(parent);
+    let mut parents = Vec::new();
+    for parent in FOLDERS {
+        let path = own_path(folder.root(), parent)?;
+        if tables.has(parent) || path.exists() {
+            fs::create_dir_all(&path).map_err(Error::io("create", &path))?;
+            clear_leftovers(&path);
+            parents.push(path);
         }
-    }
-    for parent in &parents {
-        fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
-        clear_leftovers(parent);
     }
     // Readers may still need tables that a killed process committed.
     settle(folder, model)?;
-    let path = |parent| folder.root().join(table_name(parent, model));
-    let [table, registered, health] = FOLDERS.map(path);
-    tables.detections.write(&with_new_suffix(&table))?;
-    if let Some(rows) = tables.registrations {
-        Registration::write(rows, &with_new_suffix(&registered))?;
+    let paths = FOLDERS.map(|parent| folder.root().join(table_name(parent, model)));
+    let mut hashes = [const { None }; FOLDERS.len()];
+    for ((parent, path), hash) in FOLDERS.into_iter().zip(&paths).zip(&mut hashes) {
+        if tables.has(parent) {
+            let new = with_new_suffix(path);
+            tables.write(parent, &new)?;
+            *hash = Some(hash_file(&new)?);
+        }
     }
-    if let Some(rows) = tables.health {
-        ViewHealth::write(rows, &with_new_suffix(&health))?;
-    }
-    let is_written = [
-        true,
-        tables.registrations.is_some(),
-        tables.health.is_some(),
-    ];
-    let hash = |table: &Path, is_written: bool| {
-        let hash = || hash_file(&with_new_suffix(table));
-        is_written.then(hash).transpose()
-    };
+    let is_written = hashes.each_ref().map(Option::is_some);
+    let [
+        table_blake3,
+        registrations_blake3,
+        health_blake3,
+        backgrounds_blake3,
+    ] = hashes;
     let provenance = Provenance {
         detector: detector.clone(),
         config_hash: source.seal().config_hash.clone(),
         videos_blake3: source.videos_blake3(),
-        table_blake3: hash_file(&with_new_suffix(&table))?,
-        registrations_blake3: hash(&registered, is_written[1])?,
-        health_blake3: hash(&health, is_written[2])?,
+        table_blake3: table_blake3.unwrap_or_default(),
+        registrations_blake3,
+        health_blake3,
+        backgrounds_blake3,
     };
     // This file commits the change.
     write_json(&record_path(folder, model), &record(provenance))?;
-    for (table, is_written) in [&table, &registered, &health].into_iter().zip(is_written) {
+    for (table, is_written) in paths.iter().zip(is_written) {
         if is_written {
             let new = with_new_suffix(table);
             fs::rename(new, table).map_err(Error::io("rename into place", table))?;

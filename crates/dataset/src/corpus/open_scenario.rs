@@ -20,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::files::corpus_names::{CALIBRATION, FILES, RECORD};
 use crate::files::json_file::parse_json;
 use crate::files::outside_file::FileKind;
+use crate::tables::backgrounds::ViewBackground;
 use crate::tables::frames::Frames;
 use crate::tables::health::ViewHealth;
 use crate::tables::image_rows::ImageRow;
@@ -224,6 +225,24 @@ impl OpenScenario {
         };
         let record = self.record()?;
         let rows = ViewHealth::parse(content, &path, record.pictures())?;
+        let faults = rows
+            .iter()
+            .map(|row| fault_of(row.tick, &row.view, &record));
+        refuse_faults(&path, faults)?;
+        Ok(Some(rows))
+    }
+
+    /// What each camera saw around the aircraft in the images that a model's detections were made from; `None` if `dtd detect` was run
+    /// before it kept this.
+    ///
+    /// # Errors
+    /// It was made from other videos, or the table is not the one that was written.
+    pub fn backgrounds(&self, model: &str) -> Result<Option<Vec<ViewBackground>>> {
+        let Some((path, content)) = self.table(detections::BACKGROUNDS, model)? else {
+            return Ok(None);
+        };
+        let record = self.record()?;
+        let rows = ViewBackground::parse(content, &path, record.pictures())?;
         let faults = rows
             .iter()
             .map(|row| fault_of(row.tick, &row.view, &record));

@@ -24,5 +24,7 @@ pub const DETECTIONS: &str = "detections";
 pub const REGISTRATIONS: &str = "registrations";
 /// Folder of the tables of the cameras' health that belong to them.
 pub const HEALTH: &str = "health";
+/// Folder of the backgrounds that these cameras saw.
+pub const BACKGROUNDS: &str = "backgrounds";
 /// All folders with tables of a model.
-pub const MODEL_FOLDERS: [&str; 3] = [DETECTIONS, REGISTRATIONS, HEALTH];
+pub const MODEL_FOLDERS: [&str; 4] = [DETECTIONS, REGISTRATIONS, HEALTH, BACKGROUNDS];

@@ -14,8 +14,8 @@ use std::sync::Arc;
 use arrow_array::builder::{ListBuilder, StringBuilder};
 use arrow_array::types::Int32Type;
 use arrow_array::{
-    Array, ArrayRef, BooleanArray, DictionaryArray, FixedSizeListArray, Float32Array, Float64Array,
-    Int64Array, RecordBatch, StringArray, UInt32Array, UInt64Array,
+    Array, ArrayRef, BinaryArray, BooleanArray, DictionaryArray, FixedSizeListArray, Float32Array,
+    Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array, UInt64Array,
 };
 use arrow_schema::{DataType, Field, Schema};
 use bytes::Bytes;
@@ -213,6 +213,11 @@ impl TableWriter {
         values: impl IntoIterator<Item = Option<S>>,
     ) -> Self {
         self.push(name, true, StringArray::from_iter(values))
+    }
+
+    /// Adds a column of files, such as images.
+    pub fn bytes<B: AsRef<[u8]>>(self, name: &str, values: impl IntoIterator<Item = B>) -> Self {
+        self.push(name, false, BinaryArray::from_iter_values(values))
     }
 
     /// Number of rows.
@@ -540,6 +545,20 @@ impl Table {
         Ok(values)
     }
 
+    /// A column of files, such as images, without gaps.
+    pub fn bytes(&self, column: &str) -> Result<Vec<Vec<u8>>> {
+        let mut values = Vec::with_capacity(self.rows());
+        for array in self.arrays(column)? {
+            let typed = array.as_any().downcast_ref::<BinaryArray>();
+            let typed = typed.ok_or_else(|| self.wrong_type(column, "binary", array))?;
+            if typed.null_count() > 0 {
+                return Err(self.missing(column, typed.null_count()));
+            }
+            values.extend(typed.iter().flatten().map(<[u8]>::to_vec));
+        }
+        Ok(values)
+    }
+
     /// A column of floats with limits and without gaps.
     pub(crate) fn f64_within(&mut self, column: &str, limits: Limits) -> Result<Vec<f64>> {
         let values = self.f64(column)?;
@@ -671,6 +690,7 @@ fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
                 DataType::Dictionary(DataType::Int32.into(), DataType::Utf8.into())
             }
             plain if plain.is_primitive() || *plain == DataType::Boolean => plain.clone(),
+            DataType::Binary | DataType::LargeBinary | DataType::BinaryView => DataType::Binary,
             DataType::Dictionary(_, value)
                 if matches!(**value, DataType::Utf8 | DataType::LargeUtf8) =>
             {
@@ -678,7 +698,7 @@ fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
             }
             other => {
                 return Err(format!(
-                    "column {} holds {other}, expected numbers, booleans or text",
+                    "column {} holds {other}, expected numbers, booleans, text or binary",
                     field.name()
                 ));
             }
@@ -694,6 +714,8 @@ fn bytes_of(field: &Arc<Field>) -> u64 {
     match field.data_type() {
         DataType::Boolean => 2,
         DataType::Dictionary(..) => 64,
+        // The content counts by its pages.
+        DataType::Binary => 32,
         plain => 3 * plain.primitive_width().unwrap_or(8) as u64,
     }
 }

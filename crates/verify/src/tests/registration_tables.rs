@@ -94,6 +94,7 @@ fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
         let nothing_found = Detections::default();
         let tables = NewTables {
             health: Some(rows),
+            backgrounds: None,
             ..NewTables::unregistered(&nothing_found)
         };
         with_tables(tables, &json!({}))

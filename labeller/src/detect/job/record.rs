@@ -165,7 +165,8 @@ impl DetectionRecord {
             && matches!(scenario.registrations(&model.name()), Ok(Some(_)));
         let method = record.health.as_ref().map(|made| made.method);
         let is_watched = method == Some(view_health::METHOD)
-            && matches!(scenario.health(&model.name()), Ok(Some(_)));
+            && matches!(scenario.health(&model.name()), Ok(Some(_)))
+            && matches!(scenario.backgrounds(&model.name()), Ok(Some(_)));
         Ok(
             if is_watched && (is_registered || scenario.record()?.views.len() < 2) {
                 Standing::Whole

@@ -2,7 +2,6 @@ use glam::DVec2;
 
 use super::super::Change;
 use super::*;
-use crate::view_health::camera_motion::Measured;
 
 const RATE: f64 = 30.0;
 
@@ -11,9 +10,9 @@ fn look(image: u32, off_px: Option<f64>, levels: Option<f64>) -> Look {
         tick: image,
         time_s: f64::from(image) / RATE,
         turn: off_px.map(|off_px| Measured {
-            turn: Turn {
+            turn: Motion {
                 shift_px: DVec2::new(off_px, 0.0),
-                roll_rad: 0.0,
+                ..Motion::default()
             },
             sd_px: 0.03,
         }),

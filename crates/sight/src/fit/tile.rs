@@ -1,11 +1,10 @@
 //! Small parts of the reference image, and their places in other images.
 
-use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 use glam::{DVec2, DVec3};
 
-use super::{NOISE_LEVELS, Turn};
-use crate::registration::MIN_CORRELATION;
+use super::NOISE_LEVELS;
+use crate::ground::{Ground, Motion, UNKNOWNS};
 
 /// Tile size, px: wide, because distant objects on the ground are flat in the image.
 const WIDTH: usize = 32;
@@ -24,8 +23,12 @@ const MIN_STRUCTURE: f64 = 200.0;
 const MIN_AXIS_RATIO: f64 = 0.1;
 /// Number of neighbouring pixels that count as one, because they share blur and errors.
 const SHARED: f64 = 4.0;
+/// Minimum correlation with the tile.
+const MIN_CORRELATION: f64 = 0.6;
 /// No tile shows its place better than this, pixels.
 const MIN_SD_PX: f64 = 0.06;
+
+type Slopes = [[f64; UNKNOWNS]; 2];
 
 /// A tile of the reference.
 #[derive(Debug, Clone)]
@@ -34,8 +37,8 @@ pub(super) struct Tile {
     top: usize,
     pub(super) middle_px: DVec2,
     pub(super) direction: DVec3,
-    /// Derivatives of the place by the turn, right and down.
-    pub(super) slopes: [[f64; 3]; 2],
+    /// Derivatives of the place by the motion, right and down.
+    pub(super) slopes: Slopes,
     /// Blurred light about its mean, and its slopes right and down without what gain and offset explain.
     light: Vec<[f32; 3]>,
     /// Sum of squared light.
@@ -55,16 +58,16 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// Two independent equations for a change of the turn: row, value and certainty.
-    pub(super) fn equations(&self, slopes: &[[f64; 3]; 2]) -> [([f64; 3], f64, f64); 2] {
+    /// Two independent equations for a change of the motion: row, value and certainty.
+    pub(super) fn equations(&self, slopes: &Slopes) -> [([f64; UNKNOWNS], f64, f64); 2] {
         self.axes.map(|(axis, certainty)| {
             let row = std::array::from_fn(|i| axis.x * slopes[0][i] + axis.y * slopes[1][i]);
             (row, axis.dot(self.best_px), certainty)
         })
     }
 
-    /// Standard deviations between its own best step and the one that a change of the turn makes.
-    pub(super) fn misfit(&self, slopes: &[[f64; 3]; 2], step: &[f64; 3]) -> f64 {
+    /// Standard deviations between its own best step and the one that a change of the motion makes.
+    pub(super) fn misfit(&self, slopes: &Slopes, step: &[f64; UNKNOWNS]) -> f64 {
         let squares = self.equations(slopes).map(|(row, value, certainty)| {
             let moved: f64 = row.iter().zip(step).map(|(row, step)| row * step).sum();
             certainty * (moved - value).powi(2)
@@ -73,9 +76,9 @@ impl Told {
     }
 }
 
-/// The tiles below a row with the most structure.
-pub(super) fn tiles_of(image: &Luma<'_>, top: usize, camera: &Camera) -> Vec<Tile> {
-    let first_row = top.max(BORDER + 1);
+/// The tiles of the ground with the most structure.
+pub(super) fn tiles_of(image: &Luma<'_>, ground: &Ground) -> Vec<Tile> {
+    let first_row = ground.top.max(BORDER + 1);
     let rows = (first_row..(image.height_px.saturating_sub(HEIGHT + BORDER + 1))).step_by(HEIGHT);
     let last_column = image.width_px.saturating_sub(WIDTH + BORDER + 1);
     let mut bands: Vec<Vec<(usize, usize, [f64; 2])>> = vec![Vec::new(); BANDS];
@@ -97,7 +100,7 @@ pub(super) fn tiles_of(image: &Luma<'_>, top: usize, camera: &Camera) -> Vec<Til
         }
     }
     let made = chosen.into_iter();
-    made.filter_map(|place| Tile::of(image, place, camera))
+    made.filter_map(|place| Tile::of(image, place, ground))
         .collect()
 }
 
@@ -117,7 +120,7 @@ fn rough_structure(image: &Luma<'_>, left: usize, top: usize) -> [f64; 2] {
 }
 
 impl Tile {
-    fn of(image: &Luma<'_>, (left, top): (usize, usize), camera: &Camera) -> Option<Self> {
+    fn of(image: &Luma<'_>, (left, top): (usize, usize), ground: &Ground) -> Option<Self> {
         let (wide, high) = (WIDTH + 2, HEIGHT + 2);
         let around = blurred(image, [left as f64 - 1.0, top as f64 - 1.0], [wide, high])?;
         let at = |column: usize, row: usize| around[row * wide + column];
@@ -156,17 +159,15 @@ impl Tile {
         let tells = certainties([structure[0], structure[2]], variance).into();
         let middle_px = DVec2::new(left as f64, top as f64)
             + DVec2::new(WIDTH as f64 - 1.0, HEIGHT as f64 - 1.0) / 2.0;
+        let camera = &ground.camera;
         let direction = camera.image_of(middle_px).extend(1.0);
-        let place = |numbers: [f64; 3]| {
-            let turn = Turn::from_array(numbers, camera);
-            camera.pixel_of(camera.turn(turn.shift_px, turn.roll_rad) * direction)
-        };
         const SMALL_PX: f64 = 1e-3;
-        let mut slopes = [[0.0; 3]; 2];
-        for unknown in 0..3 {
-            let mut numbers = [0.0; 3];
+        let mut slopes = [[0.0; UNKNOWNS]; 2];
+        for unknown in 0..UNKNOWNS {
+            let mut numbers = [0.0; UNKNOWNS];
             numbers[unknown] = SMALL_PX;
-            let slope = (place(numbers) - middle_px) / SMALL_PX;
+            let motion = Motion::of_px(numbers, camera);
+            let slope = (ground.place_px(direction, middle_px, &motion) - middle_px) / SMALL_PX;
             (slopes[0][unknown], slopes[1][unknown]) = (slope.x, slope.y);
         }
         Some(Self {

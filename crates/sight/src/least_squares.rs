@@ -1,7 +1,7 @@
-//! Small systems of linear equations.
+//! Weighted least squares with a few unknowns.
 
 /// Solves `a x = b` by elimination with pivots; `None` if `a` is singular.
-pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
+pub fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
     let largest = a
         .iter()
         .flatten()
@@ -32,7 +32,7 @@ pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Op
 }
 
 /// Inverse of symmetric matrices; `None` if it is singular.
-pub(super) fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
+pub fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
     let mut inverse = [[0.0; N]; N];
     for (k, row) in inverse.iter_mut().enumerate() {
         let mut unit = [0.0; N];
@@ -45,22 +45,30 @@ pub(super) fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]>
 
 /// Normal equations of weighted least squares, filled row by row.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Normal<const N: usize> {
+pub struct Normal<const N: usize> {
     /// Sum of `w j j^T`, up to the diagonal.
     lower: [[f64; N]; N],
     /// Sum of `w j r`.
     right: [f64; N],
 }
 
+impl<const N: usize> Default for Normal<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl<const N: usize> Normal<N> {
-    pub(crate) fn new() -> Self {
+    /// No equation yet.
+    pub fn new() -> Self {
         Self {
             lower: [[0.0; N]; N],
             right: [0.0; N],
         }
     }
 
-    pub(crate) fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
+    /// Adds the equation `row . unknowns = value`.
+    pub fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
         for (i, a) in row.iter().enumerate() {
             let weighted = weight * a;
             for (j, b) in row.iter().enumerate().take(i + 1) {
@@ -70,17 +78,30 @@ impl<const N: usize> Normal<N> {
         }
     }
 
+    /// Adds knowledge of all unknowns: their values, with an information matrix.
+    pub fn add_information(&mut self, information: &[[f64; N]; N], values: &[f64; N]) {
+        for (i, row) in information.iter().enumerate() {
+            for (j, part) in row.iter().enumerate() {
+                if j <= i {
+                    self.lower[i][j] += part;
+                }
+                self.right[i] += part * values[j];
+            }
+        }
+    }
+
     /// Sum of `w j j^T`.
-    pub(super) fn matrix(&self) -> [[f64; N]; N] {
+    pub fn matrix(&self) -> [[f64; N]; N] {
         std::array::from_fn(|i| std::array::from_fn(|j| self.lower[i.max(j)][i.min(j)]))
     }
 
-    pub(crate) fn solve(&self) -> Option<[f64; N]> {
+    /// The unknowns; `None` if the equations do not determine them.
+    pub fn solve(&self) -> Option<[f64; N]> {
         solve(self.matrix(), self.right)
     }
 
     /// The covariance of the solution for weights that are inverse variances.
-    pub(crate) fn inverse(&self) -> Option<[[f64; N]; N]> {
+    pub fn inverse(&self) -> Option<[[f64; N]; N]> {
         inverse(self.matrix())
     }
 }

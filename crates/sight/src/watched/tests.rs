@@ -3,12 +3,14 @@
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::Pose;
 
+use glam::DVec2;
+
 use super::*;
 
-const WIDTH: usize = 640;
-const HEIGHT: usize = 480;
+pub(crate) const WIDTH: usize = 640;
+pub(crate) const HEIGHT: usize = 480;
 
-fn camera() -> Camera {
+pub(crate) fn camera() -> Camera {
     let placed = CameraPose {
         pose: Pose {
             latitude_deg: 1.36,
@@ -24,7 +26,7 @@ fn camera() -> Camera {
 }
 
 /// Brightness of the ground at a place of the reference image: smooth patches of several sizes that do not repeat.
-fn ground(place: DVec2) -> f64 {
+pub(crate) fn ground(place: DVec2) -> f64 {
     let patches = [(6.0, 25.0), (17.0, 30.0), (50.0, 40.0)].map(|(size_px, levels)| {
         let cell = (place / size_px).floor();
         let part = place / size_px - cell;
@@ -40,7 +42,7 @@ fn ground(place: DVec2) -> f64 {
 }
 
 /// The image of the ground after a turn.
-fn image(turn: Turn, ground: impl Fn(DVec2) -> f64) -> Vec<u8> {
+pub(crate) fn image(turn: Motion, ground: impl Fn(DVec2) -> f64) -> Vec<u8> {
     let camera = camera();
     let back = camera.turn(turn.shift_px, turn.roll_rad).transpose();
     let places = (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (column, row)));
@@ -53,19 +55,20 @@ fn image(turn: Turn, ground: impl Fn(DVec2) -> f64) -> Vec<u8> {
         .collect()
 }
 
-fn turn(x: f64, y: f64, roll_deg: f64) -> Turn {
-    Turn {
+fn turn(x: f64, y: f64, roll_deg: f64) -> Motion {
+    Motion {
         shift_px: DVec2::new(x, y),
         roll_rad: roll_deg.to_radians(),
+        ..Motion::default()
     }
 }
 
-fn next(motion: &mut CameraMotion, levels: &[u8]) -> Option<Measured> {
+fn next(motion: &mut Watched, levels: &[u8]) -> Option<Measured> {
     motion.next(&Luma::of(levels, WIDTH))
 }
 
 #[track_caller]
-fn assert_near(found: Option<Measured>, expected: Turn) {
+fn assert_near(found: Option<Measured>, expected: Motion) {
     let found = found.expect("the ground shows the direction");
     let error_px = found.turn.shift_px.distance(expected.shift_px);
     assert!(error_px < 0.05, "{found:?}, expected {expected:?}");
@@ -76,10 +79,10 @@ fn assert_near(found: Option<Measured>, expected: Turn) {
 
 #[test]
 fn turns_are_measured_to_a_twentieth_of_a_pixel_also_one_of_a_degree() {
-    let mut motion = CameraMotion::new(&camera());
+    let mut motion = Watched::new(&camera());
     assert_near(
-        next(&mut motion, &image(Turn::default(), ground)),
-        Turn::default(),
+        next(&mut motion, &image(Motion::default(), ground)),
+        Motion::default(),
     );
     for turn in [
         turn(0.5, 0.0, 0.0),
@@ -95,8 +98,8 @@ fn turns_are_measured_to_a_twentieth_of_a_pixel_also_one_of_a_degree() {
 
 #[test]
 fn other_light_and_clouds_that_move_change_nothing() {
-    let mut motion = CameraMotion::new(&camera());
-    next(&mut motion, &image(Turn::default(), ground)).unwrap();
+    let mut motion = Watched::new(&camera());
+    next(&mut motion, &image(Motion::default(), ground)).unwrap();
     let expected = turn(0.8, -0.6, 0.0);
     let evening = |place: DVec2| 0.6 * ground(place) + 30.0 - 0.02 * place.x;
     assert_near(next(&mut motion, &image(expected, evening)), expected);
@@ -113,13 +116,13 @@ fn other_light_and_clouds_that_move_change_nothing() {
 
 #[test]
 fn a_ground_without_structure_or_another_one_shows_no_direction() {
-    let mut motion = CameraMotion::new(&camera());
-    let fog = image(Turn::default(), |_| 120.0);
+    let mut motion = Watched::new(&camera());
+    let fog = image(Motion::default(), |_| 120.0);
     assert_eq!(next(&mut motion, &fog), None);
-    let mut motion = CameraMotion::new(&camera());
-    next(&mut motion, &image(Turn::default(), ground)).unwrap();
+    let mut motion = Watched::new(&camera());
+    next(&mut motion, &image(Motion::default(), ground)).unwrap();
     assert_eq!(next(&mut motion, &fog), None);
-    let elsewhere = image(Turn::default(), |place| {
+    let elsewhere = image(Motion::default(), |place| {
         ground(DVec2::new(place.y, 3.0 * place.x))
     });
     assert_eq!(next(&mut motion, &elsewhere), None);
@@ -131,8 +134,8 @@ fn a_ground_without_structure_or_another_one_shows_no_direction() {
 
 #[test]
 fn a_reference_whose_light_fades_is_replaced_at_its_turn() {
-    let mut motion = CameraMotion::new(&camera());
-    next(&mut motion, &image(Turn::default(), ground)).unwrap();
+    let mut motion = Watched::new(&camera());
+    next(&mut motion, &image(Motion::default(), ground)).unwrap();
     // Ever more ground looks different.
     for part in 0..=20 {
         let until = f64::from(part) * 40.0;
@@ -149,31 +152,4 @@ fn a_reference_whose_light_fades_is_replaced_at_its_turn() {
         let error_px = found.turn.shift_px.distance(turn.shift_px);
         assert!(error_px < 0.1, "{part}: {found:?}");
     }
-}
-
-#[test]
-fn an_edge_tells_its_place_across_itself_and_not_along_its_steps() {
-    let camera = camera();
-    let certain = |ground: fn(DVec2) -> f64| -> Vec<usize> {
-        let levels = image(Turn::default(), ground);
-        let image = Luma::of(&levels, WIDTH);
-        let tiles = tiles_of(&image, HEIGHT / 2, &camera);
-        assert!(tiles.len() >= MIN_TILES);
-        let told = |tile: &Tile| tile.told(&image, DVec2::ZERO).unwrap();
-        tiles
-            .iter()
-            .map(|tile| {
-                let equations = told(tile).equations(&tile.slopes);
-                equations
-                    .iter()
-                    .filter(|(.., certainty)| *certainty > 0.0)
-                    .count()
-            })
-            .collect()
-    };
-    // Stripes that fall by a pixel in twelve: each has a step there.
-    let stripes =
-        |place: DVec2| 60.0 + 100.0 * ((place.y - place.x / 12.0) / 40.0).floor().rem_euclid(2.0);
-    assert!(certain(stripes).iter().all(|axes| *axes == 1));
-    assert!(certain(ground).iter().all(|axes| *axes == 2));
 }

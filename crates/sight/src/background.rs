@@ -1,0 +1,142 @@
+//! The mean of the first images that show one direction of a fixed camera, from just above the horizon down.
+//!
+//! The mean has a fifth of the noise of an image, and neither rain nor waves; the aircraft covers few pixels, and moves.
+
+use std::io::Cursor;
+
+use dataset::geometry::camera::Camera;
+use dataset::video::Luma;
+use image::{GrayImage, ImageFormat};
+
+use crate::ground::{Ground, Motion};
+use crate::watched::Measured;
+
+/// Number of averaged images in a complete background.
+pub const IMAGES: u32 = 24;
+/// Images that are off by more are left out, pixels: the rest of a shake blurs the mean by less than the images are blurred.
+const MAX_OFF_PX: f64 = 0.5;
+
+/// A background.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Background {
+    /// Columns.
+    pub width_px: usize,
+    /// First row in the camera's image.
+    pub top_px: usize,
+    /// Grey levels, row after row.
+    pub levels: Vec<u8>,
+    /// Number of averaged images.
+    pub images: u32,
+    /// Mean turn of these images from the first image of the flight.
+    pub turn: Motion,
+}
+
+impl Background {
+    /// The levels as a PNG.
+    pub fn png(&self) -> Vec<u8> {
+        let rows = self.levels.len() / self.width_px.max(1);
+        let image = GrayImage::from_raw(self.width_px as u32, rows as u32, self.levels.clone());
+        let mut png = Cursor::new(Vec::new());
+        let image = image.expect("as many levels as pixels");
+        image
+            .write_to(&mut png, ImageFormat::Png)
+            .expect("memory takes any image");
+        png.into_inner()
+    }
+
+    /// A background whose levels are a PNG; `None` unless it has the size of the camera's image below this row.
+    pub fn of_png(png: &[u8], top_px: usize, camera: &Camera) -> Option<Self> {
+        let image = image::load_from_memory_with_format(png, ImageFormat::Png);
+        let image = image.ok()?.into_luma8();
+        let size_px = (
+            camera.width_px,
+            camera.height_px.checked_sub(top_px as u32)?,
+        );
+        (image.dimensions() == size_px).then(|| Self {
+            width_px: camera.width_px as usize,
+            top_px,
+            levels: image.into_raw(),
+            images: IMAGES,
+            turn: Motion::default(),
+        })
+    }
+
+    /// Levels of a whole image, which continues above the background as its first row.
+    pub(crate) fn whole(&self) -> Vec<u8> {
+        let first = self.levels.iter().take(self.width_px);
+        let above = first.cycle().take(self.top_px * self.width_px);
+        above.chain(&self.levels).copied().collect()
+    }
+}
+
+/// Collects the images of a background.
+#[derive(Debug, Clone)]
+pub struct Collected {
+    ground: Ground,
+    sums: Vec<u16>,
+    images: u32,
+    turns: Motion,
+}
+
+impl Collected {
+    /// No image yet.
+    pub fn new(camera: &Camera) -> Self {
+        Self {
+            ground: Ground::of(camera),
+            sums: Vec::new(),
+            images: 0,
+            turns: Motion::default(),
+        }
+    }
+
+    /// Takes the next image with its turn; `hidden`: the ground has not been seen yet. True if it is part of the background.
+    pub fn take(&mut self, image: &Luma<'_>, turn: Option<Measured>, hidden: bool) -> bool {
+        let shows = match turn {
+            Some(measured) => measured.turn.shift_px.length() <= MAX_OFF_PX,
+            None => hidden,
+        };
+        let top = self.ground.top.min(image.height_px);
+        let count = (image.height_px - top) * image.width_px;
+        let is_same_size = self.sums.is_empty() || self.sums.len() == count;
+        if self.images == IMAGES || !shows || !is_same_size {
+            return false;
+        }
+        self.sums.resize(count, 0);
+        let rows = self.sums.chunks_exact_mut(image.width_px.max(1));
+        for (sums, row) in rows.zip(top..) {
+            for (sum, level) in sums.iter_mut().zip(image.row(row)) {
+                *sum += u16::from(*level);
+            }
+        }
+        self.images += 1;
+        self.turns = self
+            .turns
+            .after(turn.map_or(Motion::default(), |of| of.turn));
+        true
+    }
+
+    /// The mean of the images up to now; `None` without any.
+    pub fn background(&self) -> Option<Background> {
+        let images = u16::try_from(self.images)
+            .ok()
+            .filter(|images| *images > 0)?;
+        let levels = self.sums.iter().map(|sum| (sum + images / 2) / images);
+        let part = f64::from(images).recip();
+        Some(Background {
+            width_px: self.ground.camera.width_px as usize,
+            top_px: self.ground.top,
+            levels: levels.map(|level| level as u8).collect(),
+            images: self.images,
+            turn: Motion {
+                shift_px: self.turns.shift_px * part,
+                roll_rad: self.turns.roll_rad * part,
+                ..Motion::default()
+            },
+        })
+    }
+
+    /// True if no further image is taken.
+    pub fn is_complete(&self) -> bool {
+        self.images == IMAGES
+    }
+}

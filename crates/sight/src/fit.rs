@@ -1,0 +1,233 @@
+//! Motion of the ground from a reference image to another one.
+//!
+//! Some hundred tiles with the most structure below the horizon are found again in the other image, each with its own gain and offset. Their
+//! displacements decide about one motion (Gauss and Newton; Lucas and Kanade, "An iterative image registration technique", 1981). Tiles that
+//! contradict the others count less (Cauchy's weights), so that vehicles, waves and clouds drop out. If the expected motion does not lead to
+//! a fit, shrunk images are searched first ([`coarse`]).
+
+mod coarse;
+mod tile;
+
+use dataset::video::Luma;
+use glam::DVec2;
+
+use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
+use crate::least_squares::Normal;
+use coarse::Coarse;
+use tile::{Tile, tiles_of};
+
+/// Tiles that must agree.
+const MIN_TILES: usize = 8;
+/// A tile further from the common motion, in its standard deviations, counts less than half.
+const TOLERATED: f64 = 3.0;
+/// Agreeing tiles with less than this part of the usual information about one axis show that the reference fades. With less than half of
+/// that they do not show the direction: in haze, the rest of the ground may look alike wherever the camera looks.
+const FADED: f64 = 0.6;
+/// Minimum standard deviation, px: interpolation and compression. A step below it ends the iteration.
+pub const MIN_SD_PX: f64 = 0.02;
+/// Minimum pixel noise, grey levels.
+pub const NOISE_LEVELS: f64 = 1.5;
+/// Steps of the iteration: one without an end does not fit.
+const MAX_STEPS: u32 = 12;
+/// A shift found in shrunk images is right to this, pixels.
+const COARSE_PX: f64 = 4.0;
+
+/// Standard deviations of the unknowns before any image, pixels ([`Motion::to_px`]): they decide only where tiles do not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Freedom([f64; UNKNOWNS]);
+
+impl Freedom {
+    /// A camera that turns.
+    pub const TURN: Self = Self([1e3, 1e3, 20.0, 1e-4, 1e-4]);
+    /// A camera that also changes its focal length, from one flight to another.
+    pub const TURN_AND_ZOOM: Self = Self([1e3, 1e3, 20.0, 20.0, 1e-4]);
+    /// A camera that may also stand higher or lower, by a tenth.
+    pub const MOVED: Self = Self([1e3, 1e3, 20.0, 20.0, 100.0]);
+}
+
+/// The ground that motions are measured from.
+#[derive(Debug, Clone)]
+pub struct Reference {
+    ground: Ground,
+    tiles: Vec<Tile>,
+    coarse: Coarse,
+    /// Largest information of agreeing tiles up to now, about both axes.
+    usual: DVec2,
+}
+
+/// A measured motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fit {
+    /// The motion.
+    pub motion: Motion,
+    /// Its covariance, square pixels ([`Motion::to_px`]).
+    pub covariance_px2: [[f64; UNKNOWNS]; UNKNOWNS],
+    /// Information of agreeing tiles about both axes.
+    tells: DVec2,
+}
+
+impl Fit {
+    /// Standard deviation of the shift, the larger one of both axes, pixels.
+    pub fn sd_px(&self) -> f64 {
+        let variances = SHIFT.map(|axis| self.covariance_px2[axis][axis]);
+        variances.fold(0.0, f64::max).sqrt().max(MIN_SD_PX)
+    }
+}
+
+impl Reference {
+    /// `None` for an image that shows too little.
+    pub fn of(image: &Luma<'_>, ground: &Ground) -> Option<Self> {
+        let tiles = tiles_of(image, ground);
+        (tiles.len() >= MIN_TILES).then(|| Self {
+            ground: *ground,
+            coarse: Coarse::of(image, ground.top),
+            usual: tiles.iter().map(|tile| tile.tells).sum::<DVec2>() / 2.0,
+            tiles,
+        })
+    }
+
+    /// Learns from a fit how much the tiles tell.
+    pub(crate) fn take(&mut self, fit: &Fit) {
+        self.usual = self.usual.max(fit.tells);
+    }
+
+    /// Motion near an expected one, or else anywhere.
+    pub fn find(&self, image: &Luma<'_>, expected: Motion, freedom: &Freedom) -> Option<Fit> {
+        let near = self.near(image, expected, freedom);
+        match near {
+            Some(fit) if !self.is_faded_in(&fit) => Some(fit),
+            near => self.anywhere(image, near, expected, freedom),
+        }
+    }
+
+    /// The better one of a fit and of what shrunk images show.
+    pub(crate) fn anywhere(
+        &self,
+        image: &Luma<'_>,
+        near: Option<Fit>,
+        expected: Motion,
+        freedom: &Freedom,
+    ) -> Option<Fit> {
+        let other = Coarse::of(image, self.ground.top);
+        let shift_px = self.coarse.shift_to(&other, expected.shift_px)?;
+        let from = Motion {
+            shift_px,
+            ..expected
+        };
+        let far = self.near(image, from, freedom);
+        let is_near = |fit: &Fit| shift_px.distance(fit.motion.shift_px) <= COARSE_PX;
+        let fits = [near, far].into_iter().flatten().filter(is_near);
+        fits.max_by(|a, b| self.share(a).total_cmp(&self.share(b)))
+    }
+
+    /// Information in the agreeing tiles, as a part of the usual, about the axis that lost more.
+    fn share(&self, fit: &Fit) -> f64 {
+        (fit.tells / self.usual.max(DVec2::splat(1e-9))).min_element()
+    }
+
+    /// True if too few tiles agree.
+    pub(crate) fn is_faded_in(&self, fit: &Fit) -> bool {
+        self.share(fit) < FADED
+    }
+
+    /// Refines a motion; `None` if the tiles do not agree there.
+    pub(crate) fn near(&self, image: &Luma<'_>, begin: Motion, freedom: &Freedom) -> Option<Fit> {
+        let camera = &self.ground.camera;
+        let mut numbers = begin.to_px(camera);
+        for _ in 0..MAX_STEPS {
+            let motion = Motion::of_px(numbers, camera);
+            let told: Vec<_> = (self.tiles.iter())
+                .filter_map(|tile| {
+                    let there = self
+                        .ground
+                        .place_px(tile.direction, tile.middle_px, &motion);
+                    Some((tile, tile.told(image, there - tile.middle_px)?))
+                })
+                .collect();
+            if told.len() < MIN_TILES {
+                return None;
+            }
+            let mut misfits = vec![0.0; told.len()];
+            let mut step = [0.0; UNKNOWNS];
+            let mut covariance_px2 = [[0.0; UNKNOWNS]; UNKNOWNS];
+            for _ in 0..10 {
+                let mut equations = Normal::<UNKNOWNS>::new();
+                for (unknown, sd_px) in freedom.0.iter().enumerate() {
+                    let mut row = [0.0; UNKNOWNS];
+                    row[unknown] = 1.0;
+                    equations.add(&row, -numbers[unknown], sd_px.powi(-2));
+                }
+                let (mut squares, mut weights) = (0.0, 0.0);
+                for ((tile, told), misfit) in told.iter().zip(&misfits) {
+                    let weight = 1.0 / (1.0 + f64::powi(misfit / TOLERATED, 2));
+                    squares += weight * misfit * misfit;
+                    weights += 2.0 * weight;
+                    for (row, value, certainty) in told.equations(&tile.slopes) {
+                        equations.add(&row, value, weight * certainty);
+                    }
+                }
+                step = equations.solve()?;
+                for ((tile, told), misfit) in told.iter().zip(&mut misfits) {
+                    *misfit = told.misfit(&tile.slopes, &step);
+                }
+                let spread = (squares / weights).max(1.0);
+                covariance_px2 = (equations.inverse()?).map(|row| row.map(|of| of * spread));
+            }
+            let agreeing = told.iter().zip(&misfits);
+            let agreeing = agreeing.filter(|(_, misfit)| **misfit < TOLERATED);
+            let tells: DVec2 = agreeing.clone().map(|((tile, _), _)| tile.tells).sum();
+            let longest = step.iter().fold(0.0_f64, |most, step| most.max(step.abs()));
+            for (number, step) in numbers.iter_mut().zip(step) {
+                // Slopes hold for some pixels only.
+                *number += step.clamp(-3.0, 3.0);
+            }
+            if longest < MIN_SD_PX {
+                let fit = Fit {
+                    motion: Motion::of_px(numbers, camera),
+                    covariance_px2,
+                    tells,
+                };
+                let enough = agreeing.count() >= MIN_TILES.max(told.len() / 2);
+                return (enough && self.share(&fit) >= FADED / 2.0).then_some(fit);
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::watched::tests::{HEIGHT, WIDTH, camera, ground, image};
+
+    #[test]
+    fn an_edge_tells_its_place_across_itself_and_not_along_its_steps() {
+        let ground_below = Ground {
+            top: HEIGHT / 2,
+            ..Ground::of(&camera())
+        };
+        let certain = |ground: fn(DVec2) -> f64| -> Vec<usize> {
+            let levels = image(Motion::default(), ground);
+            let image = Luma::of(&levels, WIDTH);
+            let tiles = tiles_of(&image, &ground_below);
+            assert!(tiles.len() >= MIN_TILES);
+            let told = |tile: &Tile| tile.told(&image, DVec2::ZERO).unwrap();
+            tiles
+                .iter()
+                .map(|tile| {
+                    let equations = told(tile).equations(&tile.slopes);
+                    equations
+                        .iter()
+                        .filter(|(.., certainty)| *certainty > 0.0)
+                        .count()
+                })
+                .collect()
+        };
+        // Stripes that fall by a pixel in twelve: each has a step there.
+        let stripes = |place: DVec2| {
+            60.0 + 100.0 * ((place.y - place.x / 12.0) / 40.0).floor().rem_euclid(2.0)
+        };
+        assert!(certain(stripes).iter().all(|axes| *axes == 1));
+        assert!(certain(ground).iter().all(|axes| *axes == 2));
+    }
+}

@@ -1,0 +1,164 @@
+//! What a training saw of a camera's ground, in several lights and weathers.
+
+use dataset::geometry::camera::Camera;
+use dataset::video::Luma;
+
+use crate::background::Background;
+use crate::fit::{Fit, Freedom, Reference};
+use crate::ground::{Ground, Motion};
+use crate::sight::Sight;
+
+/// Maximum standard deviation of a comparison that counts, pixels.
+const MAX_SD_PX: f64 = 0.5;
+/// Comparisons whose shifts are further apart, in their standard deviations, count less than half.
+const TOLERATED: f64 = 3.0;
+/// Factor for the standard deviations of fits between two flights: light and weather change tiles together.
+const UNDERSTATED: f64 = 3.0;
+
+/// The references of a view.
+#[derive(Debug, Clone)]
+pub struct References {
+    camera: Camera,
+    freedom: Freedom,
+    all: Vec<Placed>,
+}
+
+/// A reference with the camera's motion from the first one.
+#[derive(Debug, Clone)]
+pub struct Placed {
+    /// The flight.
+    pub name: String,
+    /// What it saw.
+    pub background: Background,
+    /// The camera's motion from the first reference.
+    pub motion: Motion,
+    /// Standard deviation of its shift, pixels.
+    pub sd_px: f64,
+    reference: Option<Reference>,
+}
+
+impl Placed {
+    /// A reference at its motion.
+    pub fn at(
+        name: String,
+        background: Background,
+        (motion, sd_px): (Motion, f64),
+        camera: &Camera,
+    ) -> Self {
+        let levels = background.whole();
+        let image = Luma::of(&levels, background.width_px);
+        Self {
+            reference: Reference::of(&image, &Ground::of(camera)),
+            name,
+            background,
+            motion,
+            sd_px,
+        }
+    }
+
+    /// The camera's motion in an image from the first reference.
+    fn compared(&self, image: &Luma<'_>, freedom: &Freedom) -> Option<Sight> {
+        let expected = Motion::default();
+        let fit: Fit = self.reference.as_ref()?.find(image, expected, freedom)?;
+        let mut found = Sight::of_fit(&fit).widened(UNDERSTATED);
+        found.motion = found.motion.after(self.motion);
+        for axis in crate::ground::SHIFT {
+            found.covariance_px2[axis][axis] += self.sd_px * self.sd_px;
+        }
+        Some(found)
+    }
+}
+
+impl References {
+    /// References with their motions. `can_stand_elsewhere`: the camera's place differs between flights.
+    pub fn of(camera: &Camera, all: Vec<Placed>, can_stand_elsewhere: bool) -> Self {
+        Self {
+            camera: *camera,
+            freedom: if can_stand_elsewhere {
+                Freedom::MOVED
+            } else {
+                Freedom::TURN_AND_ZOOM
+            },
+            all,
+        }
+    }
+
+    /// References that are placed by one another; one that resembles no other one is left out, unless it is the first.
+    pub fn learn(
+        camera: &Camera,
+        backgrounds: Vec<(String, Background)>,
+        can_stand_elsewhere: bool,
+    ) -> Self {
+        let placed = backgrounds.into_iter().map(|(name, background)| {
+            Placed::at(name, background, (Motion::default(), 0.0), camera)
+        });
+        let mut left: Vec<Placed> = placed.filter(|of| of.reference.is_some()).collect();
+        let mut known = Self::of(camera, Vec::new(), can_stand_elsewhere);
+        if left.is_empty() {
+            return known;
+        }
+        known.all.push(left.remove(0));
+        // The most certain one next.
+        loop {
+            let located = left.iter().enumerate();
+            let located =
+                located.filter_map(|(at, one)| Some((at, known.compare(&one.background)?)));
+            let Some((at, sight)) =
+                located.min_by(|(_, a), (_, b)| a.sd_px().total_cmp(&b.sd_px()))
+            else {
+                return known;
+            };
+            let mut next = left.remove(at);
+            (next.motion, next.sd_px) = (sight.motion, sight.sd_px());
+            known.all.push(next);
+        }
+    }
+
+    /// The references.
+    pub fn all(&self) -> &[Placed] {
+        &self.all
+    }
+
+    /// The camera of the training.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The camera's motion since the training; `None` if the background resembles none of the references.
+    pub fn compare(&self, background: &Background) -> Option<Sight> {
+        let levels = background.whole();
+        let image = Luma::of(&levels, background.width_px);
+        let compared = self.all.iter();
+        let compared: Vec<Sight> = compared
+            .filter_map(|placed| placed.compared(&image, &self.freedom))
+            .collect();
+        let surest = compared
+            .iter()
+            .min_by(|a, b| a.sd_px().total_cmp(&b.sd_px()))?;
+        let mut found = *surest;
+        for _ in 0..5 {
+            let weights: Vec<f64> = compared
+                .iter()
+                .map(|one| {
+                    let away = one.motion.shift_px.distance(found.motion.shift_px) / one.sd_px();
+                    one.sd_px().powi(-2) / (1.0 + (away / TOLERATED).powi(2))
+                })
+                .collect();
+            let sum: f64 = weights.iter().sum();
+            let mut mean = [0.0; crate::ground::UNKNOWNS];
+            for (one, weight) in compared.iter().zip(&weights) {
+                for (mean, number) in mean.iter_mut().zip(one.motion.to_px(&self.camera)) {
+                    *mean += number * weight / sum;
+                }
+            }
+            found.motion = Motion::of_px(mean, &self.camera);
+            let off_px2 = compared.iter().zip(&weights).map(|(one, weight)| {
+                one.motion.shift_px.distance_squared(found.motion.shift_px) * weight / sum
+            });
+            let spread_px = off_px2.sum::<f64>().sqrt();
+            found.covariance_px2 = surest.covariance_px2;
+            found = found.widened((spread_px / surest.sd_px()).max(1.0));
+        }
+        (found.sd_px() <= MAX_SD_PX).then_some(found)
+    }
+}
