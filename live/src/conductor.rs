@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use glam::DVec2;
 use labeller::{SeenBox, register_views};
-use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView};
+use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView, Shown};
 
 use crate::clocks::Clocks;
 use crate::clocks::clock_offset::Offset;
@@ -259,6 +259,15 @@ impl Conductor {
         for view in 1..views.len() {
             self.watch_clock(&joined, view, &mut views);
         }
+        for (view, image) in joined.images.iter().enumerate() {
+            let background = image
+                .as_ref()
+                .and_then(|(_, seen)| seen.looked.background.as_ref());
+            if let Some(background) = background {
+                let shown = self.run.show(view, background);
+                self.report_camera(view, &shown, joined.time_s);
+            }
+        }
         let tick = SeenTick {
             time_ns: nanoseconds(joined.time_s),
             views,
@@ -286,6 +295,42 @@ impl Conductor {
             self.metrics.time(Stage::Join, now_s - searched_s);
             self.metrics.time(Stage::Total, now_s - arrival_s);
         }
+    }
+
+    /// Tells of a camera that does not look as it did in the training.
+    fn report_camera(&self, view: usize, shown: &Shown, time_s: f64) {
+        let (shows, shift_px, why) = match shown {
+            Shown::Usual => return,
+            Shown::Moved(off_px) => (
+                "moved",
+                Some(off_px.to_array()),
+                format!(
+                    "it looks elsewhere than in the training, by {:.1} px right and {:.1} px down; boxes are corrected",
+                    off_px.x, off_px.y
+                ),
+            ),
+            Shown::OtherView(other) => (
+                "other_view",
+                None,
+                format!(
+                    "it shows what {other} showed in the training: are the sources exchanged? It is not used"
+                ),
+            ),
+            Shown::Unknown => (
+                "unknown",
+                None,
+                "its surroundings do not resemble the training's, as in fog or at night: it is expected in its usual direction, and \
+                 intervals are wider; if it was replaced or turned far, `dtd refit` learns it again"
+                    .to_owned(),
+            ),
+        };
+        self.event(Event::Camera {
+            time_s,
+            view: self.views.all[view].name.clone(),
+            shows,
+            shift_px,
+            why,
+        });
     }
 
     /// The view's boxes, moved to the tick's time.

@@ -131,6 +131,19 @@ pub enum Event {
         /// Standard deviation of that.
         drift_sd_ppm: Option<f64>,
     },
+    /// A camera's surroundings were compared with the training's, and it does not look as it did there.
+    Camera {
+        /// Time, as of answers.
+        time_s: f64,
+        /// Name of the view.
+        view: String,
+        /// `moved`, `other_view` or `unknown`.
+        shows: &'static str,
+        /// Shift of a moved camera, pixels right and down.
+        shift_px: Option<[f64; 2]>,
+        /// What that means, and what to do about it.
+        why: String,
+    },
     /// Views that see an aircraft are not used for it from now on.
     Withheld {
         /// Time, as of answers.

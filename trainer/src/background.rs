@@ -1,20 +1,12 @@
-//! Alignment of each scenario's cameras by the stationary background in their images.
+//! Where each camera looks, relative to the training: by the backgrounds that `dtd detect` keeps of each flight.
 //!
-//! Cameras that are slightly displaced between scenarios (`[jitter]`, wind, a new mast) show the aircraft at a different position, and
-//! everything that learned image positions is off by that amount. Runway, ships and islands reveal the offset. Training keeps some
-//! backgrounds from different times of day and weathers as mutually aligned references. Every scenario is aligned with them
-//! ([`alignment`]), and its boxes and registered shifts are mapped to the direction of the first reference. The scenario's known camera is
-//! turned accordingly, so code that uses it (checks of labels, the oracle) sees the same rays as before. Focal length and horizon row come
-//! from the planned cameras; the actual directions are not read.
+//! A camera that stands a little off before a flight shows the aircraft elsewhere, and everything that learned image positions is off by
+//! that amount. A training keeps backgrounds of different times of day and weathers as references ([`sight::references`]). The boxes and
+//! registered shifts of every flight are moved to the direction of the first reference, and what remains uncertain is an error that is common
+//! to the flight. Where no background can be compared, as in fog, a camera is expected in its usual direction, to the spread of the
+//! training's flights and its stability.
 //!
-//! A view that cannot be aligned counts as empty: its boxes are dropped, and the scenario is reported.
-//!
-//! The images come from the videos: two dozen per flight are enough. Samples are corrected when they are read, so every later stage sees a
-//! single camera.
-
-mod alignment;
-mod grey_image;
-mod motion;
+//! Focal length and horizon come from the planned cameras; the actual directions are not read.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -25,93 +17,128 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
-use dataset::numbers::spread::median;
-use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
+use dataset::numbers::spread::{deviation_from_zero, median};
+use dataset::tables::backgrounds::ViewBackground;
 use dataset::work::watch::Watch;
-use glam::{DVec2, DVec3};
-use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
+use glam::{DMat3, DVec2};
+use image::{GrayImage, ImageFormat};
 use serde::{Deserialize, Serialize};
+use sight::background::{self, Background};
+use sight::ground::{Motion, UNKNOWNS};
+use sight::references::{Placed, References};
+use sight::sight::Sight;
 
 use crate::error::Result;
-use crate::samples::{Observation, Samples, ScenarioSummary};
-use alignment::{Aligned, Compared, Reference};
-use grey_image::GreyImage;
-use motion::{after, matrix, turned};
+use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::{CommonError, Observation, Samples, ScenarioSummary};
 
-/// References per view.
-const MAX_REFERENCES: usize = 5;
-/// Maximum elevation of stationary objects above the horizon, radians.
-const ABOVE_HORIZON_RAD: f64 = 0.006;
-/// Minimum number of background rows.
-const MIN_ROWS: usize = 64;
-/// Factor for standard deviations, because backgrounds differ by more than noise, and their minimum, pixels.
-const UNDERSTATED: f64 = 3.0;
-const MIN_SD_PX: f64 = 0.03;
-/// Maximum standard deviation for an aligned scenario's direction, px. Images from a shaking camera that are off by less show the usual
-/// direction.
-const MAX_SD_PX: f64 = 0.5;
-/// Stored levels per grey level.
-const PARTS: f32 = 256.0;
+/// References per view: sixteen images of 1920x1280 take 10 MB.
+const MAX_REFERENCES: usize = 8;
+/// Relative change of focal lengths between flights: a lens tube of aluminium, 23 millionths per kelvin, that is nine kelvin warmer.
+const ZOOM_SD: f64 = 2e-4;
+/// A camera whose standard deviation before the comparison is smaller stands still, pixels.
+const MIN_SD_PX: f64 = 1e-3;
+/// A camera has moved if it is off by so many pixels, and by so many standard deviations of the training's flights.
+const MOVED_PX: f64 = 2.0;
+const MOVED_SD: f64 = 3.0;
 
+/// References of all views.
 #[derive(Debug, Clone)]
 pub(crate) struct Backgrounds {
-    views: Vec<ViewBackgrounds>,
+    views: Vec<View>,
 }
 
 #[derive(Debug, Clone)]
-struct ViewBackgrounds {
-    place: ViewPlace,
-    references: Vec<PlacedReference>,
-}
-
-/// A planned view, regardless of the calibration.
-#[derive(Debug, Clone)]
-struct ViewPlace {
-    view: String,
+struct View {
+    name: String,
     planned: CameraEntry,
-    camera: Camera,
-    /// Row of the horizon in the planned camera's image.
-    horizon_px: f64,
-    /// First background row; `None` if too few rows are below the horizon.
-    top: Option<usize>,
+    /// How the camera of the first reference looked by its calibration, if cameras vary between flights.
+    known: Option<Aim>,
+    references: References,
+    /// The usual motion of the training's flights, pixels ([`Motion::to_px`]), with standard deviations of the camera's stability and of the
+    /// flights.
+    usual_px: [f64; UNKNOWNS],
+    sds_px: [f64; UNKNOWNS],
 }
 
-/// A reference with its direction.
-#[derive(Debug, Clone)]
-struct PlacedReference {
-    scenario: String,
-    direction: CameraDirection,
-    reference: Reference,
+/// A camera's direction and focal length.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Aim {
+    ecef_from_camera: DMat3,
+    focal_px: f64,
 }
 
-/// Camera turn in a scenario from the first reference, and its horizontal standard deviation, pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct CameraDirection {
-    turn_rad: DVec3,
-    sd_px: f64,
+/// What a camera shows of its surroundings.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shown {
+    /// What it showed in the training.
+    Usual,
+    /// The same from another direction: its shift, pixels right and down. Boxes are corrected.
+    Moved(DVec2),
+    /// What this view showed in the training. Its boxes do not count.
+    OtherView(String),
+    /// Nothing that resembles the training, as in fog or at night. The camera is expected in its usual direction.
+    Unknown,
 }
 
-/// Result of the alignment.
+/// Where all cameras look in a flight; `None` for one whose boxes do not count.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Sights(Vec<Option<Sight>>);
+
+/// Result of the comparison.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Alignment {
-    /// Number of aligned views over all scenarios.
+    /// Number of compared views over all scenarios.
     pub aligned: usize,
-    /// Median horizontal standard deviation, pixels; missing without any.
+    /// Median standard deviation of their directions, pixels; missing without any.
     pub median_sd_px: Option<f64>,
-    /// Views that could not be aligned, as `scenario view`: their boxes are dropped.
+    /// Views that could not be compared, as `scenario view`: they are expected in their usual direction.
     pub unaligned: Vec<String>,
+    /// Views that look elsewhere than in the training, with the shift in pixels.
+    pub moved: Vec<String>,
+    /// Views that show what another one showed in the training: their boxes do not count.
+    pub exchanged: Vec<String>,
+}
+
+impl Alignment {
+    /// Lines for users about cameras, the worst first; the last one counts.
+    pub(crate) fn report(&self, watch: &dyn Watch) {
+        for line in &self.exchanged {
+            watch.warn(line);
+        }
+        if let [first, others @ ..] = self.moved.as_slice() {
+            let others = match others.len() {
+                0 => String::new(),
+                count => format!(" ({count} more in metrics.json)"),
+            };
+            watch.warn(&format!(
+                "{first}{others}; boxes are corrected, and intervals include what remains uncertain"
+            ));
+        }
+        watch.say(&self.to_string());
+    }
 }
 
 impl fmt::Display for Alignment {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} views aligned by their backgrounds", self.aligned)?;
+        write!(f, "{} views compared with backgrounds", self.aligned)?;
         if let Some(sd_px) = self.median_sd_px {
             write!(f, ", standard deviation {sd_px:.2} px (median)")?;
         }
         match self.unaligned.as_slice() {
             [] => Ok(()),
-            unaligned => write!(f, "; {} not: {}", unaligned.len(), unaligned.join(", ")),
+            [first, others @ ..] => {
+                write!(
+                    f,
+                    "; not comparable, and taken to be as in the training: {first}"
+                )?;
+                match others.len() {
+                    0 => Ok(()),
+                    count => write!(f, " and {count} more"),
+                }
+            }
         }
     }
 }
@@ -122,7 +149,10 @@ impl fmt::Display for Alignment {
 pub(crate) struct StoredView {
     view: String,
     planned: CameraEntry,
-    width_px: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    known: Option<Aim>,
+    usual_px: [f64; UNKNOWNS],
+    sds_px: [f64; UNKNOWNS],
     top_px: usize,
     rows: usize,
     references: Vec<StoredReference>,
@@ -132,200 +162,216 @@ pub(crate) struct StoredView {
 #[serde(deny_unknown_fields)]
 struct StoredReference {
     scenario: String,
-    turn_rad: [f64; 3],
+    motion_px: [f64; UNKNOWNS],
     sd_px: f64,
 }
 
-impl ViewPlace {
-    fn of(view: &str, planned: &CameraEntry) -> Self {
-        let camera = planned.camera();
-        let pitch_rad = planned.placed.pose.pitch_deg.to_radians();
-        let horizon_px = camera.principal_px.y + camera.focal_px * pitch_rad.tan();
-        let top_px = (horizon_px - ABOVE_HORIZON_RAD * camera.focal_px).max(0.0);
-        let top = top_px as usize;
-        Self {
-            view: view.to_owned(),
-            planned: planned.clone(),
-            horizon_px,
-            top: (top + MIN_ROWS <= camera.height_px as usize).then_some(top),
-            camera,
-        }
+impl View {
+    /// The direction that is expected of the camera before its images are compared.
+    fn expected(&self) -> Sight {
+        let mut expected = Sight::expected(self.sds_px.map(|sd_px| sd_px.max(MIN_SD_PX)));
+        expected.motion = Motion::of_px(self.usual_px, self.references.camera());
+        expected
     }
 
-    /// `model`: detections with the health table that identifies images in the usual direction.
-    fn picture(&self, scenario: &OpenScenario, model: &str) -> Result<Option<GreyImage>> {
-        let size_px = [self.camera.width_px, self.camera.height_px];
-        let health = scenario.health(model)?.unwrap_or_default();
-        let of_view = health.iter().filter(|row| row.view == self.view);
-        let is_usual: Vec<bool> = of_view.map(is_usual).collect();
-        let of = |top| GreyImage::of_view(scenario, &self.view, top, size_px, &is_usual);
-        self.top.map(of).transpose()
-    }
-}
-
-/// True for an image with the background in its usual position.
-fn is_usual(row: &ViewHealth) -> bool {
-    let is_near = |turn: CameraTurn| turn.shift_x_px.hypot(turn.shift_y_px) <= MAX_SD_PX;
-    match row.state {
-        HealthState::Steady | HealthState::Unknown | HealthState::Inconsistent => true,
-        HealthState::Moved | HealthState::Shaking | HealthState::Frozen => {
-            row.motion.is_some_and(is_near)
-        }
-    }
-}
-
-impl ViewBackgrounds {
-    /// Mutually aligned references from some scenarios.
-    fn of(place: ViewPlace, pictures: Vec<(String, GreyImage)>) -> Self {
-        let references = pictures
-            .into_iter()
-            .map(|(scenario, picture)| PlacedReference {
-                scenario,
-                direction: CameraDirection::default(),
-                reference: Reference::of(picture),
-            });
-        let mut all = Self {
-            place,
-            references: references.collect(),
+    /// The flight's usual direction by its background alone.
+    fn compared(&self, row: &ViewBackground, background: &Background) -> Option<Sight> {
+        let mut found = self.references.compare(background)?;
+        let usual = Motion {
+            shift_px: DVec2::new(row.usual.shift_x_px, row.usual.shift_y_px),
+            roll_rad: row.usual.roll_deg.to_radians(),
+            ..Motion::default()
         };
-        let compared: Vec<Compared> = (all.references.iter())
-            .map(|placed| Compared::of(placed.reference.picture()))
-            .collect();
-        let count = all.references.len();
-        let mut motions: BTreeMap<(usize, usize), Aligned> = BTreeMap::new();
-        for from in 0..count {
-            for to in (0..count).filter(|&to| to != from) {
-                let motion = all.motion(from, &compared[to]);
-                motions.extend(motion.map(|motion| ((from, to), motion)));
-            }
-        }
-        // First from the placed references to the most certain next one, then again from all others.
-        let place = |all: &Self, from: &[usize], to: usize| {
-            let measured = from.iter().filter(|&&from| from != to).filter_map(|&from| {
-                let motion = motions.get(&(from, to))?;
-                Some(all.located(from, motion))
-            });
-            combined(&measured.collect::<Vec<_>>(), all.place.camera.focal_px)
-        };
-        let mut done = vec![0];
-        loop {
-            let left = (1..count).filter(|to| !done.contains(to));
-            let next = left.filter_map(|to| Some((to, place(&all, &done, to)?)));
-            let next = next.filter(|(_, located)| located.sd_px <= MAX_SD_PX);
-            let Some((to, located)) = next.min_by(|(_, a), (_, b)| a.sd_px.total_cmp(&b.sd_px))
-            else {
-                break;
-            };
-            all.references[to].direction = located;
-            done.push(to);
-        }
-        for _ in 0..5 {
-            for &to in &done[1..] {
-                if let Some(located) = place(&all, &done, to) {
-                    all.references[to].direction = located;
-                }
-            }
-        }
-        let mut numbers = 0..count;
-        (all.references).retain(|_| numbers.next().is_some_and(|number| done.contains(&number)));
-        all
+        found.motion = usual.after(found.motion);
+        Some(found)
     }
 
-    fn motion(&self, from: usize, to: &Compared) -> Option<Aligned> {
-        let ViewPlace {
-            camera, horizon_px, ..
-        } = &self.place;
-        self.references[from]
-            .reference
-            .motion_to(to, camera, *horizon_px)
-            .filter(|motion| motion.sd_px.is_finite())
+    /// Pixels by which the camera looks elsewhere, if that is certain.
+    fn moved_px(&self, compared: &Sight) -> Option<DVec2> {
+        let expected = self.expected();
+        let off_px = compared.motion.shift_px - expected.motion.shift_px;
+        let sd_px = compared.sd_px().hypot(self.sds_px[0].max(self.sds_px[1]));
+        (off_px.length() > MOVED_PX.max(MOVED_SD * sd_px)).then_some(off_px)
     }
-
-    fn located(&self, from: usize, measured: &Aligned) -> CameraDirection {
-        let from = &self.references[from].direction;
-        let sd_px = (UNDERSTATED * measured.sd_px).hypot(from.sd_px);
-        CameraDirection {
-            turn_rad: after(measured.motion.turn_rad, from.turn_rad),
-            sd_px: sd_px.max(MIN_SD_PX),
-        }
-    }
-
-    /// Camera direction in a scenario; `None` if its background does not resemble the references.
-    fn locate(&self, scenario: &OpenScenario, model: &str) -> Result<Option<CameraDirection>> {
-        let Some(picture) = self.place.picture(scenario, model)? else {
-            return Ok(None);
-        };
-        let compared = Compared::of(&picture);
-        let measured = (0..self.references.len())
-            .filter_map(|from| Some(self.located(from, &self.motion(from, &compared)?)));
-        let measured: Vec<CameraDirection> = measured.collect();
-        let located = combined(&measured, self.place.camera.focal_px);
-        Ok(located.filter(|located| located.sd_px <= MAX_SD_PX))
-    }
-}
-
-/// Weighted mean of directions; contradicting ones have less weight. The standard deviation is at least their spread. `None` without any.
-fn combined(measured: &[CameraDirection], focal_px: f64) -> Option<CameraDirection> {
-    let surest = measured.iter().min_by(|a, b| a.sd_px.total_cmp(&b.sd_px))?;
-    let mut found = *surest;
-    for _ in 0..10 {
-        let weights: Vec<f64> = measured
-            .iter()
-            .map(|located| {
-                // Horizontal distance, by the turn around the downward axis.
-                let away = (located.turn_rad.y - found.turn_rad.y) * focal_px / located.sd_px;
-                located.sd_px.powi(-2) / (1.0 + (away / 3.0).powi(2))
-            })
-            .collect();
-        let sum: f64 = weights.iter().sum();
-        let mean = |value: &dyn Fn(&CameraDirection) -> DVec3| {
-            let weighted = measured
-                .iter()
-                .zip(&weights)
-                .map(|(located, weight)| value(located) * *weight);
-            weighted.sum::<DVec3>() / sum
-        };
-        let turn_rad = mean(&|located| located.turn_rad);
-        let squares = measured.iter().zip(&weights).map(|(located, weight)| {
-            let away_px = (located.turn_rad.y - turn_rad.y) * focal_px;
-            away_px * away_px * weight
-        });
-        let spread_px = (squares.sum::<f64>() / sum).sqrt();
-        found = CameraDirection {
-            turn_rad,
-            sd_px: sum.sqrt().recip().max(spread_px).max(MIN_SD_PX),
-        };
-    }
-    Some(found)
 }
 
 impl Backgrounds {
-    /// Learns references from the training side.
-    pub(crate) fn learn(samples: &Samples, watch: &dyn Watch) -> Result<Self> {
+    /// Learns references from the training side, and the usual direction from all its flights. `stability_arcsec`: standard deviation of
+    /// cameras' directions between flights, at least.
+    pub(crate) fn learn(
+        samples: &Samples,
+        stability_arcsec: f64,
+        watch: &dyn Watch,
+    ) -> Result<Self> {
+        let rig = &samples.rig;
         let chosen = references(samples);
-        watch.begin("backgrounds", chosen.len() as u64);
-        let places: Vec<ViewPlace> = (samples.views.iter())
-            .map(|view| ViewPlace::of(view, &samples.rig.nominal[view]))
-            .collect();
-        let mut pictures = vec![Vec::new(); places.len()];
-        for (done, scenario) in chosen.iter().enumerate() {
+        let mut found = vec![Vec::new(); samples.views.len()];
+        for scenario in &chosen {
+            let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
+            for (view, found) in samples.views.iter().zip(&mut found) {
+                let camera = rig.nominal[view].camera();
+                let background = background_of(&rows, view, &camera);
+                found.extend(background.map(|(_, of)| (scenario.id.clone(), of)));
+            }
+        }
+        let views = samples.views.iter().zip(found).enumerate();
+        let views = views.map(|(index, (name, found))| {
+            let planned = rig.nominal[name].clone();
+            let camera = planned.camera();
+            let half_px = f64::from(camera.width_px) / 2.0;
+            let angle_rad = (stability_arcsec / 3600.0).to_radians();
+            let turn_px = angle_rad * camera.focal_px;
+            let zoom_sd = if stability_arcsec > 0.0 { ZOOM_SD } else { 0.0 };
+            let references = References::learn(&camera, found, rig.cameras_vary);
+            let first = references.all().first().map(|first| first.name.clone());
+            let first = samples
+                .scenarios
+                .iter()
+                .find(|of| Some(&of.id) == first.as_ref());
+            View {
+                name: name.clone(),
+                known: first.filter(|_| rig.cameras_vary).map(|of| Aim {
+                    ecef_from_camera: of.cameras[index].ecef_from_camera,
+                    focal_px: of.cameras[index].focal_px,
+                }),
+                planned,
+                references,
+                usual_px: [0.0; UNKNOWNS],
+                sds_px: [
+                    turn_px,
+                    turn_px,
+                    angle_rad * half_px,
+                    zoom_sd * half_px,
+                    0.0,
+                ],
+            }
+        });
+        let mut learned = Self {
+            views: views.collect(),
+        };
+        learned.learn_spread(samples, watch)?;
+        Ok(learned)
+    }
+
+    /// Learns where the cameras usually look in the training's flights, and how much that differs from flight to flight.
+    fn learn_spread(&mut self, samples: &Samples, watch: &dyn Watch) -> Result<()> {
+        let mut found: Vec<Vec<([f64; UNKNOWNS], Sight)>> = vec![Vec::new(); self.views.len()];
+        watch.begin("backgrounds", samples.scenario_count(Side::Train) as u64);
+        for (done, scenario) in samples.scenarios_of(Side::Train).enumerate() {
             watch.check()?;
-            let opened = scenario.folder.open()?;
-            for (place, pictures) in places.iter().zip(&mut pictures) {
-                let picture = place.picture(&opened, &samples.detections.hash)?;
-                pictures.extend(picture.map(|picture| (scenario.id.clone(), picture)));
+            let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
+            for (view, found) in self.views.iter().zip(&mut found) {
+                let camera = view.references.camera();
+                let row = background_of(&rows, &view.name, camera);
+                let sight = row.and_then(|(row, background)| view.compared(row, &background));
+                found.extend(sight.map(|sight| (sight.motion.to_px(camera), sight)));
             }
             watch.advance(done as u64 + 1, &scenario.id);
         }
-        let views = places.into_iter().zip(pictures);
-        Ok(Self {
-            views: views
-                .map(|(place, pictures)| ViewBackgrounds::of(place, pictures))
-                .collect(),
-        })
+        for (view, found) in self.views.iter_mut().zip(found) {
+            for unknown in 0..UNKNOWNS {
+                let mut numbers: Vec<f64> = found.iter().map(|(all, _)| all[unknown]).collect();
+                if numbers.is_empty() {
+                    continue;
+                }
+                let usual_px = median(&mut numbers);
+                let spread_px = deviation_from_zero(numbers.iter().map(|of| of - usual_px));
+                let of_fits = found
+                    .iter()
+                    .map(|(_, sight)| sight.covariance_px2[unknown][unknown]);
+                let of_fits = median(&mut of_fits.collect::<Vec<_>>());
+                let own_px = (spread_px.powi(2) - of_fits).max(0.0).sqrt();
+                view.usual_px[unknown] = usual_px;
+                view.sds_px[unknown] = view.sds_px[unknown].hypot(own_px);
+            }
+        }
+        Ok(())
     }
 
-    /// Aligns scenarios on some sides, and corrects their cameras, boxes and shifts.
+    /// Copy with a view of other backgrounds.
+    pub(crate) fn with_view_of(&self, view: usize, mut other: Self) -> Self {
+        let mut views = self.views.clone();
+        views[view] = other.views.swap_remove(view);
+        Self { views }
+    }
+
+    /// The same expectations without images, at another airport.
+    pub(crate) fn elsewhere(mut self) -> Self {
+        for view in &mut self.views {
+            view.references = References::of(view.references.camera(), Vec::new(), false);
+            (view.usual_px, view.known) = ([0.0; UNKNOWNS], None);
+        }
+        self
+    }
+
+    /// Before any image is compared.
+    pub(crate) fn unseen(&self) -> Sights {
+        Sights(
+            self.views
+                .iter()
+                .map(|view| Some(view.expected()))
+                .collect(),
+        )
+    }
+
+    /// Compares a background of a view.
+    pub(crate) fn show(&self, sights: &mut Sights, view: usize, background: &Background) -> Shown {
+        let compared = self.views[view].references.compare(background);
+        self.judge(sights, view, compared, background)
+    }
+
+    fn judge(
+        &self,
+        sights: &mut Sights,
+        view: usize,
+        compared: Option<Sight>,
+        background: &Background,
+    ) -> Shown {
+        let of_view = &self.views[view];
+        let Some(compared) = compared else {
+            let others = (0..self.views.len()).filter(|&other| other != view);
+            let mut shown = others.filter(|&other| {
+                let references = &self.views[other].references;
+                references.compare(background).is_some()
+            });
+            let other = shown.next();
+            sights.0[view] = match other {
+                Some(_) => None,
+                None => Some(of_view.expected()),
+            };
+            return other.map_or(Shown::Unknown, |other| {
+                Shown::OtherView(self.views[other].name.clone())
+            });
+        };
+        let both = of_view
+            .expected()
+            .with(&compared, of_view.references.camera());
+        let sight = both.unwrap_or(compared);
+        sights.0[view] = Some(sight);
+        match of_view.moved_px(&compared) {
+            Some(off_px) => Shown::Moved(off_px),
+            None => Shown::Usual,
+        }
+    }
+
+    /// The complete backgrounds of a flight, with their ticks and views, in order of time.
+    pub(crate) fn complete_in(
+        &self,
+        scenario: &ScenarioSummary,
+        samples: &Samples,
+    ) -> Result<Vec<(u32, usize, Background)>> {
+        let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
+        let views = self.views.iter().enumerate();
+        let complete = views.filter_map(|(index, view)| {
+            let (row, of) = background_of(&rows, &view.name, view.references.camera())?;
+            (row.images >= background::IMAGES).then_some((row.tick, index, of))
+        });
+        let mut complete: Vec<_> = complete.collect();
+        complete.sort_by_key(|(tick, ..)| *tick);
+        Ok(complete)
+    }
+
+    /// Compares scenarios on some sides, and corrects their cameras, boxes and shifts.
     pub(crate) fn align(
         &self,
         samples: &mut Samples,
@@ -349,56 +395,71 @@ impl Backgrounds {
     ) -> Result<Alignment> {
         let model = &samples.detections.hash;
         let scenarios = &mut samples.scenarios;
-        watch.begin("alignment", scenarios.len() as u64);
+        watch.begin("cameras", scenarios.len() as u64);
         let mut alignment = Alignment::default();
         let mut sds_px = Vec::new();
-        let mut turns: Vec<Vec<Option<DVec3>>> = Vec::new();
+        let mut sights = Vec::new();
         for (done, scenario) in scenarios.iter_mut().enumerate() {
             watch.check()?;
             watch.advance(done as u64 + 1, &scenario.id);
+            let mut of_views = self.unseen();
             if !sides.contains(&scenario.side) {
-                turns.push(vec![Some(DVec3::ZERO); self.views.len()]);
+                sights.push(of_views);
                 continue;
             }
-            let opened = scenario.folder.open()?;
-            let mut of_views = Vec::new();
-            for (view, camera) in self.views.iter().zip(&mut scenario.cameras) {
-                let located = view.locate(&opened, model)?;
-                match located {
-                    Some(located) => {
-                        camera.ecef_from_camera *= matrix(located.turn_rad);
-                        sds_px.push(located.sd_px);
-                        tracing::debug!("{} {}: {located:?}", scenario.id, view.place.view);
-                    }
-                    None => {
-                        tracing::warn!(
-                            "{}: the background of view {} could not be aligned; its boxes do not count",
-                            scenario.id,
-                            view.place.view
-                        );
-                        let named = format!("{} {}", scenario.id, view.place.view);
-                        alignment.unaligned.push(named);
+            let rows = rows_of(&scenario.folder.open()?, model)?;
+            for (index, view) in self.views.iter().enumerate() {
+                let named = format!("{} {}", scenario.id, view.name);
+                let row = background_of(&rows, &view.name, view.references.camera());
+                let Some((row, background)) = row else {
+                    alignment.unaligned.push(named);
+                    continue;
+                };
+                let compared = view.compared(row, &background);
+                if let Some(compared) = &compared {
+                    sds_px.push(compared.sd_px());
+                    if let Some(known) = &view.known {
+                        let camera = &mut scenario.cameras[index];
+                        camera.ecef_from_camera = known.ecef_from_camera;
+                        camera.focal_px = known.focal_px;
                     }
                 }
-                of_views.push(located.map(|located| located.turn_rad));
+                match self.judge(&mut of_views, index, compared, &background) {
+                    Shown::Usual => {}
+                    Shown::Moved(DVec2 { x, y }) => alignment.moved.push(format!(
+                        "{named} looks elsewhere than in the training, by {x:.1} px right and {y:.1} px down"
+                    )),
+                    Shown::OtherView(other) => alignment.exchanged.push(format!(
+                        "{named} shows what {other} showed in the training: are the cameras exchanged? Its boxes do not count"
+                    )),
+                    Shown::Unknown => alignment.unaligned.push(named),
+                }
             }
-            turns.push(of_views);
+            sights.push(of_views);
         }
         for observed in observations {
-            self.correct(observed, &turns[observed.scenario]);
+            *observed = self.corrected(observed, &sights[observed.scenario]);
         }
         alignment.aligned = sds_px.len();
         alignment.median_sd_px = (!sds_px.is_empty()).then(|| median(&mut sds_px));
         Ok(alignment)
     }
 
-    /// Maps an observation to the first references' directions.
-    fn correct(&self, observed: &mut Observation, turns: &[Option<DVec3>]) {
-        let place = |view: usize, place: DVec2| {
-            let back = matrix(turns[view]?).transpose();
-            Some(turned(&self.views[view].place.camera, back, place))
-        };
-        *observed = observed.moved(place);
+    /// Moves an observation to the direction of the first references.
+    pub(crate) fn corrected(&self, observed: &Observation, sights: &Sights) -> Observation {
+        let camera = |view: usize| self.views[view].references.camera();
+        let sight = |view: usize| sights.0[view].as_ref();
+        let boxes = observed.boxes.iter().enumerate();
+        let errors = boxes.filter_map(|(view, seen)| {
+            let (place_px, _) = centre_and_size(seen.as_ref()?);
+            let errors_px = sight(view)?.errors_px(camera(view), place_px);
+            Some(errors_px.map(|sd_px| CommonError { view, sd_px }))
+        });
+        let errors: Vec<CommonError> = errors.flatten().collect();
+        observed
+            .without_images(|view| sight(view).is_none())
+            .moved(|view, place_px| Some(sight(view)?.motion.usual_px(camera(view), place_px)))
+            .with_common(errors)
     }
 
     pub(crate) fn views(&self) -> usize {
@@ -407,51 +468,50 @@ impl Backgrounds {
 
     /// Entries of the backgrounds in `baselines.json`.
     pub(crate) fn stored(&self) -> Vec<StoredView> {
-        let views = self
-            .views
-            .iter()
-            .map(|ViewBackgrounds { place, references }| StoredView {
-                view: place.view.clone(),
-                planned: place.planned.clone(),
-                width_px: place.camera.width_px as usize,
-                top_px: place.top.unwrap_or_default(),
-                rows: references
-                    .first()
-                    .map_or(0, |placed| placed.reference.picture().rows()),
-                references: references
-                    .iter()
+        let stored = |view: &View| {
+            let camera = view.references.camera();
+            let all = view.references.all();
+            let first = all.first().map(|first| &first.background);
+            StoredView {
+                view: view.name.clone(),
+                planned: view.planned.clone(),
+                known: view.known,
+                usual_px: view.usual_px,
+                sds_px: view.sds_px,
+                top_px: first.map_or(0, |first| first.top_px),
+                rows: first.map_or(0, |first| first.levels.len() / first.width_px),
+                references: (all.iter())
                     .map(|placed| StoredReference {
-                        scenario: placed.scenario.clone(),
-                        turn_rad: placed.direction.turn_rad.to_array(),
-                        sd_px: placed.direction.sd_px,
+                        scenario: placed.name.clone(),
+                        motion_px: placed.motion.to_px(camera),
+                        sd_px: placed.sd_px,
                     })
                     .collect(),
-            });
-        views.collect()
+            }
+        };
+        self.views.iter().map(stored).collect()
     }
 
-    /// Reference images, one below the other: a PNG with 16 bits.
+    /// Reference images, one below the other.
     pub(crate) fn png(&self) -> Vec<u8> {
-        let pictures = || {
-            self.views
-                .iter()
-                .flat_map(|view| &view.references)
-                .map(|placed| placed.reference.picture())
-        };
-        let width = pictures().map(|picture| picture.width).max().unwrap_or(1);
-        let mut light: Vec<u16> = Vec::new();
-        for picture in pictures() {
-            for row in picture.light.chunks_exact(picture.width) {
-                light.extend(row.iter().map(|level| (level * PARTS).round() as u16));
-                light.resize(light.len() + width - picture.width, 0);
+        let all = || self.views.iter().flat_map(|view| view.references.all());
+        let width = all().map(|of| of.background.width_px).max().unwrap_or(1);
+        let mut levels: Vec<u8> = Vec::new();
+        for placed in all() {
+            for row in placed
+                .background
+                .levels
+                .chunks_exact(placed.background.width_px)
+            {
+                levels.extend(row);
+                levels.resize(levels.len() + width - row.len(), 0);
             }
         }
-        light.resize(light.len().max(width), 0);
-        let height = light.len() / width;
+        levels.resize(levels.len().max(width), 0);
+        let height = levels.len() / width;
+        let picture = GrayImage::from_raw(width as u32, height as u32, levels);
+        let picture = picture.expect("as many levels as pixels");
         let mut png = Cursor::new(Vec::new());
-        let picture: Option<ImageBuffer<Luma<u16>, _>> =
-            ImageBuffer::from_raw(width as u32, height as u32, light);
-        let picture = DynamicImage::ImageLuma16(picture.expect("as many levels as pixels"));
         picture
             .write_to(&mut png, ImageFormat::Png)
             .expect("memory takes any image");
@@ -460,60 +520,71 @@ impl Backgrounds {
 
     /// Restores stored references; `None` if the images do not match.
     pub(crate) fn of(stored: &[StoredView], png: &[u8]) -> Option<Self> {
-        let picture = image::load_from_memory_with_format(png, ImageFormat::Png)
-            .ok()?
-            .into_luma16();
+        let picture = image::load_from_memory_with_format(png, ImageFormat::Png);
+        let picture = picture.ok()?.into_luma8();
         let width = picture.width() as usize;
         let mut rows = picture.as_raw().chunks_exact(width.max(1));
         let mut views = Vec::new();
         for view in stored {
-            let place = ViewPlace::of(&view.view, &view.planned);
-            let is_whole = view.width_px <= width
-                && view.width_px == place.camera.width_px as usize
-                && view.top_px + view.rows <= place.camera.height_px as usize
-                && view.rows >= MIN_ROWS;
+            let camera = view.planned.camera();
+            let width_px = camera.width_px as usize;
+            let is_whole =
+                width_px <= width && view.top_px + view.rows == camera.height_px as usize;
             if !is_whole && !view.references.is_empty() {
                 return None;
             }
-            let mut references = Vec::new();
+            let mut all = Vec::new();
             for placed in &view.references {
-                let mut light = Vec::with_capacity(view.rows * view.width_px);
-                for _ in 0..view.rows {
-                    let row = rows.next()?;
-                    light.extend(
-                        row[..view.width_px]
-                            .iter()
-                            .map(|&level| f32::from(level) / PARTS),
-                    );
+                let rows = rows.by_ref().take(view.rows);
+                let levels: Vec<u8> = rows.flat_map(|row| &row[..width_px]).copied().collect();
+                if levels.len() != view.rows * width_px {
+                    return None;
                 }
-                let picture = GreyImage {
-                    width: view.width_px,
-                    top: view.top_px,
-                    light,
+                let background = Background {
+                    width_px,
+                    top_px: view.top_px,
+                    levels,
+                    images: 0,
+                    turn: Motion::default(),
                 };
-                references.push(PlacedReference {
-                    scenario: placed.scenario.clone(),
-                    direction: CameraDirection {
-                        turn_rad: DVec3::from_array(placed.turn_rad),
-                        sd_px: placed.sd_px,
-                    },
-                    reference: Reference::of(picture),
-                });
+                let at = (Motion::of_px(placed.motion_px, &camera), placed.sd_px);
+                all.push(Placed::at(placed.scenario.clone(), background, at, &camera));
             }
-            views.push(ViewBackgrounds { place, references });
+            views.push(View {
+                name: view.view.clone(),
+                known: view.known,
+                planned: view.planned.clone(),
+                references: References::of(&camera, all, view.known.is_some()),
+                usual_px: view.usual_px,
+                sds_px: view.sds_px,
+            });
         }
         Some(Self { views })
     }
 }
 
+/// A flight's backgrounds; empty if `dtd detect` did not keep them.
+fn rows_of(scenario: &OpenScenario, model: &str) -> Result<Vec<ViewBackground>> {
+    Ok(scenario.backgrounds(model)?.unwrap_or_default())
+}
+
+/// The background of a view, with its row.
+fn background_of<'a>(
+    rows: &'a [ViewBackground],
+    view: &str,
+    camera: &Camera,
+) -> Option<(&'a ViewBackground, Background)> {
+    let row = rows.iter().find(|row| row.view == view)?;
+    Some((
+        row,
+        Background::of_png(&row.png, row.top_px as usize, camera)?,
+    ))
+}
+
 /// Training scenarios that differ in weather and time of day, as evenly chosen as possible.
 fn references(samples: &Samples) -> Vec<&ScenarioSummary> {
     let mut conditions: BTreeMap<(&str, &str), &ScenarioSummary> = BTreeMap::new();
-    for scenario in samples
-        .scenarios
-        .iter()
-        .filter(|scenario| scenario.side == Side::Train)
-    {
+    for scenario in samples.scenarios_of(Side::Train) {
         let condition = (scenario.time_of_day.as_str(), scenario.weather.as_str());
         conditions.entry(condition).or_insert(scenario);
     }

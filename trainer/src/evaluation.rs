@@ -106,10 +106,8 @@ pub fn evaluate(
     }
     let trained = trained.for_corpus(run, corpus, &samples, watch)?;
     check_unseen(run, corpus, &trained, &samples, config.side)?;
-    let backgrounds = trained.backgrounds.as_ref();
-    let alignment = backgrounds
-        .map(|backgrounds| backgrounds.align(&mut samples, &[Side::Test], watch))
-        .transpose()?;
+    let alignment = (trained.backgrounds).align(&mut samples, &[Side::Test], watch)?;
+    alignment.report(watch);
     let samples = &samples;
     let tested = samples.scenarios.iter().filter(|of| of.side == Side::Test);
     if let Some(line) = Corrections::line(tested.map(|of| of.corrections)) {
@@ -232,16 +230,15 @@ impl TrainedRun {
         samples: &Samples,
         watch: &dyn Watch,
     ) -> Result<Self> {
-        let is_aligned = self.backgrounds.is_some();
         let moved = self.at_runway_of(samples);
         check_cameras(run, corpus, &moved, samples)?;
         let of_run = moved.summary.registered_with.as_ref();
         if let Some(line) = other_registration(of_run, samples.registered_with()) {
             watch.warn(&line);
         }
-        if is_aligned && moved.backgrounds.is_none() {
+        if moved.is_elsewhere {
             watch.say(
-                "align_backgrounds: the run has no background of this airport, so its cameras are taken to be as calibrated",
+                "the run has no background of this airport, so cameras are taken to look as they did in the training, to their stability",
             );
         }
         Ok(moved)

@@ -21,7 +21,10 @@ mod seen_tick;
 use std::slice::from_ref;
 
 use dataset::geometry::camera::Camera;
+use sight::background::Background;
 
+pub use crate::background::Shown;
+use crate::background::Sights;
 use crate::error::{Error, Result};
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
 use crate::run::estimator::{Estimator, Task};
@@ -42,6 +45,7 @@ pub struct OnlineRun {
     cameras: Vec<Camera>,
     estimator: Estimator,
     in_sight: InSight,
+    sights: Sights,
     ticks: u32,
     last_ns: i64,
 }
@@ -56,7 +60,6 @@ impl OnlineRun {
         let sealed = SealedRun::read(folder)?;
         let run = TrainedRun::of(&sealed)?;
         let refused = |fault: String| Error::run(folder.root(), fault);
-        check_causal(&run, folder)?;
         let estimator = match estimator {
             Some(name) => online(name).ok_or_else(|| {
                 let known: Vec<_> = all_online().map(Estimator::name).collect();
@@ -94,6 +97,7 @@ impl OnlineRun {
             cameras,
             estimator,
             in_sight: InSight::default(),
+            sights: run.backgrounds.unseen(),
             ticks: 0,
             last_ns: i64::MIN,
             run,
@@ -134,6 +138,14 @@ impl OnlineRun {
         &self.blake3
     }
 
+    /// Compares the surroundings that a camera sees with the training's, for this tick and later ones. Returns what it shows.
+    ///
+    /// # Panics
+    /// There is no view with this index.
+    pub fn show(&mut self, view: usize, background: &Background) -> Shown {
+        (self.run.backgrounds).show(&mut self.sights, view, background)
+    }
+
     /// Takes the next tick; a time before the last one counts as the last one. Returns one answer for each aircraft that is or was recently
     /// in sight, the followed one first.
     ///
@@ -143,6 +155,7 @@ impl OnlineRun {
         self.last_ns = tick.time_ns.max(self.last_ns);
         let observed = tick.observed((self.ticks, self.last_ns), &self.cameras);
         self.ticks = self.ticks.wrapping_add(1);
+        let observed = self.run.backgrounds.corrected(&observed, &self.sights);
         let judged = self.in_sight.take(&self.run, false, &observed);
         let fitted = self.run.baselines.self_calibrated.as_ref();
         let locator = fitted.map(SelfCalibrated::locator);
@@ -163,16 +176,6 @@ impl OnlineRun {
         let distance_m = self.estimator.answers(&task).distances_m.pop().flatten();
         Answer::with_distance(judged, distance_m)
     }
-}
-
-/// Rejects runs that need whole flights.
-pub(crate) fn check_causal(run: &TrainedRun, folder: &RunFolder) -> Result<()> {
-    if run.backgrounds.is_some() {
-        let fault = "was trained with align_backgrounds, which compares the images of whole flights, so it cannot answer image by \
-                     image; train without it";
-        return Err(Error::run(folder.root(), fault));
-    }
-    Ok(())
 }
 
 /// Training cameras in the order of the views; `None` if one is missing.

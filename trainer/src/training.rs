@@ -16,7 +16,6 @@ use dataset::corpus::Corpus;
 use dataset::corpus::splits::Side;
 use dataset::work::watch::Watch;
 
-use crate::background::Backgrounds;
 use crate::config::{FeatureScale, TrainConfig};
 use crate::error::Result;
 use crate::estimators::geometry::self_calibration::SelfCalibrated;
@@ -213,7 +212,7 @@ fn fit_formulas(
         paired_views: flights.paired_views.clone(),
         mean_by_time: MeanByTime::fit(&samples.scenarios, samples.ticks_of_side(Side::Train)),
         self_calibrated,
-        backgrounds: flights.backgrounds.as_ref().map(Backgrounds::stored),
+        backgrounds: flights.backgrounds.stored(),
     }
 }
 

@@ -5,15 +5,13 @@ use dataset::video::Luma;
 
 use crate::background::Background;
 use crate::fit::{Fit, Freedom, Reference};
-use crate::ground::{Ground, Motion};
+use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
 use crate::sight::Sight;
 
 /// Maximum standard deviation of a comparison that counts, pixels.
 const MAX_SD_PX: f64 = 0.5;
 /// Comparisons whose shifts are further apart, in their standard deviations, count less than half.
 const TOLERATED: f64 = 3.0;
-/// Factor for the standard deviations of fits between two flights: light and weather change tiles together.
-const UNDERSTATED: f64 = 3.0;
 
 /// The references of a view.
 #[derive(Debug, Clone)]
@@ -60,9 +58,9 @@ impl Placed {
     fn compared(&self, image: &Luma<'_>, freedom: &Freedom) -> Option<Sight> {
         let expected = Motion::default();
         let fit: Fit = self.reference.as_ref()?.find(image, expected, freedom)?;
-        let mut found = Sight::of_fit(&fit).widened(UNDERSTATED);
+        let mut found = Sight::of_fit(&fit);
         found.motion = found.motion.after(self.motion);
-        for axis in crate::ground::SHIFT {
+        for axis in SHIFT {
             found.covariance_px2[axis][axis] += self.sd_px * self.sd_px;
         }
         Some(found)
@@ -145,7 +143,7 @@ impl References {
                 })
                 .collect();
             let sum: f64 = weights.iter().sum();
-            let mut mean = [0.0; crate::ground::UNKNOWNS];
+            let mut mean = [0.0; UNKNOWNS];
             for (one, weight) in compared.iter().zip(&weights) {
                 for (mean, number) in mean.iter_mut().zip(one.motion.to_px(&self.camera)) {
                     *mean += number * weight / sum;

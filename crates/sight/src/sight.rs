@@ -1,7 +1,7 @@
 //! Where a camera looks in a flight, relative to where it looked in the training.
 
 use dataset::geometry::camera::Camera;
-use glam::DVec2;
+use glam::{DMat2, DVec2};
 
 use crate::fit::{Fit, MIN_SD_PX};
 use crate::ground::{Motion, SHIFT, UNKNOWNS};
@@ -74,35 +74,26 @@ impl Sight {
         }
     }
 
-    /// Displacements of a place in the image by one standard deviation, by independent causes.
-    pub fn errors_px(&self, camera: &Camera, place_px: DVec2) -> [DVec2; UNKNOWNS] {
+    /// Displacements of a place in the image by one standard deviation, two independent ones.
+    pub fn errors_px(&self, camera: &Camera, place_px: DVec2) -> [DVec2; 2] {
         const SMALL_PX: f64 = 1e-3;
-        let factor = factor(self.covariance_px2);
-        let usual_px = |motion: Motion| motion.usual_px(camera, place_px);
-        let here_px = usual_px(self.motion);
-        std::array::from_fn(|cause| {
-            let column = std::array::from_fn(|unknown| SMALL_PX * factor[unknown][cause]);
-            let moved = Motion::of_px(column, camera).after(self.motion);
-            (usual_px(moved) - here_px) / SMALL_PX
-        })
-    }
-}
-
-/// Lower triangular factor of a covariance (Cholesky), with zeros where it has no variance.
-fn factor(covariance: Covariance) -> Covariance {
-    let mut factor = [[0.0; UNKNOWNS]; UNKNOWNS];
-    for i in 0..UNKNOWNS {
-        for j in 0..=i {
-            let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
-            let left = covariance[i][j] - known;
-            factor[i][j] = if i == j {
-                left.max(0.0).sqrt()
-            } else if factor[j][j] > 0.0 {
-                left / factor[j][j]
-            } else {
-                0.0
-            };
+        let here_px = self.motion.usual_px(camera, place_px);
+        let slopes: [DVec2; UNKNOWNS] = std::array::from_fn(|unknown| {
+            let mut step = [0.0; UNKNOWNS];
+            step[unknown] = SMALL_PX;
+            let moved = Motion::of_px(step, camera).after(self.motion);
+            (moved.usual_px(camera, place_px) - here_px) / SMALL_PX
+        });
+        let mut covariance = DMat2::ZERO;
+        for (slope, row) in slopes.iter().zip(self.covariance_px2) {
+            for (other, part) in slopes.iter().zip(row) {
+                covariance += part * DMat2::from_cols(*slope * other.x, *slope * other.y);
+            }
         }
+        // Cholesky's factor, column by column.
+        let right = covariance.x_axis.x.max(0.0).sqrt();
+        let together = covariance.x_axis.y / right.max(f64::MIN_POSITIVE);
+        let down = (covariance.y_axis.y - together * together).max(0.0).sqrt();
+        [DVec2::new(right, together), DVec2::new(0.0, down)]
     }
-    factor
 }

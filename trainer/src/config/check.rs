@@ -38,6 +38,8 @@ impl TrainConfig {
                 ));
             }
         }
+        let stability_arcsec = self.camera_stability_arcsec;
+        number("camera_stability_arcsec", stability_arcsec, 0.0..=3_600.0)?;
         if let Some(setting) = &self.leave_out
             && LeftOut::parse(setting).is_none()
         {

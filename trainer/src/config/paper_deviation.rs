@@ -28,8 +28,6 @@ pub enum PaperDeviation {
     Scales,
     /// Widths of the calibration networks, the LSTM or their heads.
     LayerWidths,
-    /// `align_backgrounds`: boxes are corrected by the image backgrounds.
-    AlignedBackgrounds,
     /// `dtd refit`: a calibration network was trained again, with the estimator's error in its loss.
     RefittedView,
 }
@@ -44,7 +42,6 @@ impl fmt::Display for PaperDeviation {
             Self::ViewDropout => "view dropout in unequal shares",
             Self::Scales => "scales of features or distances",
             Self::LayerWidths => "layer widths",
-            Self::AlignedBackgrounds => "boxes aligned by backgrounds",
             Self::RefittedView => "a view fitted again",
         })
     }
@@ -82,7 +79,6 @@ impl TrainConfig {
                 PaperDeviation::LayerWidths,
                 widths(c, e) != widths(&paper_c, &paper_e),
             ),
-            (PaperDeviation::AlignedBackgrounds, self.align_backgrounds),
         ];
         let named = found.into_iter().filter(|(_, deviates)| *deviates);
         named.map(|(deviation, _)| deviation).collect()
@@ -144,10 +140,6 @@ mod tests {
             (
                 r#"{"estimator": {"lstm": [96, 96]}}"#,
                 PaperDeviation::LayerWidths,
-            ),
-            (
-                r#"{"align_backgrounds": true}"#,
-                PaperDeviation::AlignedBackgrounds,
             ),
         ] {
             let config: TrainConfig = serde_json::from_str(settings).unwrap();

@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 use crate::error::{Error, Result};
 use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::prediction_table::add_answers;
-use crate::live::{InSight, JudgedAircraft, Phase, check_causal};
+use crate::live::{InSight, JudgedAircraft, Phase};
 use crate::run::estimator::{Answered, Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::place::refuse_in_run;
@@ -57,23 +57,20 @@ pub fn predict(
     }
     refuse_in_run(out)?;
     let trained = TrainedRun::of(&SealedRun::read(run)?)?;
-    if moment == Moment::Live {
-        check_causal(&trained, run)?;
-    }
     let model = detections.unwrap_or(&trained.summary.model_hash);
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model), moment)?;
     let trained = trained.for_corpus(run, corpus, &corpus_read, watch)?;
     if flights.is_empty() {
         return Err(Error::corpus(corpus.root(), NO_SCENARIOS));
     }
-    if let Some(backgrounds) = &trained.backgrounds {
-        let alignment = backgrounds.align_observations(
+    if moment == Moment::Hindsight {
+        let alignment = trained.backgrounds.align_observations(
             &mut corpus_read,
             &[Side::Test],
             flights.iter_mut(),
             watch,
         )?;
-        watch.say(&alignment.to_string());
+        alignment.report(watch);
     }
     let corrections = corpus_read.scenarios.iter().map(|of| of.corrections);
     if let Some(line) = Corrections::line(corrections) {
@@ -90,7 +87,10 @@ pub fn predict(
         watch.check()?;
         let of_flight = match moment {
             Moment::Hindsight => FlightPredictions::whole(&trained, &corpus_read, flight),
-            Moment::Live => FlightPredictions::live(&trained, &corpus_read, flight),
+            Moment::Live => {
+                let flight = seen_live(&trained, &corpus_read, flight)?;
+                FlightPredictions::live(&trained, &corpus_read, &flight)
+            }
         };
         for ((_, count), of) in answered.iter_mut().zip(&of_flight.answered) {
             *count += of.distances_m.iter().flatten().count();
@@ -114,6 +114,25 @@ pub fn predict(
         ticks: flights.len(),
         answered: answered.into(),
     })
+}
+
+/// The flight with its cameras compared as soon as each background is complete.
+fn seen_live(
+    trained: &TrainedRun,
+    samples: &Samples,
+    flight: &[Observation],
+) -> Result<Vec<Observation>> {
+    let scenario = &samples.scenarios[flight[0].scenario];
+    let shown = trained.backgrounds.complete_in(scenario, samples)?;
+    let mut shown = shown.into_iter().peekable();
+    let mut sights = trained.backgrounds.unseen();
+    let seen = flight.iter().map(|observed| {
+        while let Some((_, view, background)) = shown.next_if(|(tick, ..)| *tick <= observed.tick) {
+            trained.backgrounds.show(&mut sights, view, &background);
+        }
+        trained.backgrounds.corrected(observed, &sights)
+    });
+    Ok(seen.collect())
 }
 
 /// Answers for one flight.

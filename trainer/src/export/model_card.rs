@@ -101,12 +101,10 @@ fn inputs(card: &mut String, run: &TrainedRun) {
         });
         let _ = writeln!(card, "| {name} | {picture} | {} |", ranges.join(" | "));
     }
-    if run.config.align_backgrounds {
-        card.push_str(
-            "\nThe cameras of this run were aligned by their backgrounds (`align_backgrounds`). The models expect boxes and registrations that were \
-             corrected in the same way, and do not correct them.\n",
-        );
-    }
+    card.push_str(
+        "\nThe cameras of this run were compared by their backgrounds. The models expect boxes and registrations that were moved to the \
+         direction of the training in the same way, and do not move them.\n",
+    );
 }
 
 fn training(card: &mut String, run: &TrainedRun) {
@@ -117,11 +115,8 @@ fn training(card: &mut String, run: &TrainedRun) {
     } else {
         ""
     };
-    let moved = if config.align_backgrounds {
-        "one that was moved or zoomed needs a training of its own, and so do other cameras"
-    } else {
-        "one that was moved or zoomed needs `dtd refit`, other cameras a training of their own"
-    };
+    let moved =
+        "one that was moved or zoomed needs `dtd refit`, other cameras a training of their own";
     let farthest = config
         .max_dtd_nm
         .map_or(String::new(), |most| format!(" to {most}"));

@@ -7,7 +7,7 @@ use crate::samples::rig::are_same;
 use crate::samples::rig::moved_rig::Move;
 
 impl TrainedRun {
-    /// Moves the cameras to the runway of `samples`. Background images are dropped: they show the other airport.
+    /// Moves the cameras to the runway of `samples`. Its backgrounds, which show the other airport, are compared with none.
     #[must_use]
     pub(crate) fn at_runway_of(mut self, samples: &Samples) -> Self {
         // Cameras that stand where they stood have not moved with the runway.
@@ -28,7 +28,7 @@ impl TrainedRun {
         if let Some(fitted) = &mut self.baselines.self_calibrated {
             fitted.move_with(&motion);
         }
-        self.backgrounds = None;
+        self.backgrounds = self.backgrounds.elsewhere();
         self.is_elsewhere = true;
         self
     }

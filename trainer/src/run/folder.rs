@@ -7,7 +7,7 @@
 //!   normalisation.json  offset and scale of the features
 //!   baselines.json      the fitted formulas: pinholes, centre offsets, inverse range
 //!   weights.safetensors all networks
-//!   backgrounds.png     images for camera alignment, if the settings ask for it
+//!   backgrounds.png     what the cameras saw, to compare flights with
 //!   convergence.json    errors on the validation side over both stages
 //!   replaces.json       identity of the run that this one replaced
 //!   metrics.json  predictions.parquet  evaluation.json  report.html     (from `evaluate`)
@@ -52,17 +52,15 @@ impl RunFolder {
     pub(crate) const CHECKPOINT: &str = "checkpoint.json";
 
     /// Files written by a training.
-    pub(crate) const TRAINED: [&str; 6] = [
+    pub(crate) const TRAINED: [&str; 7] = [
         Self::CONFIG,
         Self::SUMMARY,
         Self::NORMALISATION,
         Self::BASELINES,
         Self::WEIGHTS,
+        Self::BACKGROUNDS,
         Self::CONVERGENCE,
     ];
-
-    /// File that a training writes only if the settings ask for it.
-    pub(crate) const OPTIONAL: &str = Self::BACKGROUNDS;
 
     /// All files that a run may contain, in order of removal: a folder without a summary is not a run.
     pub const FILES: [&str; 14] = [

@@ -47,8 +47,7 @@ impl SealedRun {
             Err(error) => return Err(error.into()),
         };
         let mut files = BTreeMap::new();
-        let optional = Some(RunFolder::OPTIONAL).filter(|name| seal.hash_of(name).is_some());
-        for name in RunFolder::TRAINED.into_iter().chain(optional) {
+        for name in RunFolder::TRAINED {
             let path = root.join(name);
             let bytes = match outside_file::read(&path, RUN_FILE) {
                 Err(error) if error.is_not_found() => {
@@ -97,11 +96,6 @@ impl SealedRun {
     /// `name` is in [`RunFolder::TRAINED`].
     pub(crate) fn bytes(&self, name: &'static str) -> &[u8] {
         &self.files[name]
-    }
-
-    /// Content of [`RunFolder::OPTIONAL`], if present.
-    pub(crate) fn optional_bytes(&self) -> Option<&[u8]> {
-        self.files.get(RunFolder::OPTIONAL).map(Vec::as_slice)
     }
 
     pub(crate) fn json<T: DeserializeOwned>(

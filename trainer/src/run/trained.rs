@@ -43,7 +43,7 @@ use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
 /// Run format, increased whenever numbers change their meaning or are added or removed.
-pub(crate) const RUN_FORMAT: u32 = 10;
+pub(crate) const RUN_FORMAT: u32 = 11;
 
 /// Version information, which decides whether a run can be read.
 #[derive(Deserialize)]
@@ -188,9 +188,8 @@ pub(crate) struct Baselines {
     pub paired_views: PairedViews,
     /// `no_vision_time` and `no_vision_time_weather`.
     pub mean_by_time: MeanByTime,
-    /// Content of `backgrounds.png`; missing without it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub backgrounds: Option<Vec<StoredView>>,
+    /// Where the cameras looked; content of `backgrounds.png`.
+    pub backgrounds: Vec<StoredView>,
 }
 
 /// All networks.
@@ -312,8 +311,8 @@ pub(crate) struct TrainedRun {
     pub baselines: Baselines,
     pub networks: Networks,
     pub convergence: Convergence,
-    /// References for aligning cameras, if the settings ask for it.
-    pub backgrounds: Option<Backgrounds>,
+    /// What the cameras saw.
+    pub backgrounds: Backgrounds,
     /// True if the cameras were moved to a different runway.
     pub is_elsewhere: bool,
 }
@@ -336,9 +335,7 @@ impl TrainedRun {
         write_json_unsynced(&path(RunFolder::BASELINES), &self.baselines)?;
         write_json_unsynced(&path(RunFolder::CONVERGENCE), &self.convergence)?;
         write_unsynced(&path(RunFolder::WEIGHTS), &self.weights(folder)?)?;
-        if let Some(backgrounds) = &self.backgrounds {
-            write_unsynced(&path(RunFolder::BACKGROUNDS), &backgrounds.png())?;
-        }
+        write_unsynced(&path(RunFolder::BACKGROUNDS), &self.backgrounds.png())?;
         Ok(write_json_unsynced(
             &path(RunFolder::SUMMARY),
             &self.summary,
@@ -425,15 +422,15 @@ impl TrainedRun {
             return Err(sealed.refused(RunFolder::WEIGHTS, fault));
         }
         check_numbers(sealed, &normalisation, &baselines, &networks)?;
-        let backgrounds = match (&baselines.backgrounds, sealed.optional_bytes()) {
-            (Some(stored), Some(png)) => Backgrounds::of(stored, png),
-            _ => None,
-        };
-        let expected = config.align_backgrounds.then_some(views);
-        if backgrounds.as_ref().map(Backgrounds::views) != expected {
-            let fault = "do not match the backgrounds recorded in config.json and baselines.json; train again";
-            return Err(sealed.refused(RunFolder::BACKGROUNDS, fault));
-        }
+        let png = sealed.bytes(RunFolder::BACKGROUNDS);
+        let backgrounds = Backgrounds::of(&baselines.backgrounds, png);
+        let backgrounds = backgrounds
+            .filter(|of| of.views() == views)
+            .ok_or_else(|| {
+                let fault =
+                    "does not match the backgrounds recorded in baselines.json; train again";
+                sealed.refused(RunFolder::BACKGROUNDS, fault)
+            })?;
         Ok(Self {
             backgrounds,
             summary,

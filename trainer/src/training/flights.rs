@@ -21,8 +21,8 @@ pub(crate) struct Flights {
     pub(crate) samples: Samples,
     /// Split by scenario, if the settings ask for it.
     pub(crate) scenario_split: Option<ScenarioSplit>,
-    /// Camera alignment, if the settings ask for it.
-    pub(crate) backgrounds: Option<Backgrounds>,
+    /// What the cameras saw.
+    pub(crate) backgrounds: Backgrounds,
     /// Training side, reduced to its ground-truth boxes.
     pub(crate) true_boxes: Vec<Sample>,
     /// Removed boxes of the training side, by view.
@@ -46,7 +46,6 @@ impl Flights {
             max_nm: config.max_dtd_nm,
         };
         let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
-        samples.move_common_to_shifts();
         watch.check()?;
         if config.scenario_split.is_some() && corpora.len() > 1 {
             return Err(Error::setting(
@@ -65,11 +64,8 @@ impl Flights {
         }
         let corpus = &corpora[0];
         split_again(corpus, &mut samples, config.leave_out.as_deref())?;
-        let backgrounds = if config.align_backgrounds {
-            Some(align(&mut samples, watch)?)
-        } else {
-            None
-        };
+        let backgrounds = align(&mut samples, config.camera_stability_arcsec, watch)?;
+        samples.move_common_to_shifts();
         let recorded = side_with_samples(corpus, &samples, Side::Train)?;
         let cameras = TrainingCameras::of(&samples, &recorded);
         let dropped_boxes = cameras.report(&samples, &recorded, watch);
@@ -148,10 +144,10 @@ impl Flights {
 }
 
 /// Learns the camera directions, and corrects boxes and shifts on the training and validation sides.
-fn align(samples: &mut Samples, watch: &dyn Watch) -> Result<Backgrounds> {
-    let backgrounds = Backgrounds::learn(samples, watch)?;
+fn align(samples: &mut Samples, stability_arcsec: f64, watch: &dyn Watch) -> Result<Backgrounds> {
+    let backgrounds = Backgrounds::learn(samples, stability_arcsec, watch)?;
     let alignment = backgrounds.align(samples, &[Side::Train, Side::Validation], watch)?;
-    watch.say(&alignment.to_string());
+    alignment.report(watch);
     Ok(backgrounds)
 }
 

@@ -22,6 +22,7 @@ use dataset::work::watch::Watch;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
+use crate::background::Backgrounds;
 use crate::error::{Error, Result};
 use crate::estimators::geometry::self_calibration::{MIN_TICKS, SelfCalibrated};
 use crate::estimators::geometry::triangulation::CentreOffset;
@@ -82,11 +83,6 @@ pub fn refit(
     }
     let place = RunPlace::take(&RunFolder::at(out))?;
     let before = TrainedRun::of(&SealedRun::read(run)?)?;
-    if before.backgrounds.is_some() {
-        let fault = "was trained with align_backgrounds, and a camera that looks elsewhere has no background to be aligned with; train \
-                     again on corpora with the new camera";
-        return Err(Error::run(run.root(), fault));
-    }
     let views = &before.normalisation.views;
     let view = views.iter().position(|view| *view == config.view);
     let view = view.ok_or_else(|| {
@@ -101,11 +97,17 @@ pub fn refit(
         max_nm: before.config.max_dtd_nm,
     };
     let mut samples = Samples::read(corpus, Some(&before.summary.model_hash), range)?;
-    samples.move_common_to_shifts();
     split_again(corpus, &mut samples, before.config.leave_out.as_deref())?;
     check_others(run, corpus, &before, &samples, &config.view)?;
-    let approaches = approaches(corpus, &samples, view, config)?;
     let mut after = before.clone();
+    let stability_arcsec = before.config.camera_stability_arcsec;
+    let seen = Backgrounds::learn(&samples, stability_arcsec, watch)?;
+    after.backgrounds = before.backgrounds.with_view_of(view, seen);
+    after.baselines.backgrounds = after.backgrounds.stored();
+    let alignment = (after.backgrounds).align(&mut samples, &[Side::Train], watch)?;
+    alignment.report(watch);
+    samples.move_common_to_shifts();
+    let approaches = approaches(corpus, &samples, view, config)?;
     fit_formulas(corpus, &mut after, view, &samples, &approaches, watch)?;
     fit_network(&mut after, view, &samples, &approaches, watch)?;
     adopt(&mut after, &samples, &approaches, &config.view);

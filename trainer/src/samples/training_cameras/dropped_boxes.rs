@@ -152,8 +152,8 @@ impl fmt::Display for TrainingDrops {
         } else {
             write!(
                 f,
-                ". The same offset (right, down) of most of them in {} probably means that the camera looked elsewhere there; \
-                 `align_backgrounds = true` corrects that",
+                ". The same offset (right, down) of most of them in {} probably means that the camera looked elsewhere there, and that \
+                 its background did not show it",
                 moved.join(", ")
             )
         }

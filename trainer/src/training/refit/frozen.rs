@@ -40,6 +40,7 @@ fn others(run: &TrainedRun, view: usize) -> Value {
         "flight_filter": baselines.flight_filter.without(view, &baselines.inverse_range),
         "paired_views": baselines.paired_views.without(view),
         "mean_by_time": baselines.mean_by_time,
+        "backgrounds": without(view, &baselines.backgrounds),
         "self_calibrated": baselines.self_calibrated.as_ref().map(|fitted| fitted.without(view)),
     })
 }
