@@ -34,7 +34,9 @@ use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_tape::TapeError;
 
 pub use engine::{BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting};
-pub use faults::{CameraFault, CameraFaultKind, Faults, FaultsError, Moment, Outage, OutageKind};
+pub use faults::{
+    AimChange, CameraFault, CameraFaultKind, Faults, FaultsError, Moment, Outage, OutageKind,
+};
 pub use plugin_host::{FramesDrawn, PluginOptions, SceneBehind, WindowCovers, WindowForm};
 pub use seat::LinkPatience;
 

@@ -4,7 +4,8 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use mock_xplane::server::{Faults, ServerOptions};
+use dataset::geometry::pose::{Controls, Pose};
+use mock_xplane::server::{Engine, Faults, Instants, SceneRenderer, SceneSetting, ServerOptions};
 use testkit::changi_02l;
 use testkit_simulator::client::{self, captured, level};
 use testkit_simulator::{Blank, Running, quiet};
@@ -164,4 +165,46 @@ async fn the_network_loses_and_doubles_what_it_was_told_to() {
     assert_eq!(received[0], received[1]);
     assert_ne!(received[1], received[2]);
     assert_eq!(received[2], received[3]);
+}
+
+/// Writes the camera's focal length into every byte, pixels.
+struct FocalLength(u8);
+
+impl Engine for FocalLength {
+    fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
+        Box::new(Self(scene.camera.focal_px as u8))
+    }
+}
+
+impl SceneRenderer for FocalLength {
+    fn draw(&self, _: &Pose, _: &Controls, _: Instants, rgb: &mut [u8]) {
+        rgb.fill(self.0);
+    }
+}
+
+#[tokio::test]
+async fn exchanged_views_show_the_other_camera_from_the_first_image_on() {
+    let options = ServerOptions {
+        faults: "source=0:1,source=1:0,zoom=1:100:0".parse().unwrap(),
+        ..quiet()
+    };
+    let running = Running::start_with(options, Arc::new(FocalLength(0))).await;
+    let mut simulator = Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
+        .await
+        .unwrap();
+    simulator.freeze(&changi_02l()).await.unwrap();
+    // Focal lengths of 45.7 and 22.7 pixels.
+    let requests = [(0, 10.0), (1, 20.0)].map(|(view, hfov_deg)| {
+        let mut request = capture(0);
+        request.camera.hfov_deg = hfov_deg;
+        CaptureRequest { view, ..request }
+    });
+    for request in &requests {
+        simulator.send_capture(request).await.unwrap();
+    }
+    for (request, focal_px) in requests.iter().zip([22, 91]) {
+        let frame = simulator.receive_frame().await.unwrap();
+        assert_eq!(frame.rgb[0], focal_px);
+        assert_eq!(frame.header.camera, request.camera);
+    }
 }

@@ -5,9 +5,10 @@
 //! send a hello, with the token if there is one, before it is admitted.
 
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use dataset::geometry::camera::Camera;
+use dataset::geometry::camera::{Camera, CameraPose};
 use dataset::geometry::distortion::Distortion;
 use dataset::numbers::limits::Check;
 use dataset::numbers::units::SimTime;
@@ -40,6 +41,8 @@ use crate::window::DisplayWindow;
 const MAX_CONNECTIONS: usize = 32;
 /// Maximum pending answers, drawn or being drawn.
 const ANSWERS_AHEAD: usize = 4;
+/// Maximum wait for the request that gives the camera of another view: clients request all views of a tick at once.
+const CAMERA_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// The error for a client without the token.
 pub(super) const WANTS_TOKEN: &str =
@@ -73,6 +76,7 @@ pub(super) async fn run(
         admission,
         stage,
         cameras: Mutex::new(cameras),
+        camera_known: Condvar::new(),
         scenes: Scenes::default(),
         painters: Arc::new(Semaphore::new(cores)),
         buffers: Mutex::default(),
@@ -114,6 +118,8 @@ struct CaptureService {
     stage: Option<Arc<dyn DisplayWindow>>,
     /// They decide what an image shows.
     cameras: Mutex<FaultyCameras>,
+    /// Notified when a request gives the camera of another view.
+    camera_known: Condvar,
     scenes: Scenes,
     painters: Arc<Semaphore>,
     /// Buffers of sent images, for reuse.
@@ -394,6 +400,7 @@ impl CaptureService {
             if let Some(text) = cameras.fault_of_no_view(&request) {
                 return ready(Answer::lasting_refusal(text));
             }
+            self.camera_known.notify_all();
             cameras.drawn_for(&request)
         };
         let (key, frame) = {
@@ -413,8 +420,8 @@ impl CaptureService {
                 return refusal(format!("view {}: {bad_lens}", request.view));
             }
             let key = SceneKey {
-                camera: drawn.request.camera,
-                imaging,
+                camera: request.camera,
+                imaging: world.imaging(drawn.source),
                 width_px: request.width_px,
                 height_px: request.height_px,
                 runway,
@@ -432,7 +439,7 @@ impl CaptureService {
         let work = activity.work();
         let drawing = spawn_blocking(move || {
             let _in_work = (permit, work);
-            service.draw((&request, &drawn), &key, frame)
+            service.draw((&request, &drawn), key, frame)
         });
         if request.deliver != Deliver::Drawn {
             return Pending::Drawing(drawing);
@@ -483,18 +490,41 @@ impl CaptureService {
         result.map_err(|error| error.to_string())
     }
 
+    /// The camera that sees an image, as soon as its view has been requested.
+    fn camera_of(&self, drawn: &Drawn) -> Option<CameraPose> {
+        let unknown = |cameras: &mut FaultyCameras| cameras.camera_of(drawn).is_none();
+        let cameras = lock(&self.cameras);
+        let waited = self
+            .camera_known
+            .wait_timeout_while(cameras, CAMERA_TIMEOUT, unknown);
+        let (cameras, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        cameras.camera_of(drawn)
+    }
+
     /// Draws the payload. The answer is to the request, whatever is drawn.
     fn draw(
         &self,
         (request, drawn): (&CaptureRequest, &Drawn),
-        key: &SceneKey,
+        key: SceneKey,
         frame: Frame,
     ) -> Reply {
+        let Some(camera) = self.camera_of(drawn) else {
+            return (
+                Answer::lasting_refusal(format!(
+                    "view {} shows the camera of view {}, which was not requested within {} s: request all views of a tick at once",
+                    request.view,
+                    drawn.source,
+                    CAMERA_TIMEOUT.as_secs()
+                )),
+                Vec::new(),
+            );
+        };
+        let key = SceneKey { camera, ..key };
         let mut rgb = lock(&self.buffers).pop().unwrap_or_default();
         rgb.resize(request.rgb_bytes(), 0);
         let content = &drawn.request;
         let instants = Instants::all(SimTime(content.time_ns).seconds());
-        self.scenes.with(self.engine.as_ref(), key, |picture| {
+        self.scenes.with(self.engine.as_ref(), &key, |picture| {
             picture.draw(&content.pose, &content.controls, instants, &mut rgb);
         });
         let (width_px, height_px) = (key.width_px as usize, key.height_px as usize);

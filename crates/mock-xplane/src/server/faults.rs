@@ -12,17 +12,18 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-pub use cameras::{CameraFault, CameraFaultKind};
+pub use cameras::{AimChange, CameraFault, CameraFaultKind};
 
 /// Default downtime for restarts: slightly more than clients need to notice.
 const DEFAULT_DOWN: Duration = Duration::from_secs(3);
 /// The syntax of the text form, for messages.
 const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S], restart=WHEN[:DOWN_S], \
-                        late=VIEW:MS, shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE or turn=VIEW:RIGHT_DEG:AFTER_S, where WHEN is seconds, \
-                        frames:N or captures:N and VIEW counts from 0";
+                        late=VIEW:MS, shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S, \
+                        zoom=VIEW:PERCENT:AFTER_S, drift=VIEW:RIGHT_DEG:OVER_S or source=VIEW:OTHER, where WHEN is seconds, frames:N or \
+                        captures:N and views count from 0";
 
 /// The faults' words, and the form of each one's value.
-const FORMS: [(&str, &str); 10] = [
+const FORMS: [(&str, &str); 14] = [
     ("loss", "a ratio, 0 to 1"),
     ("dup", "a ratio, 0 to 1"),
     ("reorder", "a ratio, 0 to 1"),
@@ -39,6 +40,10 @@ const FORMS: [(&str, &str); 10] = [
     ("shake", "VIEW:RMS_PX:HZ"),
     ("stick", "VIEW:SHARE, a share from 0 to 1"),
     ("turn", "VIEW:RIGHT_DEG:AFTER_S"),
+    ("tilt", "VIEW:DOWN_DEG:AFTER_S"),
+    ("zoom", "VIEW:PERCENT:AFTER_S, more than -100 percent"),
+    ("drift", "VIEW:RIGHT_DEG:OVER_S, more than 0 seconds"),
+    ("source", "VIEW:OTHER"),
 ];
 
 /// The faults. The default is none.
@@ -197,9 +202,10 @@ impl fmt::Display for CameraFault {
                 frequency_hz,
             } => write!(f, "shake={view}:{rms_px}:{frequency_hz}"),
             CameraFaultKind::Sticks(share) => write!(f, "stick={view}:{share}"),
-            CameraFaultKind::Turns { right_deg, after } => {
-                write!(f, "turn={view}:{right_deg}:{}", after.as_secs_f64())
+            CameraFaultKind::Aims { change, by, time } => {
+                write!(f, "{}={view}:{by}:{}", change.word(), time.as_secs_f64())
             }
+            CameraFaultKind::Source(other) => write!(f, "source={view}:{other}"),
         }
     }
 }
@@ -215,13 +221,18 @@ fn camera_fault(key: &str, values: &[&str]) -> Option<CameraFaultKind> {
             frequency_hz: positive(frequency_hz)?,
         },
         ("stick", [share]) => CameraFaultKind::Sticks(ratio(share)?),
-        ("turn", [right_deg, after]) => CameraFaultKind::Turns {
-            right_deg: right_deg
-                .parse()
-                .ok()
-                .filter(|deg: &f64| deg.abs() <= 180.0)?,
-            after: seconds(after)?,
-        },
+        ("source", [other]) => CameraFaultKind::Source(other.parse().ok()?),
+        (_, [by, time]) => {
+            let change = AimChange::ALL
+                .into_iter()
+                .find(|change| change.word() == key)?;
+            let by = by.parse().ok().filter(|by| change.allows(*by))?;
+            let time = seconds(time)?;
+            if change == AimChange::Drift && time.is_zero() {
+                return None;
+            }
+            CameraFaultKind::Aims { change, by, time }
+        }
         _ => return None,
     })
 }
@@ -271,7 +282,7 @@ mod tests {
 
     #[test]
     fn every_fault_has_a_word_and_what_is_printed_reads_back() {
-        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120";
+        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120,tilt=1:0.01:0,zoom=1:0.02:60,drift=0:0.1:300,source=0:1";
         let faults = parse(text).unwrap();
         assert_eq!((faults.loss, faults.duplication), (0.1, 0.05));
         assert_eq!((faults.reordering, faults.seed), (0.02, 9));
@@ -297,7 +308,7 @@ mod tests {
                 ),
             ]
         );
-        assert_eq!(faults.cameras.len(), 4);
+        assert_eq!(faults.cameras.len(), 8);
         assert_eq!(parse(&faults.to_string()).unwrap(), faults);
         assert!(parse("").unwrap().is_none());
     }
@@ -323,6 +334,10 @@ mod tests {
             ("shake=0:2", "VIEW:RMS_PX:HZ"),
             ("stick=0:4", "a share from 0 to 1"),
             ("turn=left:0.3:120", "VIEW:RIGHT_DEG:AFTER_S"),
+            ("tilt=0:NaN:0", "VIEW:DOWN_DEG:AFTER_S"),
+            ("zoom=0:-100:0", "more than -100 percent"),
+            ("drift=0:0.1:0", "more than 0 seconds"),
+            ("source=0", "VIEW:OTHER"),
         ] {
             let message = parse(text).unwrap_err().to_string();
             assert!(message.contains(words), "{text}: {message}");

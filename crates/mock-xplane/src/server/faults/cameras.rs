@@ -1,12 +1,14 @@
-//! Cameras that do not show what they report: images that are late, repeated, shaken, or taken in a different direction.
+//! Cameras that do not show what they report: images that are late, repeated or shaken, or taken in a different direction, with a
+//! different focal length or by a different camera.
 //!
 //! Input: requests for images, in order. Output: for each, the content that takes its place ([`Drawn`]). Answers still echo the request: a
 //! camera with such a fault does not notice it.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::TAU;
 use std::time::Duration;
 
+use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::Pose;
 use dataset::numbers::units::Degrees;
 use glam::DVec2;
@@ -43,21 +45,108 @@ pub enum CameraFaultKind {
     },
     /// This share of the images repeats the previous one, 0 to 1.
     Sticks(f64),
-    /// The camera points further to the right from some time on.
-    Turns {
-        /// The angle, degrees.
-        right_deg: f64,
-        /// The time since the first tick.
-        after: Duration,
+    /// The camera's direction or focal length changes.
+    Aims {
+        /// What changes.
+        change: AimChange,
+        /// The size of the change, degrees or percent.
+        by: f64,
+        /// The time of the change since the first tick; the duration of a drift by this angle.
+        time: Duration,
     },
+    /// The view shows what the camera of another view sees, without that view's faults.
+    Source(u32),
+}
+
+/// Change of a camera's direction or focal length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AimChange {
+    /// It points further to the right from some time on, degrees.
+    Turn,
+    /// It points further down from some time on, degrees.
+    Tilt,
+    /// Its focal length is longer from some time on, percent.
+    Zoom,
+    /// It turns to the right at a constant rate from the first tick to the end of the flight, degrees.
+    Drift,
+}
+
+impl AimChange {
+    pub(super) const ALL: [Self; 4] = [Self::Turn, Self::Tilt, Self::Zoom, Self::Drift];
+
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Turn => "turn",
+            Self::Tilt => "tilt",
+            Self::Zoom => "zoom",
+            Self::Drift => "drift",
+        }
+    }
+
+    pub(super) fn allows(self, by: f64) -> bool {
+        match self {
+            Self::Turn | Self::Drift => by.abs() <= 180.0,
+            Self::Tilt => by.abs() <= 90.0,
+            Self::Zoom => by > -100.0 && by.is_finite(),
+        }
+    }
 }
 
 /// Content that replaces a requested image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Drawn {
     pub(crate) request: CaptureRequest,
+    /// The view whose camera sees the image.
+    pub(crate) source: u32,
+    aim: Aim,
     /// Displacement of the finished image, pixels right and down.
     pub(crate) shift_px: DVec2,
+}
+
+impl Drawn {
+    /// The image as requested.
+    fn sound(request: &CaptureRequest) -> Self {
+        Self {
+            request: *request,
+            source: request.view,
+            aim: Aim::default(),
+            shift_px: DVec2::ZERO,
+        }
+    }
+}
+
+/// Difference from a camera's reported direction and focal length.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Aim {
+    right_deg: f64,
+    down_deg: f64,
+    zoom_percent: f64,
+}
+
+impl Aim {
+    fn add(&mut self, change: AimChange, by: f64, time: Duration, time_ns: i64) {
+        let is_due = time_ns >= nanoseconds(time);
+        match change {
+            AimChange::Drift => self.right_deg += by * time_ns as f64 / nanoseconds(time) as f64,
+            AimChange::Turn if is_due => self.right_deg += by,
+            AimChange::Tilt if is_due => self.down_deg += by,
+            AimChange::Zoom if is_due => self.zoom_percent += by,
+            AimChange::Turn | AimChange::Tilt | AimChange::Zoom => {}
+        }
+    }
+
+    fn applied_to(&self, camera: &CameraPose) -> CameraPose {
+        if *self == Self::default() {
+            return *camera;
+        }
+        let mut aimed = *camera;
+        turn_right(&mut aimed.pose, self.right_deg);
+        aimed.pose.pitch_deg -= self.down_deg;
+        let half_width = (camera.hfov_deg.to_radians() / 2.0).tan();
+        let half_width = half_width / (1.0 + self.zoom_percent / 100.0);
+        aimed.hfov_deg = 2.0 * half_width.atan().to_degrees();
+        aimed
+    }
 }
 
 /// All cameras during a flight.
@@ -66,9 +155,9 @@ pub(crate) struct FaultyCameras {
     faults: Vec<CameraFault>,
     seed: u64,
     views: BTreeMap<u32, View>,
-    /// The first tick of the flight, and the views that were requested in it: those of the rig.
+    /// The first tick of the flight, and the cameras of the views that were requested in it: those of the rig.
     first_tick: Option<u32>,
-    rig: BTreeSet<u32>,
+    rig: BTreeMap<u32, CameraPose>,
 }
 
 impl FaultyCameras {
@@ -78,7 +167,7 @@ impl FaultyCameras {
             seed: faults.seed,
             views: BTreeMap::new(),
             first_tick: None,
-            rig: BTreeSet::new(),
+            rig: BTreeMap::new(),
         }
     }
 
@@ -92,17 +181,33 @@ impl FaultyCameras {
     /// Refuses a fault in a view that the rig does not have, which would have no effect. `None` in the first tick, which shows the views.
     pub(crate) fn fault_of_no_view(&mut self, request: &CaptureRequest) -> Option<String> {
         if request.tick == *self.first_tick.get_or_insert(request.tick) {
-            self.rig.insert(request.view);
+            self.rig.insert(request.view, request.camera);
             return None;
         }
-        let mut faults = self.faults.iter();
-        let fault = faults.find(|fault| !self.rig.contains(&fault.view))?;
-        let views: Vec<String> = self.rig.iter().map(u32::to_string).collect();
+        let views_of = |fault: &CameraFault| match fault.kind {
+            CameraFaultKind::Source(other) => [fault.view, other],
+            _ => [fault.view; 2],
+        };
+        let (fault, missing) = self.faults.iter().find_map(|fault| {
+            let mut views = views_of(fault).into_iter();
+            let missing = views.find(|view| !self.rig.contains_key(view))?;
+            Some((fault, missing))
+        })?;
+        let views: Vec<String> = self.rig.keys().map(u32::to_string).collect();
         Some(format!(
-            "fault {fault} is of view {}, but the cameras are views {}: correct --faults",
-            fault.view,
+            "fault {fault} is of view {missing}, but the cameras are views {}: correct --faults",
             views.join(", ")
         ))
+    }
+
+    /// The camera that sees an image; `None` until the view that it belongs to has been requested in this flight.
+    pub(crate) fn camera_of(&self, drawn: &Drawn) -> Option<CameraPose> {
+        let camera = if drawn.source == drawn.request.view {
+            &drawn.request.camera
+        } else {
+            self.rig.get(&drawn.source)?
+        };
+        Some(drawn.aim.applied_to(camera))
     }
 
     /// The content to draw for a requested image.
@@ -112,10 +217,7 @@ impl FaultyCameras {
             .map(|fault| fault.kind)
             .collect();
         if faults.is_empty() {
-            return Drawn {
-                request: *request,
-                shift_px: DVec2::ZERO,
-            };
+            return Drawn::sound(request);
         }
         let seed = self.seed;
         let view = self.views.entry(request.view);
@@ -165,28 +267,21 @@ impl View {
             self.begin_flight();
         }
         self.requested.push_back(*request);
-        let mut drawn = Drawn {
-            request: *request,
-            shift_px: DVec2::ZERO,
-        };
+        let mut drawn = Drawn::sound(request);
         let mut sticks = false;
         for fault in faults {
             match *fault {
                 CameraFaultKind::Late(by) => {
-                    drawn.request = CaptureRequest {
-                        camera: drawn.request.camera,
-                        ..self.past(nanoseconds(by))
-                    };
+                    drawn.request = self.past(nanoseconds(by));
                 }
                 CameraFaultKind::Shakes {
                     rms_px,
                     frequency_hz,
                 } => drawn.shift_px += self.shake_px(rms_px, frequency_hz, request.time_ns),
-                CameraFaultKind::Turns { right_deg, after } => {
-                    if request.time_ns >= nanoseconds(after) {
-                        turn_right(&mut drawn.request.camera.pose, right_deg);
-                    }
+                CameraFaultKind::Aims { change, by, time } => {
+                    drawn.aim.add(change, by, time, request.time_ns);
                 }
+                CameraFaultKind::Source(other) => drawn.source = other,
                 CameraFaultKind::Sticks(share) => sticks |= self.random.random::<f64>() < share,
             }
         }
@@ -426,6 +521,10 @@ mod tests {
         let words =
             "fault late=2:450 is of view 2, but the cameras are views 0, 1: correct --faults";
         assert_eq!(message, words);
+        let mut exchanged = self::cameras("source=1:2");
+        assert_eq!(exchanged.fault_of_no_view(&request(1, 0)), None);
+        let message = exchanged.fault_of_no_view(&request(1, 1)).unwrap();
+        assert!(message.contains("source=1:2 is of view 2"), "{message}");
         // A rig of three has that view.
         cameras.begin_flight();
         for (view, tick) in [(0, 0), (1, 0), (2, 0), (0, 1)] {
@@ -448,18 +547,53 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_turns_when_its_time_comes() {
-        let mut cameras = cameras("turn=0:-0.3:120");
-        let mut heading = |tick| {
-            cameras
-                .drawn_for(&request(0, tick))
-                .request
-                .camera
-                .pose
-                .heading_true_deg
+    fn each_change_of_aim_is_drawn_from_its_time_on_and_the_first_image_is_not_exempt() {
+        let focal = |camera: CameraPose| 1.0 / (camera.hfov_deg.to_radians() / 2.0).tan();
+        let sound = request(0, 0).camera;
+        for (faults, tick, right_deg, down_deg, focal_ratio) in [
+            ("turn=0:-0.3:120", 59, 0.0, 0.0, 1.0),
+            ("turn=0:-0.3:120", 60, -0.3, 0.0, 1.0),
+            ("turn=0:0.0026:0", 0, 0.0026, 0.0, 1.0),
+            ("tilt=0:0.01:10", 4, 0.0, 0.0, 1.0),
+            ("tilt=0:0.01:0,tilt=0:-0.03:0", 0, 0.0, -0.02, 1.0),
+            ("zoom=0:0.02:0", 0, 0.0, 0.0, 1.0002),
+            ("zoom=0:-0.5:0", 9, 0.0, 0.0, 0.995),
+            ("drift=0:0.1:300", 0, 0.0, 0.0, 1.0),
+            ("drift=0:0.1:300", 75, 0.05, 0.0, 1.0),
+            ("drift=0:0.1:300", 300, 0.2, 0.0, 1.0),
+        ] {
+            let mut cameras = cameras(faults);
+            let drawn = cameras.drawn_for(&request(0, tick));
+            assert_eq!(drawn.request, request(0, tick), "{faults}");
+            let camera = cameras.camera_of(&drawn).unwrap();
+            let turned_deg = camera.pose.heading_true_deg - sound.pose.heading_true_deg;
+            let turned_deg = turned_deg * sound.pose.pitch_deg.to_radians().cos();
+            assert!((turned_deg - right_deg).abs() < 1e-9, "{faults}");
+            let lowered_deg = sound.pose.pitch_deg - camera.pose.pitch_deg;
+            assert!((lowered_deg - down_deg).abs() < 1e-9, "{faults}");
+            let ratio = focal(camera) / focal(sound);
+            assert!((ratio - focal_ratio).abs() < 1e-9, "{faults}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn exchanged_views_show_what_the_other_camera_sees_as_soon_as_both_are_known() {
+        let mut cameras = cameras("source=0:1,source=1:0,late=0:2000,turn=1:0.3:0");
+        let of = |view: u32, tick| {
+            let mut request = request(view, tick);
+            request.camera.pose.heading_true_deg += 10.0 * f64::from(view);
+            request
         };
-        assert_eq!(heading(59), 203.0);
-        let turned = heading(60);
-        assert!((turned - 202.7).abs() < 1e-3, "{turned}");
+        assert_eq!(cameras.fault_of_no_view(&of(0, 0)), None);
+        let left = cameras.drawn_for(&of(0, 0));
+        assert_eq!((left.source, cameras.camera_of(&left)), (1, None));
+        assert_eq!(cameras.fault_of_no_view(&of(1, 0)), None);
+        assert_eq!(cameras.camera_of(&left), Some(of(1, 0).camera));
+        let right = cameras.drawn_for(&of(1, 0));
+        let right = cameras.camera_of(&right).unwrap().pose.heading_true_deg;
+        assert!((right - 203.3).abs() < 1e-3, "{right}");
+        let left = cameras.drawn_for(&of(0, 1));
+        assert_eq!(cameras.camera_of(&left), Some(of(1, 0).camera));
+        assert_eq!(left.request.pose, of(0, 0).pose);
     }
 }
