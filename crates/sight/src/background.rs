@@ -140,3 +140,50 @@ impl Collected {
         self.images == IMAGES
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+    use crate::watched::tests::{HEIGHT, WIDTH, camera};
+
+    #[test]
+    fn a_background_is_the_mean_of_images_from_one_direction_and_comes_back_from_its_png() {
+        let camera = camera();
+        let mut collected = Collected::new(&camera);
+        let mut take = |level: u8, turn_px: Option<f64>, hidden: bool| {
+            let levels = vec![level; WIDTH * HEIGHT];
+            let turn = turn_px.map(|x_px| Measured {
+                turn: Motion {
+                    shift_px: DVec2::new(x_px, 0.0),
+                    ..Motion::default()
+                },
+                sd_px: 0.02,
+            });
+            let is_taken = collected.take(&Luma::of(&levels, WIDTH), turn, hidden);
+            (is_taken, collected.is_complete())
+        };
+        for number in 1..=IMAGES {
+            assert!(!take(200, Some(2.0), false).0, "turned");
+            assert!(!take(200, None, false).0, "not measured");
+            let level = if number % 2 == 0 { 100 } else { 110 };
+            assert_eq!(take(level, Some(0.2), false), (true, number == IMAGES));
+        }
+        assert!(!take(200, Some(0.0), false).0, "complete");
+        let background = collected.background().unwrap();
+        assert!(background.levels.iter().all(|level| *level == 105));
+        assert!((background.turn.shift_px.x - 0.2).abs() < 1e-9);
+        let mut hidden = Collected::new(&camera);
+        assert_eq!(hidden.background(), None);
+        let levels = vec![90; WIDTH * HEIGHT];
+        assert!(hidden.take(&Luma::of(&levels, WIDTH), None, true));
+        assert_eq!(hidden.background().map(|of| of.levels[0]), Some(90));
+        let (png, top_px) = (background.png(), background.top_px);
+        let back = Background::of_png(&png, top_px, &camera).unwrap();
+        assert_eq!(back.levels, background.levels);
+        assert_eq!(Background::of_png(&png, top_px + 1, &camera), None);
+        let torn = &png[..png.len() / 2];
+        assert_eq!(Background::of_png(torn, top_px, &camera), None);
+    }
+}
