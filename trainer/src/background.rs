@@ -153,8 +153,6 @@ pub(crate) struct StoredView {
     known: Option<Aim>,
     usual_px: [f64; UNKNOWNS],
     sds_px: [f64; UNKNOWNS],
-    top_px: usize,
-    rows: usize,
     references: Vec<StoredReference>,
 }
 
@@ -162,6 +160,7 @@ pub(crate) struct StoredView {
 #[serde(deny_unknown_fields)]
 struct StoredReference {
     scenario: String,
+    top_px: usize,
     motion_px: [f64; UNKNOWNS],
     sd_px: f64,
 }
@@ -471,18 +470,16 @@ impl Backgrounds {
         let stored = |view: &View| {
             let camera = view.references.camera();
             let all = view.references.all();
-            let first = all.first().map(|first| &first.background);
             StoredView {
                 view: view.name.clone(),
                 planned: view.planned.clone(),
                 known: view.known,
                 usual_px: view.usual_px,
                 sds_px: view.sds_px,
-                top_px: first.map_or(0, |first| first.top_px),
-                rows: first.map_or(0, |first| first.levels.len() / first.width_px),
                 references: (all.iter())
                     .map(|placed| StoredReference {
                         scenario: placed.name.clone(),
+                        top_px: placed.background.top_px,
                         motion_px: placed.motion.to_px(camera),
                         sd_px: placed.sd_px,
                     })
@@ -528,21 +525,20 @@ impl Backgrounds {
         for view in stored {
             let camera = view.planned.camera();
             let width_px = camera.width_px as usize;
-            let is_whole =
-                width_px <= width && view.top_px + view.rows == camera.height_px as usize;
-            if !is_whole && !view.references.is_empty() {
+            if width_px > width && !view.references.is_empty() {
                 return None;
             }
             let mut all = Vec::new();
             for placed in &view.references {
-                let rows = rows.by_ref().take(view.rows);
+                let count = (camera.height_px as usize).checked_sub(placed.top_px)?;
+                let rows = rows.by_ref().take(count);
                 let levels: Vec<u8> = rows.flat_map(|row| &row[..width_px]).copied().collect();
-                if levels.len() != view.rows * width_px {
+                if levels.len() != count * width_px {
                     return None;
                 }
                 let background = Background {
                     width_px,
-                    top_px: view.top_px,
+                    top_px: placed.top_px,
                     levels,
                     images: 0,
                     turn: Motion::default(),

@@ -95,14 +95,15 @@ impl Collected {
             Some(measured) => measured.turn.shift_px.length() <= MAX_OFF_PX,
             None => hidden,
         };
-        let top = self.ground.top.min(image.height_px);
-        let count = (image.height_px - top) * image.width_px;
-        let is_same_size = self.sums.is_empty() || self.sums.len() == count;
-        if self.images == IMAGES || !shows || !is_same_size {
+        let Ground { camera, top, .. } = self.ground;
+        let size_px = [camera.width_px as usize, camera.height_px as usize];
+        let has_ground = [image.width_px, image.height_px] == size_px && top < image.height_px;
+        if self.images == IMAGES || !shows || !has_ground {
             return false;
         }
-        self.sums.resize(count, 0);
-        let rows = self.sums.chunks_exact_mut(image.width_px.max(1));
+        self.sums
+            .resize((image.height_px - top) * image.width_px, 0);
+        let rows = self.sums.chunks_exact_mut(image.width_px);
         for (sums, row) in rows.zip(top..) {
             for (sum, level) in sums.iter_mut().zip(image.row(row)) {
                 *sum += u16::from(*level);
@@ -179,6 +180,11 @@ mod tests {
         let levels = vec![90; WIDTH * HEIGHT];
         assert!(hidden.take(&Luma::of(&levels, WIDTH), None, true));
         assert_eq!(hidden.background().map(|of| of.levels[0]), Some(90));
+        let other_size = Luma::of(&levels, WIDTH / 2);
+        assert!(!hidden.take(&other_size, None, true));
+        let mut sky = camera;
+        sky.principal_px.y += 2.0 * HEIGHT as f64;
+        assert!(!Collected::new(&sky).take(&Luma::of(&levels, WIDTH), None, true));
         let (png, top_px) = (background.png(), background.top_px);
         let back = Background::of_png(&png, top_px, &camera).unwrap();
         assert_eq!(back.levels, background.levels);

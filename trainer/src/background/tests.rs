@@ -92,8 +92,12 @@ fn view(name: &str, backgrounds: Vec<Background>) -> View {
     }
 }
 
+/// Two views, the left one with references that begin at different rows, as of cameras that vary.
 fn learned() -> Backgrounds {
-    let left = [seen(Motion::default(), scene), seen(moved(), evening)];
+    let mut lower = seen(moved(), evening);
+    lower.levels.drain(..3 * lower.width_px);
+    lower.top_px += 3;
+    let left = [seen(Motion::default(), scene), lower];
     let right = vec![seen(Motion::default(), elsewhere)];
     Backgrounds {
         views: vec![view("left", left.into()), view("right", right)],
