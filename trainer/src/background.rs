@@ -2,8 +2,8 @@
 //!
 //! A camera that stands a little off before a flight shows the aircraft elsewhere, and everything that learned image positions is off by
 //! that amount. A training keeps backgrounds of different times of day and weathers as references ([`sight::references`]). The boxes and
-//! registered shifts of every flight are moved to the direction of the first reference, and what remains uncertain is an error that is common
-//! to the flight. Where no background can be compared, as in fog, a camera is expected in its usual direction, to the spread of the
+//! registered shifts of every flight are moved to the direction of the first reference, and what remains uncertain is an error that is
+//! common to the flight. Where no background can be compared, as in fog, a camera is expected in its usual direction, to the spread of the
 //! training's flights and its stability.
 //!
 //! Focal length and horizon come from the planned cameras; the actual directions are not read.
@@ -55,8 +55,8 @@ struct View {
     /// How the camera of the first reference looked by its calibration, if cameras vary between flights.
     known: Option<Aim>,
     references: References,
-    /// The usual motion of the training's flights, pixels ([`Motion::to_px`]), with standard deviations of the camera's stability and of the
-    /// flights.
+    /// The usual motion of the training's flights, pixels ([`Motion::to_px`]), with standard deviations of the camera's stability and of
+    /// the flights.
     usual_px: [f64; UNKNOWNS],
     sds_px: [f64; UNKNOWNS],
 }
