@@ -2,10 +2,10 @@
 //!
 //! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it `<model>.json`
 //! ([`DetectionRecord`]), where `<model>` is the start of the hash of model and settings; with several views also
-//! `registrations/<model>.parquet`, and always `health/<model>.parquet`, measured from the same decoded images. Several views are decoded
-//! and searched in parallel, and a scenario is written as soon as its last view is done. Scenarios that are searched by a different process
-//! are left to it. Each worker holds one image and one session, and each scenario in work the surroundings of boxes whose other view is not
-//! decoded yet, so memory does not grow with the corpus.
+//! `registrations/<model>.parquet`, and always `health/<model>.parquet` and `backgrounds/<model>.parquet`, measured from the same decoded
+//! images. Several views are decoded and searched in parallel, and a scenario is written as soon as its last view is done. Scenarios that
+//! are searched by a different process are left to it. Each worker holds one image and one session, and each scenario in work the
+//! surroundings of boxes whose other view is not decoded yet, so memory does not grow with the corpus.
 
 mod hidden_shakes;
 mod job;

@@ -2,8 +2,9 @@
 //!
 //! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected ground truth in
 //! `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, the shifts of the aircraft between views,
-//! `registrations/<model>.parquet`, and the condition of the cameras, `health/<model>.parquet`). Labels come from poses and cameras alone,
-//! detections from decoded pixels alone; [`matching`] compares the two.
+//! `registrations/<model>.parquet`, the condition of the cameras, `health/<model>.parquet`, and their surroundings,
+//! `backgrounds/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone; [`matching`] compares
+//! the two.
 //!
 //! [`Searcher::view_search`] searches endless camera images with the same code and bounded memory. `dtd detect` also writes the
 //! results that each image would have had there: `counts_live` and `state_live`.

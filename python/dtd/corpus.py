@@ -157,6 +157,10 @@ class Corpus:
         """The condition of each camera at each tick (`state`, and its direction), after `dtd detect`."""
         return self._of_model("health", "health_blake3", model)
 
+    def backgrounds(self, model: str | None = None) -> pl.DataFrame:
+        """The ground that each camera saw in a flight (`png`: grey levels from row `top_px` down), after `dtd detect`."""
+        return self._of_model("backgrounds", "backgrounds_blake3", model)
+
     def predictions(self, run: str | Path) -> pl.DataFrame:
         """What estimators say: one row per scenario and tick, with weather and side.
 

@@ -1,6 +1,7 @@
 //! The columns of a scenario's tables: names, types and limits from empty tables, meanings from the comments of the rows that fill them.
 
 use dataset::corpus::detections::{Detection, Miss, Row};
+use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::columns::TableWriter;
 use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::health::ViewHealth;
@@ -53,6 +54,11 @@ pub(super) fn sections() -> String {
             "health/&lt;model&gt;.parquet",
             ViewHealth::columns(&[]),
             json!(schema_for!(ViewHealth)),
+        ),
+        (
+            "backgrounds/&lt;model&gt;.parquet",
+            ViewBackground::columns(&[]),
+            json!(schema_for!(ViewBackground)),
         ),
     ];
     tables
@@ -124,6 +130,7 @@ fn type_name(arrow: &str) -> &str {
         "UInt32" => "u32",
         "UInt64" => "u64",
         "Boolean" => "bool",
+        "Binary" => "bytes",
         "Utf8" => "string",
         other => panic!("a name for the type {other}"),
     }

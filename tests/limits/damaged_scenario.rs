@@ -83,7 +83,7 @@ fn a_scenario_that_lost_its_seal_or_its_detections_is_never_left_out_silently() 
 
     let tiny = Tiny::made().copy();
     let folder = tiny.path(&format!("corpus/scenarios/{id}"));
-    for found in ["detections", "registrations", "health"] {
+    for found in ["detections", "registrations", "health", "backgrounds"] {
         fs::remove_dir_all(folder.join(found)).unwrap();
     }
     for verb in [

@@ -2,8 +2,8 @@
 //!
 //! A camera that stands a little off before a flight shows the aircraft elsewhere, and everything that learned image positions is off by
 //! that amount. A training keeps backgrounds of different times of day and weathers as references ([`sight::references`]). The boxes and
-//! registered shifts of every flight are moved to the direction of the first reference, and what remains uncertain is an error that is common
-//! to the flight. Where no background can be compared, as in fog, a camera is expected in its usual direction, to the spread of the
+//! registered shifts of every flight are moved to the direction of the first reference, and what remains uncertain is an error that is
+//! common to the flight. Where no background can be compared, as in fog, a camera is expected in its usual direction, to the spread of the
 //! training's flights and its stability.
 //!
 //! Focal length and horizon come from the planned cameras; the actual directions are not read.
@@ -155,8 +155,6 @@ pub(crate) struct StoredView {
     usual_px: [f64; UNKNOWNS],
     spread_px: [f64; UNKNOWNS],
     stability_px: [f64; UNKNOWNS],
-    top_px: usize,
-    rows: usize,
     references: Vec<StoredReference>,
 }
 
@@ -164,6 +162,7 @@ pub(crate) struct StoredView {
 #[serde(deny_unknown_fields)]
 struct StoredReference {
     scenario: String,
+    top_px: usize,
     motion_px: [f64; UNKNOWNS],
     sd_px: f64,
 }
@@ -481,7 +480,6 @@ impl Backgrounds {
         let stored = |view: &View| {
             let camera = view.references.camera();
             let all = view.references.all();
-            let first = all.first().map(|first| &first.background);
             StoredView {
                 view: view.name.clone(),
                 planned: view.planned.clone(),
@@ -489,11 +487,10 @@ impl Backgrounds {
                 usual_px: view.usual_px,
                 spread_px: view.spread_px,
                 stability_px: view.stability_px,
-                top_px: first.map_or(0, |first| first.top_px),
-                rows: first.map_or(0, |first| first.levels.len() / first.width_px),
                 references: (all.iter())
                     .map(|placed| StoredReference {
                         scenario: placed.name.clone(),
+                        top_px: placed.background.top_px,
                         motion_px: placed.motion.to_px(camera),
                         sd_px: placed.sd_px,
                     })
@@ -539,21 +536,20 @@ impl Backgrounds {
         for view in stored {
             let camera = view.planned.camera();
             let width_px = camera.width_px as usize;
-            let is_whole =
-                width_px <= width && view.top_px + view.rows == camera.height_px as usize;
-            if !is_whole && !view.references.is_empty() {
+            if width_px > width && !view.references.is_empty() {
                 return None;
             }
             let mut all = Vec::new();
             for placed in &view.references {
-                let rows = rows.by_ref().take(view.rows);
+                let count = (camera.height_px as usize).checked_sub(placed.top_px)?;
+                let rows = rows.by_ref().take(count);
                 let levels: Vec<u8> = rows.flat_map(|row| &row[..width_px]).copied().collect();
-                if levels.len() != view.rows * width_px {
+                if levels.len() != count * width_px {
                     return None;
                 }
                 let background = Background {
                     width_px,
-                    top_px: view.top_px,
+                    top_px: placed.top_px,
                     levels,
                     images: 0,
                     turn: Motion::default(),

@@ -56,8 +56,8 @@ pub struct TrainConfig {
     /// Formulas are always fitted to boxes that contain the aircraft.
     pub only_true_boxes: bool,
     /// Standard deviation of a camera's direction between flights, seconds of arc, beside what the training's flights show. It counts where
-    /// fog or night hides the background. The default is what a steel mast of 10 m height and 0.3 m diameter bends by if one side is a quarter
-    /// of a kelvin warmer.
+    /// fog or night hides the background. The default is what a steel mast of 10 m height and 0.3 m diameter bends by if one side is a
+    /// quarter of a kelvin warmer.
     pub camera_stability_arcsec: f64,
     /// Stage one: calibration networks and their shared head.
     pub calibration: CalibrationConfig,

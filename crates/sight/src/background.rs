@@ -97,14 +97,15 @@ impl Collected {
             Some(measured) => measured.turn.shift_px.length() <= MAX_OFF_PX,
             None => hidden,
         };
-        let top = self.ground.top.min(image.height_px);
-        let count = (image.height_px - top) * image.width_px;
-        let is_same_size = self.sums.is_empty() || self.sums.len() == count;
-        if self.images == IMAGES || !shows || !is_same_size {
+        let Ground { camera, top, .. } = self.ground;
+        let size_px = [camera.width_px as usize, camera.height_px as usize];
+        let has_ground = [image.width_px, image.height_px] == size_px && top < image.height_px;
+        if self.images == IMAGES || !shows || !has_ground {
             return false;
         }
-        self.sums.resize(count, 0);
-        let rows = self.sums.chunks_exact_mut(image.width_px.max(1));
+        self.sums
+            .resize((image.height_px - top) * image.width_px, 0);
+        let rows = self.sums.chunks_exact_mut(image.width_px);
         for (sums, row) in rows.zip(top..) {
             for (sum, level) in sums.iter_mut().zip(image.row(row)) {
                 *sum += u16::from(*level);
@@ -140,5 +141,57 @@ impl Collected {
     /// True if no further image is taken.
     pub fn is_complete(&self) -> bool {
         self.images == IMAGES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+    use crate::watched::tests::{HEIGHT, WIDTH, camera};
+
+    #[test]
+    fn a_background_is_the_mean_of_images_from_one_direction_and_comes_back_from_its_png() {
+        let camera = camera();
+        let mut collected = Collected::new(&camera);
+        let mut take = |level: u8, turn_px: Option<f64>, hidden: bool| {
+            let levels = vec![level; WIDTH * HEIGHT];
+            let turn = turn_px.map(|x_px| Measured {
+                turn: Motion {
+                    shift_px: DVec2::new(x_px, 0.0),
+                    ..Motion::default()
+                },
+                sd_px: 0.02,
+            });
+            let is_taken = collected.take(&Luma::of(&levels, WIDTH), turn, hidden);
+            (is_taken, collected.is_complete())
+        };
+        for number in 1..=IMAGES {
+            assert!(!take(200, Some(2.0), false).0, "turned");
+            assert!(!take(200, None, false).0, "not measured");
+            let level = if number % 2 == 0 { 100 } else { 110 };
+            assert_eq!(take(level, Some(0.2), false), (true, number == IMAGES));
+        }
+        assert!(!take(200, Some(0.0), false).0, "complete");
+        let background = collected.background().unwrap();
+        assert!(background.levels.iter().all(|level| *level == 105));
+        assert!((background.turn.shift_px.x - 0.2).abs() < 1e-9);
+        let mut hidden = Collected::new(&camera);
+        assert_eq!(hidden.background(), None);
+        let levels = vec![90; WIDTH * HEIGHT];
+        assert!(hidden.take(&Luma::of(&levels, WIDTH), None, true));
+        assert_eq!(hidden.background().map(|of| of.levels[0]), Some(90));
+        let other_size = Luma::of(&levels, WIDTH / 2);
+        assert!(!hidden.take(&other_size, None, true));
+        let mut sky = camera;
+        sky.principal_px.y += 2.0 * HEIGHT as f64;
+        assert!(!Collected::new(&sky).take(&Luma::of(&levels, WIDTH), None, true));
+        let (png, top_px) = (background.png(), background.top_px);
+        let back = Background::of_png(&png, top_px, &camera).unwrap();
+        assert_eq!(back.levels, background.levels);
+        assert_eq!(Background::of_png(&png, top_px + 1, &camera), None);
+        let torn = &png[..png.len() / 2];
+        assert_eq!(Background::of_png(torn, top_px, &camera), None);
     }
 }

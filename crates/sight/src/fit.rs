@@ -1,9 +1,9 @@
 //! Motion of the ground from a reference image to another one.
 //!
-//! Some hundred tiles with the most structure below the horizon are found again in the other image, each with its own gain and offset. Their
-//! displacements decide about one motion (Gauss and Newton; Lucas and Kanade, "An iterative image registration technique", 1981). Tiles that
-//! contradict the others count less (Cauchy's weights), so that vehicles, waves and clouds drop out. If the expected motion does not lead to
-//! a fit, shrunk images are searched first ([`coarse`]).
+//! Some hundred tiles with the most structure below the horizon are found again in the other image, each with its own gain and offset.
+//! Their displacements decide about one motion (Gauss and Newton; Lucas and Kanade, "An iterative image registration technique", 1981).
+//! Tiles that contradict the others count less (Cauchy's weights), so that vehicles, waves and clouds drop out. If the expected motion does
+//! not lead to a fit, shrunk images are searched first ([`coarse`]).
 
 mod coarse;
 mod tile;
@@ -198,7 +198,7 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::watched::tests::{HEIGHT, WIDTH, camera, ground, image};
+    use crate::watched::tests::{HEIGHT, WIDTH, camera, evening, ground, image};
 
     #[test]
     fn an_edge_tells_its_place_across_itself_and_not_along_its_steps() {
@@ -229,5 +229,30 @@ mod tests {
         };
         assert!(certain(stripes).iter().all(|axes| *axes == 1));
         assert!(certain(ground).iter().all(|axes| *axes == 2));
+    }
+
+    #[test]
+    fn turn_and_zoom_are_found_together_in_other_light() {
+        let camera = camera();
+        let levels = image(Motion::default(), ground);
+        let reference = Reference::of(&Luma::of(&levels, WIDTH), &Ground::of(&camera)).unwrap();
+        for [x, y, zoom] in [[3.4, -1.8, 0.002], [-25.0, 6.0, -0.005]] {
+            let expected = Motion {
+                shift_px: DVec2::new(x, y),
+                roll_rad: 0.0005,
+                zoom,
+                lift: 0.0,
+            };
+            let levels = image(expected, evening);
+            let image = Luma::of(&levels, WIDTH);
+            let found = reference.find(&image, Motion::default(), &Freedom::TURN_AND_ZOOM);
+            let found = found.expect("the ground shows the motion");
+            let wanted_px = expected.to_px(&camera);
+            for (found_px, wanted_px) in found.motion.to_px(&camera).iter().zip(wanted_px) {
+                let error_px = (found_px - wanted_px).abs();
+                assert!(error_px < 0.05, "{found:?}, expected {expected:?}");
+            }
+            assert!(found.sd_px() < 0.1, "{found:?}");
+        }
     }
 }

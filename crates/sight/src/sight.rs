@@ -97,3 +97,45 @@ impl Sight {
         [DVec2::new(right, together), DVec2::new(0.0, down)]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::watched::tests::camera;
+
+    #[test]
+    fn a_wide_expectation_leaves_a_narrow_measurement_as_it_is() {
+        let camera = camera();
+        let numbers = [2.0, -3.0, 0.4, 0.8, 0.1];
+        let measured = Sight {
+            motion: Motion::of_px(numbers, &camera),
+            ..Sight::expected([0.02, 0.03, 0.05, 0.05, 0.01])
+        };
+        let both = Sight::expected([100.0; UNKNOWNS]).with(&measured, &camera);
+        let both = both.unwrap();
+        for (found, number) in both.motion.to_px(&camera).into_iter().zip(numbers) {
+            assert!((found - number).abs() < 1e-5, "{both:?}");
+        }
+        assert!((both.sd_px() - 0.03).abs() < 1e-6, "{both:?}");
+        assert_eq!(Sight::expected([0.0; UNKNOWNS]).with(&both, &camera), None);
+    }
+
+    #[test]
+    fn an_uncertain_zoom_displaces_places_in_proportion_to_their_distance_from_the_centre() {
+        let camera = camera();
+        let sight = Sight::expected([0.0, 0.0, 0.0, 0.5, 0.0]);
+        for right_px in [0.0, 80.0, -160.0, 320.0] {
+            let place_px = camera.principal_px + DVec2::new(right_px, 0.0);
+            let [first, second] = sight.errors_px(&camera, place_px);
+            let expected_px = 0.5 * right_px.abs() / 320.0;
+            assert!(
+                (first.x - expected_px).abs() < 1e-4,
+                "{first} at {right_px}"
+            );
+            assert!(
+                first.y.abs().max(second.length()) < 1e-4,
+                "{first}, {second}"
+            );
+        }
+    }
+}

@@ -1,5 +1,5 @@
-//! Transfer of detections, registrations and health. They are not sealed: each model has its own, tables and record belong together, and
-//! the record's hashes show whether the tables are whole. Detections that the other side lacks are added; different ones
+//! Transfer of detections, registrations, health and backgrounds. They are not sealed: each model has its own, tables and record belong
+//! together, and the record's hashes show whether the tables are whole. Detections that the other side lacks are added; different ones
 //! stay, unless they are damaged.
 //!
 //! The record `detections/<model>.json` commits: it is sent last. A copy with its hash in the name is sent before, so that a changed
@@ -306,6 +306,7 @@ fn sound(folder: &ScenarioFolder, model: &str) -> dataset::Result<Provenance> {
     scenario.detections(model)?;
     scenario.registrations(model)?;
     scenario.health(model)?;
+    scenario.backgrounds(model)?;
     provenance(folder, model)?
         .ok_or_else(|| dataset::Error::corpus(&record_path(folder, model), "is missing"))
 }

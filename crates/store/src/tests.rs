@@ -391,7 +391,7 @@ fn write_detection(claim: &Claim, folder: &ScenarioFolder, detection: Detection)
         // The scenario has one view; a table without rows travels like any other.
         registrations: Some(&[]),
         health: Some(&[]),
-        backgrounds: None,
+        backgrounds: Some(&[]),
     };
     detections::replace(claim, &source, &detector, "abc", tables, record).unwrap();
 }
@@ -427,6 +427,7 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
             "detections/abc.json",
             "registrations/abc.parquet",
             "health/abc.parquet",
+            "backgrounds/abc.parquet",
         ] {
             let [a, b] =
                 [&folder, &there].map(|folder| fs::read(folder.root().join(name)).unwrap());

@@ -1,6 +1,6 @@
-//! Detections, registrations and health, if there are any: they were made from the current videos, their records and tables can be read and
-//! belong together, the counts and settings of the records are possible, every row refers to an image of the scenario, and no image has two
-//! rows of registration or of health.
+//! Detections, registrations, health and backgrounds, if there are any: they were made from the current videos, their records and tables
+//! can be read and belong together, the counts and settings of the records are possible, every row refers to an image of the scenario, no
+//! image has two rows of registration or of health, and no view has two backgrounds.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -17,6 +17,7 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::files::json_file::read_json;
 use dataset::files::own_path::own_path;
 use dataset::numbers::limits::{self, MAX_PICTURES};
+use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::health::ViewHealth;
 use dataset::tables::image_rows::ImageRow;
 use dataset::tables::registrations::Registration;
@@ -60,7 +61,11 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
     let scenario = folder.open().ok();
     let models = faults.keep(detections::FOLDER, detections::models_of(folder));
     let models = models.unwrap_or_default();
-    for parent in [detections::REGISTRATIONS, detections::HEALTH] {
+    for parent in [
+        detections::REGISTRATIONS,
+        detections::HEALTH,
+        detections::BACKGROUNDS,
+    ] {
         check_owners(folder, parent, &models, faults);
     }
     for model in &models {
@@ -80,6 +85,7 @@ impl OfModel<'_> {
         let Self { folder, model, .. } = *self;
         let registered = self.check_registrations(faults);
         self.check_health(faults);
+        self.check_backgrounds(faults);
         let file = format!("{}/{model}.parquet", detections::FOLDER);
         let mut path = folder.detections_path(model);
         let record_file = format!("{}/{model}.json", detections::FOLDER);
@@ -140,6 +146,28 @@ impl OfModel<'_> {
         }
     }
 
+    fn check_backgrounds(&self, faults: &mut Faults) {
+        if let Some((file, path)) = self.table(detections::BACKGROUNDS, faults)
+            && let Some(rows) = faults.keep_table(
+                &file,
+                ViewBackground::read_with_faults(&path, self.pictures),
+            )
+        {
+            let mut views = BTreeSet::new();
+            for (number, row) in rows.iter().enumerate() {
+                let fault = self
+                    .record
+                    .and_then(|record| fault_of(row.tick, &row.view, record));
+                if let Some((column, message)) = fault {
+                    faults.row(&file, number, column, message);
+                } else if !views.insert(&row.view) {
+                    let message = "the view has a background already";
+                    faults.view_row(&row.view, &file, number, "background", message);
+                }
+            }
+        }
+    }
+
     /// Name and path of the table that the record of the detections names.
     fn table(&self, parent: &str, faults: &mut Faults) -> Option<(String, PathBuf)> {
         let Self { folder, model, .. } = *self;
@@ -186,7 +214,7 @@ fn check_keys<'a>(
     }
 }
 
-/// Every table of registrations or of health belongs to detections.
+/// Every table of registrations, health or backgrounds belongs to detections.
 fn check_owners(folder: &ScenarioFolder, parent: &str, models: &[String], faults: &mut Faults) {
     let Some(path) = faults.keep(parent, own_path(folder.root(), parent)) else {
         return;

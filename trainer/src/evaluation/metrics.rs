@@ -184,7 +184,7 @@ pub struct Metrics {
     pub cut_off_boxes: usize,
     /// Deviations of `paper_lstm` from the paper, by its settings.
     pub deviations_from_paper: Vec<PaperDeviation>,
-    /// Alignment of the cameras by their backgrounds; missing unless requested in training.
+    /// Comparison of the cameras' backgrounds with the training's.
     pub alignment: Alignment,
     /// Weather that simulators reported at the aircraft, by name of the planned weather; missing without reports.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]

@@ -1,5 +1,5 @@
-//! `detections/`, `registrations/`, `health/` and `backgrounds/`: a model's detections in a scenario's videos, where the same aircraft is in
-//! two views, the condition of the cameras, and what they saw around the aircraft.
+//! `detections/`, `registrations/`, `health/` and `backgrounds/`: a model's detections in a scenario's videos, where the same aircraft is
+//! in two views, the condition of the cameras, and what they saw around the aircraft.
 //!
 //! They are not sealed: each model with its settings has its own. `detections/<model>.json`, where `<model>` is the start of the hash of
 //! both ([`ModelIdentity`]), records the detector, its videos, and the hashes of the table next to it and of the tables of the same name in

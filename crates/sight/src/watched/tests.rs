@@ -41,15 +41,18 @@ pub(crate) fn ground(place: DVec2) -> f64 {
     80.0 + patches.iter().sum::<f64>()
 }
 
-/// The image of the ground after a turn.
-pub(crate) fn image(turn: Motion, ground: impl Fn(DVec2) -> f64) -> Vec<u8> {
+pub(crate) fn evening(place: DVec2) -> f64 {
+    0.6 * ground(place) + 30.0 - 0.02 * place.x
+}
+
+/// The image of the ground after a motion.
+pub(crate) fn image(motion: Motion, ground: impl Fn(DVec2) -> f64) -> Vec<u8> {
     let camera = camera();
-    let back = camera.turn(turn.shift_px, turn.roll_rad).transpose();
     let places = (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (column, row)));
     places
         .map(|(column, row)| {
             let place = DVec2::new(column as f64, row as f64);
-            let usual = camera.pixel_of(back * camera.image_of(place).extend(1.0));
+            let usual = motion.usual_px(&camera, place);
             ground(usual).round().clamp(0.0, 255.0) as u8
         })
         .collect()
@@ -101,7 +104,6 @@ fn other_light_and_clouds_that_move_change_nothing() {
     let mut motion = Watched::new(&camera());
     next(&mut motion, &image(Motion::default(), ground)).unwrap();
     let expected = turn(0.8, -0.6, 0.0);
-    let evening = |place: DVec2| 0.6 * ground(place) + 30.0 - 0.02 * place.x;
     assert_near(next(&mut motion, &image(expected, evening)), expected);
     let passing = |place: DVec2| {
         let is_cloud = place.x < 200.0;

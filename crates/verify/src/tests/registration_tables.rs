@@ -94,7 +94,6 @@ fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
         let nothing_found = Detections::default();
         let tables = NewTables {
             health: Some(rows),
-            backgrounds: None,
             ..NewTables::unregistered(&nothing_found)
         };
         with_tables(tables, &json!({}))
@@ -121,6 +120,61 @@ fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
     let path = example.path("health/aaaa.parquet");
     ViewHealth::write(&[row(0, "right")], &path).unwrap();
     assert!(example.findings().contains("its hash differs"));
+}
+
+#[test]
+fn damaged_and_foreign_backgrounds_and_two_of_a_view_are_found() {
+    let row = |tick: u32, view: &str| ViewBackground {
+        tick,
+        view: view.into(),
+        images: 24,
+        top_px: 0,
+        usual: CameraTurn {
+            shift_x_px: 0.0,
+            shift_y_px: 0.0,
+            roll_deg: 0.0,
+            shift_sd_px: 0.0,
+        },
+        png: Vec::new(),
+    };
+    let kept = |rows: &[ViewBackground]| {
+        let nothing_found = Detections::default();
+        let tables = NewTables {
+            backgrounds: Some(rows),
+            ..NewTables::unregistered(&nothing_found)
+        };
+        with_tables(tables, &json!({}))
+    };
+    for (rows, words) in [
+        ([row(0, "left"), row(0, "right")], ""),
+        (
+            [row(0, "left"), row(1, "left")],
+            "the view has a background already",
+        ),
+        (
+            [row(0, "left"), row(9_999, "right")],
+            "is 9999, expected below",
+        ),
+        ([row(0, "left"), row(0, "above")], "above is not a view"),
+    ] {
+        let findings = kept(&rows).findings();
+        assert!(findings.contains(words), "{findings}");
+        assert_eq!(
+            findings.contains("backgrounds/"),
+            !words.is_empty(),
+            "{findings}"
+        );
+    }
+    let example = kept(&[row(0, "left")]);
+    let path = example.path("backgrounds/aaaa.parquet");
+    ViewBackground::write(&[row(0, "right")], &path).unwrap();
+    assert!(example.findings().contains("its hash differs"));
+    fs::rename(&path, path.with_file_name("bbbb.parquet")).unwrap();
+    assert!(
+        example
+            .findings()
+            .contains("bbbb.parquet: belongs to no detections")
+    );
 }
 
 #[test]
