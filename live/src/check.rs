@@ -39,10 +39,10 @@ pub struct CheckedSource {
 }
 
 impl CheckedSource {
-    /// True if it shows what another view showed in the training.
-    pub fn shows_other_view(&self) -> bool {
+    /// True if it shows what another view showed in the training, or other surroundings.
+    pub fn is_another_camera(&self) -> bool {
         let surroundings = self.surroundings.as_ref();
-        surroundings.is_some_and(|of| of.shows == "other_view")
+        surroundings.is_some_and(|of| ["other_view", "elsewhere"].contains(&of.shows))
     }
 }
 

@@ -249,16 +249,6 @@ impl Conductor {
             time_s: joined.time_s,
             images: images.collect(),
         };
-        if self.last_s.is_some_and(|last_s| joined.time_s <= last_s) {
-            return;
-        }
-        self.last_s = Some(joined.time_s);
-        let mut views: Vec<SeenView> = (0..joined.images.len())
-            .map(|view| self.seen_view(&joined, view))
-            .collect();
-        for view in 1..views.len() {
-            self.watch_clock(&joined, view, &mut views);
-        }
         for (view, image) in joined.images.iter().enumerate() {
             let background = image
                 .as_ref()
@@ -273,6 +263,16 @@ impl Conductor {
                     });
                 }
             }
+        }
+        if self.last_s.is_some_and(|last_s| joined.time_s <= last_s) {
+            return;
+        }
+        self.last_s = Some(joined.time_s);
+        let mut views: Vec<SeenView> = (0..joined.images.len())
+            .map(|view| self.seen_view(&joined, view))
+            .collect();
+        for view in 1..views.len() {
+            self.watch_clock(&joined, view, &mut views);
         }
         let tick = SeenTick {
             time_ns: nanoseconds(joined.time_s),

@@ -166,7 +166,7 @@ pub enum Event {
 /// What a camera shows of its surroundings, beside the training's.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Surroundings {
-    /// `usual`, `moved`, `other_view` or `unknown`.
+    /// `usual`, `moved`, `other_view`, `elsewhere` or `unknown`.
     pub shows: &'static str,
     /// Shift of a moved camera, pixels right and down.
     pub shift_px: Option<[f64; 2]>,
@@ -193,12 +193,20 @@ impl Surroundings {
                     "it shows what {other} showed in the training: are the sources exchanged? It is not used"
                 )),
             ),
+            Shown::Elsewhere => (
+                "elsewhere",
+                None,
+                Some(
+                    "it shows other surroundings than in the training, and is not used; if it was replaced or turned far, `dtd refit` learns it \
+                     again"
+                        .to_owned(),
+                ),
+            ),
             Shown::Unknown => (
                 "unknown",
                 None,
                 Some(
-                    "its surroundings do not resemble the training's, as in fog or at night: it is expected in its usual direction, and \
-                     intervals are wider; if it was replaced or turned far, `dtd refit` learns it again"
+                    "it shows too little of its surroundings, as in fog: it is expected in its usual direction, and intervals are wider"
                         .to_owned(),
                 ),
             ),

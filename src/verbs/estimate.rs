@@ -34,7 +34,7 @@ pub(crate) fn run(args: &EstimateArgs) -> Outcome {
     if args.check {
         let found = live::check(options, &is_stopped).map_err(failure)?;
         print_json(&found)?;
-        let other = found.iter().find(|found| found.shows_other_view());
+        let other = found.iter().find(|found| found.is_another_camera());
         if let Some(other) = other {
             let why = other.surroundings.as_ref().and_then(|of| of.why.as_deref());
             return Err(Failure::Failed(anyhow::anyhow!(

@@ -79,7 +79,9 @@ pub enum Shown {
     Moved(DVec2),
     /// What this view showed in the training. Its boxes do not count.
     OtherView(String),
-    /// Nothing that resembles the training, as in fog or at night. The camera is expected in its usual direction.
+    /// Other surroundings. Its boxes do not count.
+    Elsewhere,
+    /// Too little to compare, as in fog. The camera is expected in its usual direction.
     Unknown,
 }
 
@@ -99,14 +101,16 @@ pub struct Alignment {
     pub unaligned: Vec<String>,
     /// Views that look elsewhere than in the training, with the shift in pixels.
     pub moved: Vec<String>,
-    /// Views that show what another one showed in the training: their boxes do not count.
-    pub exchanged: Vec<String>,
+    /// Views whose boxes do not count, because they show what another one showed in the training, or other surroundings.
+    pub refused: Vec<String>,
+    /// Scenarios whose backgrounds were not kept, because an earlier version searched them.
+    pub without_backgrounds: Vec<String>,
 }
 
 impl Alignment {
     /// Lines for users about cameras, the worst first; the last one counts.
     pub(crate) fn report(&self, watch: &dyn Watch) {
-        for line in &self.exchanged {
+        for line in &self.refused {
             watch.warn(line);
         }
         if let [first, others @ ..] = self.moved.as_slice() {
@@ -116,6 +120,13 @@ impl Alignment {
             };
             watch.warn(&format!(
                 "{first}{others}; boxes are corrected, and intervals include what remains uncertain"
+            ));
+        }
+        if let [first, others @ ..] = self.without_backgrounds.as_slice() {
+            watch.warn(&format!(
+                "an earlier version searched {first} and {} others and kept no backgrounds, so where their cameras look is not known; run \
+                 `dtd detect` on the corpus again, which searches nothing twice",
+                others.len()
             ));
         }
         watch.say(&self.to_string());
@@ -356,6 +367,7 @@ impl Backgrounds {
         let mut others = self.views.iter().filter(|other| other.name != of_view.name);
         match others.find(|other| other.references.compare(background).is_some()) {
             Some(other) => (Shown::OtherView(other.name.clone()), None),
+            None if of_view.references.is_elsewhere(background) => (Shown::Elsewhere, None),
             None => (Shown::Unknown, Some(expected)),
         }
     }
@@ -414,7 +426,11 @@ impl Backgrounds {
                 sights.push(of_views);
                 continue;
             }
-            let rows = rows_of(&scenario.folder.open()?, model)?;
+            let rows = scenario.folder.open()?.backgrounds(model)?;
+            if rows.is_none() {
+                alignment.without_backgrounds.push(scenario.id.clone());
+            }
+            let rows = rows.unwrap_or_default();
             for (index, view) in self.views.iter().enumerate() {
                 let named = format!("{} {}", scenario.id, view.name);
                 let row = background_of(&rows, &view.name, view.references.camera());
@@ -438,8 +454,12 @@ impl Backgrounds {
                     Shown::Moved(DVec2 { x, y }) => alignment.moved.push(format!(
                         "{named} looks elsewhere than in the training, by {x:.1} px right and {y:.1} px down"
                     )),
-                    Shown::OtherView(other) => alignment.exchanged.push(format!(
+                    Shown::OtherView(other) => alignment.refused.push(format!(
                         "{named} shows what {other} showed in the training: are the cameras exchanged? Its boxes do not count"
+                    )),
+                    Shown::Elsewhere => alignment.refused.push(format!(
+                        "{named} shows other surroundings than in the training, and its boxes do not count; if the camera was replaced or \
+                         turned far, `dtd refit` learns it again"
                     )),
                     Shown::Unknown => alignment.unaligned.push(named),
                 }

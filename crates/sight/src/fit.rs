@@ -86,6 +86,12 @@ impl Reference {
         })
     }
 
+    /// Information of all tiles about the axis that they show less.
+    pub(crate) fn information(&self) -> f64 {
+        let all = self.tiles.iter().map(|tile| tile.tells);
+        all.sum::<DVec2>().min_element()
+    }
+
     /// Learns from a fit how much the tiles tell.
     pub(crate) fn take(&mut self, fit: &Fit) {
         self.usual = self.usual.max(fit.tells);
@@ -98,6 +104,13 @@ impl Reference {
             Some(fit) if !self.is_faded_in(&fit) => Some(fit),
             near => self.anywhere(image, near, expected, freedom),
         }
+    }
+
+    /// Correlation of the edges of the ground with another image's, at the shift that fits best; 0 without any edge.
+    pub fn resemblance(&self, image: &Luma<'_>) -> f64 {
+        let other = Coarse::of(image, self.ground.top);
+        let best = self.coarse.best_shift(&other, DVec2::ZERO);
+        best.map_or(0.0, |(_, correlation)| correlation)
     }
 
     /// The better one of a fit and of what shrunk images show.

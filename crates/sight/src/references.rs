@@ -8,6 +8,11 @@ use crate::fit::{Fit, Freedom, MIN_SD_PX, Reference};
 use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
 use crate::sight::Sight;
 
+/// Maximum resemblance of other surroundings ([`Reference::resemblance`]). In 16 flights at four times of day and in four weathers, also by
+/// night and in fog, the same surroundings have at least 0.47, another view's at most 0.07, and mirrored ones at most 0.22.
+const MAX_OTHER_RESEMBLANCE: f64 = 0.3;
+/// Minimum information of a background that shows other surroundings, as a part of a reference's: fog resembles nothing.
+const MIN_INFORMATION_PART: f64 = 0.3;
 /// Maximum standard deviation of a comparison that counts, pixels.
 const MAX_SD_PX: f64 = 0.5;
 /// Comparisons whose shifts are further apart, in their standard deviations, count less than half.
@@ -134,6 +139,25 @@ impl References {
     /// The camera of the training.
     pub fn camera(&self) -> &Camera {
         &self.camera
+    }
+
+    /// True if a background clearly shows other surroundings than all references.
+    pub fn is_elsewhere(&self, background: &Background) -> bool {
+        let levels = background.whole();
+        let image = Luma::of(&levels, background.width_px);
+        let Some(own) = Reference::of(&image, &Ground::of(&self.camera), NOISE_LEVELS) else {
+            return false;
+        };
+        let mut all = self
+            .all
+            .iter()
+            .filter_map(|placed| placed.reference.as_ref())
+            .peekable();
+        all.peek().is_some()
+            && all.all(|reference| {
+                reference.resemblance(&image) < MAX_OTHER_RESEMBLANCE
+                    && own.information() >= MIN_INFORMATION_PART * reference.information()
+            })
     }
 
     /// The camera's motion since the training; `None` if the background resembles none of the references.

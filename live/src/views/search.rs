@@ -8,6 +8,7 @@ use dataset::tables::health::HealthState;
 use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
 use labeller::detector::PictureView;
 use labeller::{Image, ImageFindings, ViewSearch};
+use sight::background::Background;
 
 use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
@@ -53,6 +54,7 @@ impl Search {
             whole: Vec::new(),
             part: Vec::new(),
             previous: None,
+            background: None,
         };
         let mut failures = 0;
         while !self.shared.is_stopped() {
@@ -115,7 +117,7 @@ impl Search {
         let metrics = &self.shared.metrics;
         let begun_s = self.shared.clock.now_s();
         metrics.time(Stage::Wait, begun_s - image.decoded_s);
-        let looked = self.search.look(
+        let mut looked = self.search.look(
             &mut NewImage {
                 image: &image.image,
                 pixels,
@@ -129,7 +131,10 @@ impl Search {
         let is_frozen = looked.camera == HealthState::Frozen;
         lock(&self.status).set_camera(is_moved, is_frozen);
         pixels.previous = Some(image.image);
+        // It also counts if this image does not.
+        looked.background = looked.background.or(pixels.background.take());
         if !image.can_be_measured {
+            pixels.background = looked.background;
             return Ok(None);
         }
         metrics.count(self.view, Fate::Searched);
@@ -153,12 +158,14 @@ fn failures_after<T>(looked: &labeller::Result<T>, before: u32) -> u32 {
     }
 }
 
-/// Pixel buffers, and the previous image.
+/// Pixel buffers, the previous image, and the background.
 struct Pixels {
     converter: ImageConverter,
     whole: Vec<u8>,
     part: Vec<u8>,
     previous: Option<DecodedImage>,
+    /// A background that is complete, and not told yet.
+    background: Option<Background>,
 }
 
 struct NewImage<'a> {

@@ -36,6 +36,12 @@ impl Coarse {
 
     /// Shift to the other image, to about a pixel. `near_px` decides where all shifts fit equally badly; `None` if no shift fits.
     pub(super) fn shift_to(&self, other: &Self, near_px: DVec2) -> Option<DVec2> {
+        let (shift_px, correlation) = self.best_shift(other, near_px)?;
+        (correlation >= MIN_CORRELATION).then_some(shift_px)
+    }
+
+    /// The shift that fits best, and the correlation of edges with it.
+    pub(super) fn best_shift(&self, other: &Self, near_px: DVec2) -> Option<(DVec2, f64)> {
         let mut best = (near_px / SHRINKS[0] as f64).round().as_ivec2();
         let mut correlation = 0.0;
         for (index, (from, to)) in self.levels.iter().zip(&other.levels).enumerate() {
@@ -50,8 +56,8 @@ impl Coarse {
                 .max_by(|a, b| a.1.total_cmp(&b.1))?;
             (best, correlation) = found;
         }
-        (correlation >= MIN_CORRELATION)
-            .then(|| best.as_dvec2() * SHRINKS[SHRINKS.len() - 1] as f64)
+        let shift_px = best.as_dvec2() * SHRINKS[SHRINKS.len() - 1] as f64;
+        Some((shift_px, correlation))
     }
 }
 
