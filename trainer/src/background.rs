@@ -55,10 +55,11 @@ struct View {
     /// How the camera of the first reference looked by its calibration, if cameras vary between flights.
     known: Option<Aim>,
     references: References,
-    /// The usual motion of the training's flights, pixels ([`Motion::to_px`]), with standard deviations of the camera's stability and of
-    /// the flights.
+    /// The usual motion of the training's flights, pixels ([`Motion::to_px`]), and their standard deviations from it.
     usual_px: [f64; UNKNOWNS],
-    sds_px: [f64; UNKNOWNS],
+    spread_px: [f64; UNKNOWNS],
+    /// Standard deviations of a flight after the training, by the camera's stability alone.
+    stability_px: [f64; UNKNOWNS],
 }
 
 /// A camera's direction and focal length.
@@ -152,7 +153,8 @@ pub(crate) struct StoredView {
     #[serde(skip_serializing_if = "Option::is_none")]
     known: Option<Aim>,
     usual_px: [f64; UNKNOWNS],
-    sds_px: [f64; UNKNOWNS],
+    spread_px: [f64; UNKNOWNS],
+    stability_px: [f64; UNKNOWNS],
     references: Vec<StoredReference>,
 }
 
@@ -166,9 +168,13 @@ struct StoredReference {
 }
 
 impl View {
-    /// The direction that is expected of the camera before its images are compared.
-    fn expected(&self) -> Sight {
-        let mut expected = Sight::expected(self.sds_px.map(|sd_px| sd_px.max(MIN_SD_PX)));
+    /// The direction that is expected of the camera before its images are compared. `trains`: in a flight of the training.
+    fn expected(&self, trains: bool) -> Sight {
+        let stability = if trains { 0.0 } else { 1.0 };
+        let mut expected = Sight::expected(std::array::from_fn(|unknown| {
+            let sd_px = self.spread_px[unknown].hypot(stability * self.stability_px[unknown]);
+            sd_px.max(MIN_SD_PX)
+        }));
         expected.motion = Motion::of_px(self.usual_px, self.references.camera());
         expected
     }
@@ -187,9 +193,11 @@ impl View {
 
     /// Pixels by which the camera looks elsewhere, if that is certain.
     fn moved_px(&self, compared: &Sight) -> Option<DVec2> {
-        let expected = self.expected();
-        let off_px = compared.motion.shift_px - expected.motion.shift_px;
-        let sd_px = compared.sd_px().hypot(self.sds_px[0].max(self.sds_px[1]));
+        let usual = Motion::of_px(self.usual_px, self.references.camera());
+        let off_px = compared.motion.shift_px - usual.shift_px;
+        let sd_px = compared
+            .sd_px()
+            .hypot(self.spread_px[0].max(self.spread_px[1]));
         (off_px.length() > MOVED_PX.max(MOVED_SD * sd_px)).then_some(off_px)
     }
 }
@@ -236,7 +244,8 @@ impl Backgrounds {
                 planned,
                 references,
                 usual_px: [0.0; UNKNOWNS],
-                sds_px: [
+                spread_px: [0.0; UNKNOWNS],
+                stability_px: [
                     turn_px,
                     turn_px,
                     angle_rad * half_px,
@@ -280,9 +289,14 @@ impl Backgrounds {
                     .map(|(_, sight)| sight.covariance_px2[unknown][unknown]);
                 let of_fits = median(&mut of_fits.collect::<Vec<_>>());
                 let own_px = (spread_px.powi(2) - of_fits).max(0.0).sqrt();
-                view.usual_px[unknown] = usual_px;
-                view.sds_px[unknown] = view.sds_px[unknown].hypot(own_px);
+                (view.usual_px[unknown], view.spread_px[unknown]) = (usual_px, own_px);
             }
+            // A reference in fog shows little of its own direction.
+            let expected = view.expected(true);
+            let camera = *view.references.camera();
+            let placed = |measured: &Sight| measured.with(&expected, &camera).unwrap_or(*measured);
+            let first = view.references.place(placed);
+            view.usual_px = expected.motion.after(first.back()).to_px(&camera);
         }
         Ok(())
     }
@@ -303,53 +317,46 @@ impl Backgrounds {
         self
     }
 
-    /// Before any image is compared.
+    /// Before any image is compared, in a flight after the training.
     pub(crate) fn unseen(&self) -> Sights {
-        Sights(
-            self.views
-                .iter()
-                .map(|view| Some(view.expected()))
-                .collect(),
-        )
+        self.expected(false)
+    }
+
+    fn expected(&self, trains: bool) -> Sights {
+        let views = self.views.iter();
+        Sights(views.map(|view| Some(view.expected(trains))).collect())
     }
 
     /// Compares a background of a view.
     pub(crate) fn show(&self, sights: &mut Sights, view: usize, background: &Background) -> Shown {
         let compared = self.views[view].references.compare(background);
-        self.judge(sights, view, compared, background)
+        let (shown, sight) = self.judge(view, compared, background, false);
+        sights.0[view] = sight;
+        shown
     }
 
+    /// What a view shows, and where it looks; `None` if its boxes do not count.
     fn judge(
         &self,
-        sights: &mut Sights,
         view: usize,
         compared: Option<Sight>,
         background: &Background,
-    ) -> Shown {
+        trains: bool,
+    ) -> (Shown, Option<Sight>) {
         let of_view = &self.views[view];
-        let Some(compared) = compared else {
-            let others = (0..self.views.len()).filter(|&other| other != view);
-            let mut shown = others.filter(|&other| {
-                let references = &self.views[other].references;
-                references.compare(background).is_some()
-            });
-            let other = shown.next();
-            sights.0[view] = match other {
-                Some(_) => None,
-                None => Some(of_view.expected()),
+        let expected = of_view.expected(trains);
+        if let Some(compared) = compared {
+            let shown = match of_view.moved_px(&compared) {
+                Some(off_px) => Shown::Moved(off_px),
+                None => Shown::Usual,
             };
-            return other.map_or(Shown::Unknown, |other| {
-                Shown::OtherView(self.views[other].name.clone())
-            });
-        };
-        let both = of_view
-            .expected()
-            .with(&compared, of_view.references.camera());
-        let sight = both.unwrap_or(compared);
-        sights.0[view] = Some(sight);
-        match of_view.moved_px(&compared) {
-            Some(off_px) => Shown::Moved(off_px),
-            None => Shown::Usual,
+            let both = expected.with(&compared, of_view.references.camera());
+            return (shown, Some(both.unwrap_or(compared)));
+        }
+        let mut others = self.views.iter().filter(|other| other.name != of_view.name);
+        match others.find(|other| other.references.compare(background).is_some()) {
+            Some(other) => (Shown::OtherView(other.name.clone()), None),
+            None => (Shown::Unknown, Some(expected)),
         }
     }
 
@@ -401,7 +408,8 @@ impl Backgrounds {
         for (done, scenario) in scenarios.iter_mut().enumerate() {
             watch.check()?;
             watch.advance(done as u64 + 1, &scenario.id);
-            let mut of_views = self.unseen();
+            let trains = scenario.side != Side::Test;
+            let mut of_views = self.expected(trains);
             if !sides.contains(&scenario.side) {
                 sights.push(of_views);
                 continue;
@@ -423,7 +431,9 @@ impl Backgrounds {
                         camera.focal_px = known.focal_px;
                     }
                 }
-                match self.judge(&mut of_views, index, compared, &background) {
+                let (shown, sight) = self.judge(index, compared, &background, trains);
+                of_views.0[index] = sight;
+                match shown {
                     Shown::Usual => {}
                     Shown::Moved(DVec2 { x, y }) => alignment.moved.push(format!(
                         "{named} looks elsewhere than in the training, by {x:.1} px right and {y:.1} px down"
@@ -475,7 +485,8 @@ impl Backgrounds {
                 planned: view.planned.clone(),
                 known: view.known,
                 usual_px: view.usual_px,
-                sds_px: view.sds_px,
+                spread_px: view.spread_px,
+                stability_px: view.stability_px,
                 references: (all.iter())
                     .map(|placed| StoredReference {
                         scenario: placed.name.clone(),
@@ -552,7 +563,8 @@ impl Backgrounds {
                 planned: view.planned.clone(),
                 references: References::of(&camera, all, view.known.is_some()),
                 usual_px: view.usual_px,
-                sds_px: view.sds_px,
+                spread_px: view.spread_px,
+                stability_px: view.stability_px,
             });
         }
         Some(Self { views })

@@ -13,6 +13,8 @@ use crate::watched::Measured;
 
 /// Number of averaged images in a complete background.
 pub const IMAGES: u32 = 24;
+/// Noise of their mean with its rounding, grey levels.
+pub const NOISE_LEVELS: f64 = 0.5;
 /// Images that are off by more are left out, pixels: the rest of a shake blurs the mean by less than the images are blurred.
 const MAX_OFF_PX: f64 = 0.5;
 

@@ -25,7 +25,7 @@ const TOLERATED: f64 = 3.0;
 const FADED: f64 = 0.6;
 /// Minimum standard deviation, px: interpolation and compression. A step below it ends the iteration.
 pub const MIN_SD_PX: f64 = 0.02;
-/// Minimum pixel noise, grey levels.
+/// Pixel noise of images, at least, grey levels.
 pub const NOISE_LEVELS: f64 = 1.5;
 /// Steps of the iteration: one without an end does not fit.
 const MAX_STEPS: u32 = 12;
@@ -75,9 +75,9 @@ impl Fit {
 }
 
 impl Reference {
-    /// `None` for an image that shows too little.
-    pub fn of(image: &Luma<'_>, ground: &Ground) -> Option<Self> {
-        let tiles = tiles_of(image, ground);
+    /// A reference image with this pixel noise; `None` if it shows too little.
+    pub fn of(image: &Luma<'_>, ground: &Ground, noise_levels: f64) -> Option<Self> {
+        let tiles = tiles_of(image, ground, noise_levels);
         (tiles.len() >= MIN_TILES).then(|| Self {
             ground: *ground,
             coarse: Coarse::of(image, ground.top),
@@ -209,7 +209,7 @@ mod tests {
         let certain = |ground: fn(DVec2) -> f64| -> Vec<usize> {
             let levels = image(Motion::default(), ground);
             let image = Luma::of(&levels, WIDTH);
-            let tiles = tiles_of(&image, &ground_below);
+            let tiles = tiles_of(&image, &ground_below, NOISE_LEVELS);
             assert!(tiles.len() >= MIN_TILES);
             let told = |tile: &Tile| tile.told(&image, DVec2::ZERO).unwrap();
             tiles
@@ -235,7 +235,8 @@ mod tests {
     fn turn_and_zoom_are_found_together_in_other_light() {
         let camera = camera();
         let levels = image(Motion::default(), ground);
-        let reference = Reference::of(&Luma::of(&levels, WIDTH), &Ground::of(&camera)).unwrap();
+        let reference =
+            Reference::of(&Luma::of(&levels, WIDTH), &Ground::of(&camera), 0.5).unwrap();
         for [x, y, zoom] in [[3.4, -1.8, 0.002], [-25.0, 6.0, -0.005]] {
             let expected = Motion {
                 shift_px: DVec2::new(x, y),

@@ -3,8 +3,8 @@
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
-use crate::background::Background;
-use crate::fit::{Fit, Freedom, Reference};
+use crate::background::{Background, NOISE_LEVELS};
+use crate::fit::{Fit, Freedom, MIN_SD_PX, Reference};
 use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
 use crate::sight::Sight;
 
@@ -46,7 +46,7 @@ impl Placed {
         let levels = background.whole();
         let image = Luma::of(&levels, background.width_px);
         Self {
-            reference: Reference::of(&image, &Ground::of(camera)),
+            reference: Reference::of(&image, &Ground::of(camera), NOISE_LEVELS),
             name,
             background,
             motion,
@@ -110,6 +110,20 @@ impl References {
             (next.motion, next.sd_px) = (sight.motion, sight.sd_px());
             known.all.push(next);
         }
+    }
+
+    /// Corrects the references' motions by what is known of each, relative to the corrected first one. Returns the first one's correction.
+    pub fn place(&mut self, corrected: impl Fn(&Sight) -> Sight) -> Motion {
+        let mut first = None;
+        for placed in &mut self.all {
+            let sds_px = [placed.sd_px, placed.sd_px, placed.sd_px, placed.sd_px, 1e-3];
+            let mut known = Sight::expected(sds_px.map(|sd_px| sd_px.max(MIN_SD_PX)));
+            known.motion = placed.motion;
+            let found = corrected(&known);
+            let first = *first.get_or_insert(found.motion);
+            (placed.motion, placed.sd_px) = (found.motion.after(first.back()), found.sd_px());
+        }
+        first.unwrap_or_default()
     }
 
     /// The references.

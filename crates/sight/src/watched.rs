@@ -7,7 +7,7 @@
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
-use crate::fit::{Fit, Freedom, MIN_SD_PX, Reference};
+use crate::fit::{Fit, Freedom, MIN_SD_PX, NOISE_LEVELS, Reference};
 use crate::ground::{Ground, Motion};
 
 /// A turn with a larger standard deviation counts as not measured, pixels.
@@ -91,7 +91,7 @@ impl Watched {
 
     /// Makes an image the reference if it has enough tiles.
     fn refer(&mut self, image: &Luma<'_>, turn: Motion, sd_px: f64) -> bool {
-        let reference = Reference::of(image, &self.ground);
+        let reference = Reference::of(image, &self.ground, NOISE_LEVELS);
         let enough = reference.is_some();
         if let Some(reference) = reference {
             self.reference = Some(PlacedReference {

@@ -88,7 +88,8 @@ fn view(name: &str, backgrounds: Vec<Background>) -> View {
         known: None,
         references: References::learn(&planned().camera(), named.collect(), false),
         usual_px: [0.0; UNKNOWNS],
-        sds_px: [STABILITY_PX, STABILITY_PX, 0.04, 0.08, 0.0],
+        spread_px: [0.0; UNKNOWNS],
+        stability_px: [STABILITY_PX, STABILITY_PX, 0.04, 0.08, 0.0],
     }
 }
 

@@ -3,7 +3,6 @@
 use dataset::video::Luma;
 use glam::{DVec2, DVec3};
 
-use super::NOISE_LEVELS;
 use crate::ground::{Ground, Motion, UNKNOWNS};
 
 /// Tile size, px: wide, because distant objects on the ground are flat in the image.
@@ -16,8 +15,8 @@ const BANDS: usize = 8;
 /// Number of tiles per band with the most structure across, and down.
 const BEST_ACROSS: usize = 8;
 const BEST_DOWN: usize = 5;
-/// Minimum sum of squared slopes: with a noise of two grey levels it shows a shift to a quarter of a pixel.
-const MIN_STRUCTURE: f64 = 200.0;
+/// Minimum sum of squared slopes, in squares of the pixel noise: it shows a shift to a quarter of a pixel.
+const MIN_STRUCTURE: f64 = 90.0;
 /// Minimum ratio of the structures along both axes. An edge shows little along itself but its steps on the pixel grid, which do not move
 /// with it.
 const MIN_AXIS_RATIO: f64 = 0.1;
@@ -45,6 +44,8 @@ pub(super) struct Tile {
     power: f64,
     /// Sums of slope products.
     structure: [f64; 3],
+    /// Pixel noise, grey levels.
+    noise_levels: f64,
     /// Information about a shift to the right and down in an image with little noise, 1 / square pixels.
     pub(super) tells: DVec2,
 }
@@ -77,7 +78,7 @@ impl Told {
 }
 
 /// The tiles of the ground with the most structure.
-pub(super) fn tiles_of(image: &Luma<'_>, ground: &Ground) -> Vec<Tile> {
+pub(super) fn tiles_of(image: &Luma<'_>, ground: &Ground, noise_levels: f64) -> Vec<Tile> {
     let first_row = ground.top.max(BORDER + 1);
     let rows = (first_row..(image.height_px.saturating_sub(HEIGHT + BORDER + 1))).step_by(HEIGHT);
     let last_column = image.width_px.saturating_sub(WIDTH + BORDER + 1);
@@ -93,14 +94,15 @@ pub(super) fn tiles_of(image: &Luma<'_>, ground: &Ground) -> Vec<Tile> {
         for (axis, count) in [(0, BEST_ACROSS), (1, BEST_DOWN)] {
             band.sort_by(|a, b| b.2[axis].total_cmp(&a.2[axis]));
             let kept = band.iter().take(count);
-            let enough = kept.filter(|(.., structure)| structure[axis] > MIN_STRUCTURE);
+            let enough = kept
+                .filter(|(.., structure)| structure[axis] > MIN_STRUCTURE * noise_levels.powi(2));
             let places: Vec<_> = enough.map(|&(column, row, _)| (column, row)).collect();
             band.retain(|&(column, row, _)| !places.contains(&(column, row)));
             chosen.extend(places);
         }
     }
     let made = chosen.into_iter();
-    made.filter_map(|place| Tile::of(image, place, ground))
+    made.filter_map(|place| Tile::of(image, place, ground, noise_levels))
         .collect()
 }
 
@@ -120,7 +122,12 @@ fn rough_structure(image: &Luma<'_>, left: usize, top: usize) -> [f64; 2] {
 }
 
 impl Tile {
-    fn of(image: &Luma<'_>, (left, top): (usize, usize), ground: &Ground) -> Option<Self> {
+    fn of(
+        image: &Luma<'_>,
+        (left, top): (usize, usize),
+        ground: &Ground,
+        noise_levels: f64,
+    ) -> Option<Self> {
         let (wide, high) = (WIDTH + 2, HEIGHT + 2);
         let around = blurred(image, [left as f64 - 1.0, top as f64 - 1.0], [wide, high])?;
         let at = |column: usize, row: usize| around[row * wide + column];
@@ -155,8 +162,8 @@ impl Tile {
             }
         }
         let structure = [(1, 1), (1, 2), (2, 2)].map(|(i, k)| product(&light, i, k));
-        let variance = NOISE_LEVELS * NOISE_LEVELS * SHARED;
-        let tells = certainties([structure[0], structure[2]], variance).into();
+        let variance = noise_levels * noise_levels * SHARED;
+        let tells = certainties([structure[0], structure[2]], variance, noise_levels).into();
         let middle_px = DVec2::new(left as f64, top as f64)
             + DVec2::new(WIDTH as f64 - 1.0, HEIGHT as f64 - 1.0) / 2.0;
         let camera = &ground.camera;
@@ -179,6 +186,7 @@ impl Tile {
             light,
             power,
             structure,
+            noise_levels,
             tells,
         })
     }
@@ -215,12 +223,12 @@ impl Tile {
         ) / determinant;
         let explained = gain * gain * (self.power + pull.dot(best_px));
         let rest = (square - explained).max(0.0) / (found.len() - 4) as f64;
-        let variance = rest.max(NOISE_LEVELS * NOISE_LEVELS) * SHARED / (gain * gain);
+        let variance = rest.max(self.noise_levels.powi(2)) * SHARED / (gain * gain);
         let axis = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
         let axes = [axis, axis.perp()];
         let along =
             |axis: DVec2| axis.x * axis.x * xx + 2.0 * axis.x * axis.y * xy + axis.y * axis.y * yy;
-        let [first, second] = certainties(axes.map(along), variance);
+        let [first, second] = certainties(axes.map(along), variance, self.noise_levels);
         Some(Told {
             best_px,
             axes: [(axes[0], first), (axes[1], second)],
@@ -229,11 +237,11 @@ impl Tile {
 }
 
 /// Certainties along two axes with this structure, for a pixel variance, 1 / square pixels.
-fn certainties(structures: [f64; 2], variance: f64) -> [f64; 2] {
+fn certainties(structures: [f64; 2], variance: f64, noise_levels: f64) -> [f64; 2] {
     let most = structures[0].max(structures[1]);
     structures.map(|structure| {
         // Noise and compression have such slopes too.
-        if structure < (MIN_STRUCTURE / 2.0).max(MIN_AXIS_RATIO * most) {
+        if structure < (MIN_STRUCTURE / 2.0 * noise_levels.powi(2)).max(MIN_AXIS_RATIO * most) {
             0.0
         } else {
             (variance / structure + MIN_SD_PX * MIN_SD_PX).recip()
