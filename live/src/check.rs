@@ -1,4 +1,4 @@
-//! Opens every source once and reports the result.
+//! Opens every source, compares its surroundings with the training's, and reports the result.
 
 use std::sync::Arc;
 use std::sync::mpsc::RecvTimeoutError;
@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::clock::ClockSource;
 use crate::error::{Error, Result};
 use crate::options::Options;
+use crate::output::Surroundings;
 use crate::output::metrics::Metrics;
 use crate::views::feed::{Message, Report};
 use crate::views::shared::Shared;
@@ -31,19 +32,29 @@ pub struct CheckedSource {
     pub size_px: Option<[u32; 2]>,
     /// Origin of the first images' times.
     pub clock: Option<ClockSource>,
+    /// What it shows; null if it does not show enough images in time.
+    pub surroundings: Option<Surroundings>,
     /// Cause if it has no images.
     pub why: Option<String>,
 }
 
-/// Opens all sources until each has shown an image.
+impl CheckedSource {
+    /// True if it shows what another view showed in the training.
+    pub fn shows_other_view(&self) -> bool {
+        let surroundings = self.surroundings.as_ref();
+        surroundings.is_some_and(|of| of.shows == "other_view")
+    }
+}
+
+/// Opens all sources until each has shown its surroundings.
 ///
 /// # Errors
 /// The run has other views, or a source can never be used.
-pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<CheckedSource>> {
+pub fn check(mut options: Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<CheckedSource>> {
     options.check()?;
     let metrics = Metrics::new(options.run.blake3().to_string(), options.run.views());
-    let shared = Arc::new(Shared::of(options, Arc::new(metrics)));
-    let views = Views::start(options, &shared, false)?;
+    let shared = Arc::new(Shared::of(&options, Arc::new(metrics)));
+    let views = Views::start(&options, &shared)?;
     let found = |view: &View| {
         Some(CheckedSource {
             view: view.name.clone(),
@@ -51,19 +62,40 @@ pub fn check(options: &Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<Che
             codec: None,
             size_px: None,
             clock: None,
+            surroundings: None,
             why: Some(format!("no image in {} s", TIMEOUT.as_secs())),
         })
     };
     let mut all: Vec<Option<CheckedSource>> = views.all.iter().map(found).collect();
     let until = Instant::now() + TIMEOUT;
-    let is_open = |found: &CheckedSource| found.size_px.is_none();
+    let mut has_finished = vec![false; all.len()];
     let mut refused = None;
-    while all.iter().flatten().any(is_open) && Instant::now() < until && !is_stopped() {
+    while Instant::now() < until && !is_stopped() {
+        let waits = |(found, over): (&Option<CheckedSource>, &bool)| {
+            let found = found.as_ref();
+            !over && found.is_some_and(|found| found.surroundings.is_none())
+        };
+        if !all.iter().zip(&has_finished).any(waits) {
+            break;
+        }
         let (view, report) = match views.messages.recv_timeout(WAIT) {
             Ok(Message::Report(view, report)) => (view, report),
             Ok(Message::Failed(error)) => {
                 refused = Some(error);
                 break;
+            }
+            Ok(Message::Searched(view, searched)) => {
+                if let (Some(found), Some(background)) =
+                    (&mut all[view], &searched.looked.background)
+                {
+                    let shown = options.run.show(view, background);
+                    found.surroundings = Some(Surroundings::of(&shown));
+                }
+                continue;
+            }
+            Ok(Message::Finished(view)) => {
+                has_finished[view] = true;
+                continue;
             }
             Ok(_) | Err(RecvTimeoutError::Timeout) => continue,
             Err(RecvTimeoutError::Disconnected) => break,

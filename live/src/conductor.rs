@@ -30,7 +30,7 @@ use crate::error::{Error, Result};
 use crate::options::{Options, Pace};
 use crate::output::lines::Lines;
 use crate::output::metrics::{Fate, Metrics, Stage};
-use crate::output::{Event, Line, MAX_FRESH_S, metrics_server};
+use crate::output::{Event, Line, MAX_FRESH_S, Surroundings, metrics_server};
 use crate::queue::lock;
 use crate::views::feed::{Message, Report};
 use crate::views::search::Searched;
@@ -62,7 +62,7 @@ pub fn estimate(
     let address = options.metrics.map(serve).transpose()?;
     let is_timed = shared.pace != Pace::AsFastAsPossible;
     let lines = Lines::to(output, metrics.clone(), is_timed)?;
-    let views = Views::start(&options, &shared, true)?;
+    let views = Views::start(&options, &shared)?;
     ready(address);
     let sources = views.all.iter();
     let sources = sources.filter_map(|view| Some((view.name.clone(), view.source.clone()?)));
@@ -265,7 +265,13 @@ impl Conductor {
                 .and_then(|(_, seen)| seen.looked.background.as_ref());
             if let Some(background) = background {
                 let shown = self.run.show(view, background);
-                self.report_camera(view, &shown, joined.time_s);
+                if shown != Shown::Usual {
+                    self.event(Event::Camera {
+                        time_s: joined.time_s,
+                        view: self.views.all[view].name.clone(),
+                        surroundings: Surroundings::of(&shown),
+                    });
+                }
             }
         }
         let tick = SeenTick {
@@ -295,42 +301,6 @@ impl Conductor {
             self.metrics.time(Stage::Join, now_s - searched_s);
             self.metrics.time(Stage::Total, now_s - arrival_s);
         }
-    }
-
-    /// Tells of a camera that does not look as it did in the training.
-    fn report_camera(&self, view: usize, shown: &Shown, time_s: f64) {
-        let (shows, shift_px, why) = match shown {
-            Shown::Usual => return,
-            Shown::Moved(off_px) => (
-                "moved",
-                Some(off_px.to_array()),
-                format!(
-                    "it looks elsewhere than in the training, by {:.1} px right and {:.1} px down; boxes are corrected",
-                    off_px.x, off_px.y
-                ),
-            ),
-            Shown::OtherView(other) => (
-                "other_view",
-                None,
-                format!(
-                    "it shows what {other} showed in the training: are the sources exchanged? It is not used"
-                ),
-            ),
-            Shown::Unknown => (
-                "unknown",
-                None,
-                "its surroundings do not resemble the training's, as in fog or at night: it is expected in its usual direction, and \
-                 intervals are wider; if it was replaced or turned far, `dtd refit` learns it again"
-                    .to_owned(),
-            ),
-        };
-        self.event(Event::Camera {
-            time_s,
-            view: self.views.all[view].name.clone(),
-            shows,
-            shift_px,
-            why,
-        });
     }
 
     /// The view's boxes, moved to the tick's time.

@@ -5,7 +5,7 @@ pub(crate) mod metrics;
 pub(crate) mod metrics_server;
 
 use serde::Serialize;
-use trainer::live::Phase;
+use trainer::live::{Phase, Shown};
 
 use crate::clock::ClockSource;
 use crate::view_state::ViewState;
@@ -137,12 +137,9 @@ pub enum Event {
         time_s: f64,
         /// Name of the view.
         view: String,
-        /// `moved`, `other_view` or `unknown`.
-        shows: &'static str,
-        /// Shift of a moved camera, pixels right and down.
-        shift_px: Option<[f64; 2]>,
-        /// What that means, and what to do about it.
-        why: String,
+        /// What it shows.
+        #[serde(flatten)]
+        surroundings: Surroundings,
     },
     /// Views that see an aircraft are not used for it from now on.
     Withheld {
@@ -164,6 +161,54 @@ pub enum Event {
         /// Searched and other images by view.
         images: Vec<(String, u64, u64)>,
     },
+}
+
+/// What a camera shows of its surroundings, beside the training's.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Surroundings {
+    /// `usual`, `moved`, `other_view` or `unknown`.
+    pub shows: &'static str,
+    /// Shift of a moved camera, pixels right and down.
+    pub shift_px: Option<[f64; 2]>,
+    /// What that means, and what to do about it.
+    pub why: Option<String>,
+}
+
+impl Surroundings {
+    pub(crate) fn of(shown: &Shown) -> Self {
+        let (shows, shift_px, why) = match shown {
+            Shown::Usual => ("usual", None, None),
+            Shown::Moved(off_px) => (
+                "moved",
+                Some(off_px.to_array()),
+                Some(format!(
+                    "it looks elsewhere than in the training, by {:.1} px right and {:.1} px down; boxes are corrected",
+                    off_px.x, off_px.y
+                )),
+            ),
+            Shown::OtherView(other) => (
+                "other_view",
+                None,
+                Some(format!(
+                    "it shows what {other} showed in the training: are the sources exchanged? It is not used"
+                )),
+            ),
+            Shown::Unknown => (
+                "unknown",
+                None,
+                Some(
+                    "its surroundings do not resemble the training's, as in fog or at night: it is expected in its usual direction, and \
+                     intervals are wider; if it was replaced or turned far, `dtd refit` learns it again"
+                        .to_owned(),
+                ),
+            ),
+        };
+        Self {
+            shows,
+            shift_px,
+            why,
+        }
+    }
 }
 
 /// A line of output.

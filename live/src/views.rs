@@ -45,8 +45,8 @@ pub(crate) struct Views {
 }
 
 impl Views {
-    /// Starts the threads of all views that have a source. `searches`: false if images are only looked at.
-    pub(crate) fn start(options: &Options, shared: &Arc<Shared>, searches: bool) -> Result<Self> {
+    /// Starts the threads of all views that have a source.
+    pub(crate) fn start(options: &Options, shared: &Arc<Shared>) -> Result<Self> {
         // A missing GPU concerns all views.
         start_ffmpeg();
         Gpu::open(options.decoder)?;
@@ -85,9 +85,6 @@ impl Views {
             };
             let thread = format!("feed {name}");
             threads.push(spawn(thread, send.clone(), move || feed.run())?);
-            if !searches {
-                continue;
-            }
             let search = Search {
                 view,
                 name: name.clone(),

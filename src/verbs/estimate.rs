@@ -32,8 +32,18 @@ pub(crate) fn run(args: &EstimateArgs) -> Outcome {
     let is_stopped = || stop.switch().is_cancelled();
     let options = options(args)?;
     if args.check {
-        let found = live::check(&options, &is_stopped).map_err(failure)?;
+        let found = live::check(options, &is_stopped).map_err(failure)?;
         print_json(&found)?;
+        let other = found.iter().find(|found| found.shows_other_view());
+        if let Some(other) = other {
+            let why = other.surroundings.as_ref().and_then(|of| of.why.as_deref());
+            return Err(Failure::Failed(anyhow::anyhow!(
+                "view {} from {}: {}",
+                other.view,
+                other.source,
+                why.unwrap_or_default()
+            )));
+        }
         let absent = found.iter().find(|found| found.size_px.is_none());
         return match absent {
             None => Ok(Ending::Done),
