@@ -235,8 +235,12 @@ mod tests {
     fn turn_and_zoom_are_found_together_in_other_light() {
         let camera = camera();
         let levels = image(Motion::default(), ground);
-        let reference =
-            Reference::of(&Luma::of(&levels, WIDTH), &Ground::of(&camera), 0.5).unwrap();
+        let reference = Reference::of(
+            &Luma::of(&levels, WIDTH),
+            &Ground::of(&camera),
+            NOISE_LEVELS,
+        )
+        .unwrap();
         for [x, y, zoom] in [[3.4, -1.8, 0.002], [-25.0, 6.0, -0.005]] {
             let expected = Motion {
                 shift_px: DVec2::new(x, y),
