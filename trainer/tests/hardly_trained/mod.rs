@@ -80,6 +80,8 @@ pub(crate) fn narrow(
         learning_rate,
     };
     let mut config = TrainConfig::default();
+    // Synthetic cameras do not move, and show no backgrounds.
+    config.camera_stability_arcsec = 0.0;
     config.calibration.hidden = vec![width];
     config.calibration.features = width;
     config.calibration.head_hidden = vec![width];
