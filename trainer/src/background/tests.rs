@@ -174,6 +174,10 @@ fn a_camera_is_moved_exchanged_or_as_usual_by_its_background_and_as_stable_as_us
     assert_eq!(shown, Shown::OtherView("right".into()));
     assert_eq!((seen.boxes[0], seen.shifts[1]), (None, None));
     assert!(seen.boxes[1].is_some());
+    let (shown, seen) = show(Motion::default(), |place| {
+        scene(DVec2::new(7_000.0 - place.x, place.y))
+    });
+    assert_eq!((shown, seen.boxes[0]), (Shown::Elsewhere, None));
     let (shown, seen) = show(Motion::default(), |_| 120.0);
     assert_eq!(shown, Shown::Unknown);
     assert!(seen.boxes[0].is_some());
