@@ -87,15 +87,14 @@ impl Axis {
         let (times_s, measured): (Vec<f64>, Vec<Estimate>) = all
             .filter_map(|(time_s, measured)| Some((time_s, measured?)))
             .unzip();
-        let rates = (0..RATES).map(|step| MIN_RATE * RATE_FACTOR.powi(step));
-        let first = Self::filtered(&times_s, &measured, 0.0)?;
-        let likeliest = rates
-            .filter_map(|rate| Self::filtered(&times_s, &measured, rate * rate))
-            .fold(
-                first,
-                |best, next| if next.1 > best.1 { next } else { best },
-            );
-        let mut axis = likeliest.0;
+        // Of equally likely ones, the last.
+        let rates = (0..RATES)
+            .rev()
+            .map(|step| MIN_RATE * RATE_FACTOR.powi(step));
+        let walks = rates
+            .chain([0.0])
+            .filter_map(|rate| Self::filtered(&times_s, &measured, rate * rate));
+        let (mut axis, _) = walks.max_by(|(_, one), (_, other)| one.total_cmp(other))?;
         axis.look_back();
         for (estimate, measured) in axis.estimates.iter_mut().zip(&measured) {
             let off = estimate.value - measured.value;
@@ -112,8 +111,8 @@ impl Axis {
         let mut now = *measured.first()?;
         let mut likelihood_ln = 0.0;
         let (mut estimates, mut steps) = (vec![now], vec![0.0]);
-        for (times_s, measured) in times_s.windows(2).zip(&measured[1..]) {
-            let mut step = growth * (times_s[1] - times_s[0]);
+        for (between_s, measured) in times_s.windows(2).zip(&measured[1..]) {
+            let mut step = growth * (between_s[1] - between_s[0]);
             let mut noise = measured.variance;
             let off = measured.value - now.value;
             if off * off > WILD_SD * WILD_SD * (now.variance + step + noise) {
