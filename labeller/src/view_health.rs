@@ -35,8 +35,6 @@ const AROUND_S: f64 = 2.5;
 pub(crate) const MIN_OFF_PX: f64 = 0.3;
 /// Minimum deviation of unusual directions, in standard deviations.
 const MIN_OFF_SD: f64 = 6.0;
-/// An uncertain usual direction counts up to this, pixels: turns are corrected nevertheless, not left out as badly measured ones are.
-const MAX_USUAL_SD_PX: f64 = 0.25;
 /// Ticks that must be off for a lasting move.
 const MIN_MOVED: usize = 3;
 /// Maximum distance of the usual direction, in scatters and px.
@@ -145,7 +143,7 @@ impl CameraWatch {
             view: view.to_owned(),
             images: background.images,
             top_px: background.top_px as u32,
-            usual: camera_turn(&off_from(usual, background.turn), 0.0),
+            usual: camera_turn(&off_from(usual, background.turn)),
             png: background.png(),
         })
     }
@@ -177,8 +175,7 @@ pub(crate) fn judge(
         None => HealthState::Unknown,
     };
     let judged = (0..looks.len()).map(|tick| {
-        let turn = off[tick].zip(usual);
-        let turn = turn.map(|(off, usual)| camera_turn(&off, usual.sd_px));
+        let turn = off[tick].as_ref().map(camera_turn);
         let state = if frozen[tick] {
             HealthState::Frozen
         } else {
@@ -197,13 +194,12 @@ fn off_from(measured: Measured, usual: Motion) -> Measured {
     }
 }
 
-/// The turn from a usual direction with this standard deviation, whose error is the same at each tick.
-fn camera_turn(measured: &Measured, usual_sd_px: f64) -> CameraTurn {
+fn camera_turn(measured: &Measured) -> CameraTurn {
     CameraTurn {
         shift_x_px: measured.turn.shift_px.x,
         shift_y_px: measured.turn.shift_px.y,
         roll_deg: measured.turn.roll_rad.to_degrees(),
-        shift_sd_px: measured.sd_px.hypot(usual_sd_px.min(MAX_USUAL_SD_PX)),
+        shift_sd_px: measured.sd_px,
     }
 }
 
@@ -289,14 +285,11 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Measured>]) -> Option
     let median = median(measured(around.clone()).map(|off| off.turn.shift_px));
     let off_ticks = measured(around.clone()).filter(|off| is_off_from(off, DVec2::ZERO));
     let is_moved = median.length() > tolerated_px(&own) && off_ticks.count() >= MIN_MOVED;
-    // A step has scatter on a single side, about the direction of the other.
+    // A step has scatter on a single side, and a slow turn on neither.
     let scatters = |range: std::ops::Range<usize>| {
         let many = range.len().div_ceil(5).max(2);
-        range.is_empty()
-            || measured(range)
-                .filter(|off| is_off_from(off, median))
-                .count()
-                >= many
+        let here = self::median(measured(range.clone()).map(|off| off.turn.shift_px));
+        range.is_empty() || measured(range).filter(|off| is_off_from(off, here)).count() >= many
     };
     let is_shaking =
         around.len() > 2 && scatters(around.start..tick) && scatters(tick + 1..around.end)

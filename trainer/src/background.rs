@@ -24,11 +24,12 @@ use glam::{DMat3, DVec2};
 use image::{GrayImage, ImageFormat};
 use serde::{Deserialize, Serialize};
 use sight::background::{self, Background};
-use sight::ground::{Motion, UNKNOWNS};
+use sight::ground::{Motion, SHIFT, UNKNOWNS};
 use sight::references::{Placed, References};
 use sight::sight::Sight;
 
 use crate::error::Result;
+use crate::samples::camera_health::measured;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{CommonError, Observation, Samples, ScenarioSummary};
 
@@ -193,12 +194,7 @@ impl View {
     /// The flight's usual direction by its background alone.
     fn compared(&self, row: &ViewBackground, background: &Background) -> Option<Sight> {
         let mut found = self.references.compare(background)?;
-        let usual = Motion {
-            shift_px: DVec2::new(row.usual.shift_x_px, row.usual.shift_y_px),
-            roll_rad: row.usual.roll_deg.to_radians(),
-            ..Motion::default()
-        };
-        found.motion = usual.after(found.motion);
+        found.motion = measured(&row.usual).turn.after(found.motion);
         Some(found)
     }
 

@@ -453,7 +453,11 @@ impl Samples {
             return Ok((summary, frames, observations));
         }
         let late = lateness(&self.views, &health);
-        let health = CameraHealth::of(&self.views, &summary.cameras, health);
+        let times_s = frames.rows.iter();
+        let times_s = times_s
+            .map(|row| (row.tick, row.time_ns as f64 / 1e9))
+            .collect();
+        let health = CameraHealth::of(&self.views, &summary.cameras, &health, &times_s);
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
             .collect();

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! image                  -> Watched     its turn from the flight's first image, image by image
+//! turns of a flight      -> walk        the turn at every image, in hindsight
 //! first images           -> Background  their mean, below the horizon
 //! Background, References -> Sight       turn, roll and zoom from what a training saw, with their covariance
 //! ```
@@ -15,4 +16,5 @@ pub mod ground;
 pub mod least_squares;
 pub mod references;
 pub mod sight;
+pub mod walk;
 pub mod watched;

@@ -1,10 +1,9 @@
-//! Correction for cameras that moved, shook or repeated images.
+//! Correction for cameras that turned, shook or repeated images.
 //!
-//! `dtd detect` measures each camera's direction from the ground in its images ([`dataset::tables::health`]). Where a camera is off, its
-//! boxes and registered shifts are mapped to the flight's usual direction. The error that several measured directions share is a common
-//! error; the rest makes each shift less certain. A view is ignored while its image repeats an earlier one, or while its direction is off
-//! by a poorly known amount; only a shaking camera whose direction fog hides keeps its shifts, with their larger uncertainty. Other ticks
-//! remain bit-identical.
+//! `dtd detect` measures each camera's direction from the ground in its images ([`dataset::tables::health`]). In hindsight the directions
+//! of a flight are one walk ([`sight::walk`]): at each tick, boxes and registered shifts are mapped from there to the flight's usual
+//! direction, and what remains uncertain makes shifts less certain. A view is ignored while its image repeats an earlier one, and while it
+//! may look several pixels elsewhere.
 
 pub(crate) mod late_images;
 
@@ -14,26 +13,31 @@ use std::ops::AddAssign;
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::spread::deviation_from_zero;
-use dataset::tables::health::{HealthState, ViewHealth};
+use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
 use glam::DVec2;
+use sight::ground::Motion;
+use sight::walk::{self, Turned};
+use sight::watched::Measured;
 
-use crate::samples::trusted_boxes::centre_and_size;
-use crate::samples::{CommonError, Observation};
+use crate::samples::Observation;
 
-/// Maximum standard deviation for corrected directions, pixels: at ten nautical miles, with masts 600 m apart, it causes an error in
-/// distance of 0.1 %.
-const MAX_SD_PX: f64 = 0.3;
+/// Boxes whose direction is less certain do not count, pixels: they are themselves off by up to a pixel.
+const MAX_SD_PX: f64 = 3.0;
 
-/// Camera health in a scenario, for ticks with a fault.
+/// Directions of a scenario's cameras.
 pub(crate) struct CameraHealth<'a> {
-    views: &'a [String],
     cameras: &'a [Camera],
-    rows: BTreeMap<(u32, usize), ViewHealth>,
-    /// Standard deviation of a shaking camera's usual direction per view, pixels: the minimum over its measured directions.
-    usual_sd_px: Vec<f64>,
-    /// Standard deviation of a shaking camera's direction per view while its background is hidden, pixels, from the contradictions between
-    /// the aircraft's rows. `None` without contradictions.
-    hidden_sd_px: Vec<Option<f64>>,
+    directions: BTreeMap<(u32, usize), Direction>,
+}
+
+/// Direction of a camera at a tick.
+struct Direction {
+    /// Relative to the flight's usual one; `None` if the image does not count.
+    turned: Option<Turned>,
+    /// True for a camera that moved, shook or repeated an image.
+    is_ill: bool,
+    /// True for one that shook while its background was hidden.
+    is_hidden: bool,
 }
 
 /// Effects on boxes from faulty cameras.
@@ -145,93 +149,99 @@ fn hidden_sd_px(view: &str, rows: &[ViewHealth]) -> Option<f64> {
     (!off_px.is_empty()).then(|| deviation_from_zero(off_px.into_iter()))
 }
 
+/// A measured direction.
+pub(crate) fn measured(turn: &CameraTurn) -> Measured {
+    Measured {
+        turn: Motion {
+            shift_px: DVec2::new(turn.shift_x_px, turn.shift_y_px),
+            roll_rad: turn.roll_deg.to_radians(),
+            ..Motion::default()
+        },
+        sd_px: turn.shift_sd_px,
+    }
+}
+
 impl<'a> CameraHealth<'a> {
-    /// `cameras` are in the order of `views`.
-    pub(crate) fn of(views: &'a [String], cameras: &'a [Camera], rows: Vec<ViewHealth>) -> Self {
-        let hidden_sd_px = views.iter().map(|view| hidden_sd_px(view, &rows)).collect();
-        let ill = rows.into_iter().filter(|row| !row.state.is_well());
-        let placed = ill.filter_map(|row| {
-            let view = views.iter().position(|view| *view == row.view)?;
-            Some(((row.tick, view), row))
-        });
-        let rows: BTreeMap<(u32, usize), ViewHealth> = placed.collect();
-        let mut usual_sd_px = vec![f64::INFINITY; views.len()];
-        for ((_, view), row) in &rows {
-            if let (HealthState::Shaking, Some(turn)) = (row.state, row.motion) {
-                usual_sd_px[*view] = turn.shift_sd_px.min(usual_sd_px[*view]);
+    /// `cameras` are in the order of `views`; `times_s`: of the ticks.
+    pub(crate) fn of(
+        views: &[String],
+        cameras: &'a [Camera],
+        rows: &[ViewHealth],
+        times_s: &BTreeMap<u32, f64>,
+    ) -> Self {
+        let mut directions = BTreeMap::new();
+        for (view, (name, camera)) in views.iter().zip(cameras).enumerate() {
+            let is_timed = |row: &&ViewHealth| row.view == *name && times_s.contains_key(&row.tick);
+            let mut rows_of_view: Vec<&ViewHealth> = rows.iter().filter(is_timed).collect();
+            rows_of_view.sort_by_key(|row| row.tick);
+            let times_s: Vec<f64> = rows_of_view.iter().map(|row| times_s[&row.tick]).collect();
+            let turns = rows_of_view.iter().map(|row| {
+                let turn = row.motion.as_ref();
+                turn.filter(|_| row.state != HealthState::Frozen)
+                    .map(measured)
+            });
+            let half_px = f64::from(camera.width_px) / 2.0;
+            let walk = walk::smoothed(&times_s, &turns.collect::<Vec<_>>(), half_px);
+            let hidden_sd_px = hidden_sd_px(name, rows);
+            for (index, row) in rows_of_view.into_iter().enumerate() {
+                let walked = walk.as_ref().map(|walk| walk[index]);
+                let direction = Direction::of(row, walked, hidden_sd_px);
+                directions.insert((row.tick, view), direction);
             }
         }
         Self {
-            views,
             cameras,
-            rows,
-            usual_sd_px,
-            hidden_sd_px,
+            directions,
         }
-    }
-
-    /// Standard deviations of a view's direction in a row, pixels: the part shared with other ticks, and the rest.
-    fn sds_px(&self, view: usize, row: &ViewHealth) -> [f64; 2] {
-        if let Some(sd_px) = self.hidden_sd_px[view].filter(|_| is_hidden_shake(row)) {
-            return [0.0, sd_px];
-        }
-        let whole_px = row.motion.map_or(0.0, |turn| turn.shift_sd_px);
-        let common_px = match row.state {
-            HealthState::Shaking => whole_px.min(self.usual_sd_px[view]),
-            // A camera that stays turned is measured with the same error each time.
-            _ => whole_px,
-        };
-        let own_px = (whole_px.powi(2) - common_px.powi(2)).max(0.0).sqrt();
-        [common_px, own_px]
     }
 
     /// Maps a tick to the usual directions, and counts the changes.
     pub(crate) fn corrected(&self, observed: Observation, counts: &mut Corrections) -> Observation {
-        let row = |view: usize| self.rows.get(&(observed.tick, view));
-        let views = 0..self.views.len();
-        if views.clone().all(|view| row(view).is_none()) {
-            return observed;
-        }
-        // `None`: the view is ignored.
-        let usual = |view: usize, place: DVec2| match row(view) {
-            None => Some(place),
-            Some(row) if row.state == HealthState::Frozen => None,
-            Some(row) if is_hidden_shake(row) && self.hidden_sd_px[view].is_some() => Some(place),
-            Some(row) => {
-                let turn = row.motion.filter(|turn| turn.shift_sd_px <= MAX_SD_PX)?;
-                Some(turn.usual_place(&self.cameras[view], place))
-            }
-        };
+        let direction = |view: usize| self.directions.get(&(observed.tick, view));
         for (view, seen) in observed.boxes.iter().enumerate() {
-            let Some(seen) = seen.as_ref().filter(|_| row(view).is_some()) else {
-                continue;
-            };
-            match usual(view, centre_and_size(seen).0) {
-                Some(_) if row(view).is_some_and(is_hidden_shake) => counts.uncertain += 1,
+            match direction(view).filter(|of| seen.is_some() && of.is_ill) {
+                Some(of) if of.turned.is_none() => counts.withheld += 1,
+                Some(of) if of.is_hidden => counts.uncertain += 1,
                 Some(_) => counts.moved += 1,
-                None => counts.withheld += 1,
+                None => {}
             }
         }
-        let is_kept = |view: usize| usual(view, DVec2::ZERO).is_some();
-        let sds_px = |view: usize| match row(view).filter(|_| is_kept(view)) {
-            Some(row) => self.sds_px(view, row),
-            None => [0.0; 2],
-        };
-        let sds_px: Vec<[f64; 2]> = views.map(sds_px).collect();
-        let common = sds_px
-            .iter()
-            .enumerate()
-            .flat_map(|(view, [common_px, _])| {
-                [DVec2::X, DVec2::Y].map(|axis| CommonError {
-                    view,
-                    sd_px: *common_px * axis,
-                })
-            });
+        let turned = |view: usize| direction(view)?.turned;
         observed
-            .without_images(|view| !is_kept(view))
-            .moved(usual)
-            .widened(|view| DVec2::splat(sds_px[view][1]))
-            .with_common(common)
+            .without_images(|view| direction(view).is_some_and(|of| of.turned.is_none()))
+            .moved(|view, place_px| {
+                let turn = turned(view).map(|of| of.turn);
+                Some(turn.map_or(place_px, |of| of.usual_px(&self.cameras[view], place_px)))
+            })
+            .widened(|view| turned(view).map_or(DVec2::ZERO, |of| of.sd_px))
+    }
+}
+
+impl Direction {
+    /// `walked`: by the measured directions, if there are any; `hidden_sd_px`: of the camera while its background is hidden.
+    fn of(row: &ViewHealth, walked: Option<Turned>, hidden_sd_px: Option<f64>) -> Self {
+        let still = |sd_px: f64| Turned {
+            turn: Motion::default(),
+            sd_px: DVec2::splat(sd_px),
+        };
+        let is_ill = !row.state.is_well();
+        let by_rows = hidden_sd_px.filter(|_| is_hidden_shake(row)).map(still);
+        let known = match (walked, by_rows) {
+            (Some(walked), Some(by_rows)) => {
+                let is_better = walked.sd_px.max_element() < by_rows.sd_px.x;
+                Some(if is_better { walked } else { by_rows })
+            }
+            (walked, by_rows) => walked.or(by_rows),
+        };
+        // Without any measurement, a camera without a finding looks in its usual direction.
+        let known = known.or_else(|| (!is_ill).then(|| still(0.0)));
+        Self {
+            turned: known.filter(|of| {
+                row.state != HealthState::Frozen && of.sd_px.max_element() <= MAX_SD_PX
+            }),
+            is_ill,
+            is_hidden: is_hidden_shake(row),
+        }
     }
 }
 
@@ -242,33 +252,43 @@ mod tests {
 
     use super::*;
 
+    fn row(tick: u32, view: &str, state: HealthState) -> ViewHealth {
+        ViewHealth {
+            tick,
+            view: view.to_owned(),
+            state,
+            motion: None,
+            state_live: HealthState::Unknown,
+            lag: None,
+            vertical_px: None,
+        }
+    }
+
+    /// The tick in a flight of 20 ticks, one second apart.
+    fn corrected(rows: &[ViewHealth], tick: u32) -> (Observation, Corrections) {
+        let views = VIEWS.map(str::to_owned);
+        let cameras = VIEWS.map(|view| Camera::from_pose(&placed(view), 1920, 1280));
+        let times_s = (0..20).map(|tick| (tick, f64::from(tick))).collect();
+        let health = CameraHealth::of(&views, &cameras, rows, &times_s);
+        let mut counts = Corrections::default();
+        (health.corrected(observed(tick), &mut counts), counts)
+    }
+
     fn observed(tick: u32) -> Observation {
         Observation::registered(tick, [500.0; 2])
     }
 
     #[test]
     fn boxes_of_a_camera_that_shakes_in_fog_stay_and_are_as_uncertain_as_rows_contradict() {
-        let views = VIEWS.map(str::to_owned);
-        let cameras = VIEWS.map(|view| Camera::from_pose(&placed(view), 1920, 1280));
-        let row = |tick: u32, view: &str, off_px: Option<f64>| ViewHealth {
-            tick,
-            view: view.to_owned(),
-            state: if view == "right" {
-                HealthState::Shaking
-            } else {
-                HealthState::Unknown
-            },
-            motion: None,
-            state_live: HealthState::Unknown,
-            lag: None,
-            vertical_px: off_px.filter(|_| view == "right"),
-        };
         let corrected = |off_px: fn(u32) -> Option<f64>| {
-            let rows = (0..20).flat_map(|tick| VIEWS.map(|view| row(tick, view, off_px(tick))));
-            let health = CameraHealth::of(&views, &cameras, rows.collect());
-            let mut counts = Corrections::default();
-            let corrected = health.corrected(observed(3), &mut counts);
-            (corrected, counts)
+            let rows = (0..20).flat_map(|tick| {
+                let right = ViewHealth {
+                    vertical_px: off_px(tick),
+                    ..row(tick, "right", HealthState::Shaking)
+                };
+                [row(tick, "left", HealthState::Unknown), right]
+            });
+            corrected(&rows.collect::<Vec<_>>(), 3)
         };
         let (shaken, counts) = corrected(|tick| Some(if tick % 2 == 0 { 1.0 } else { -1.0 }));
         assert_eq!(shaken.boxes, observed(3).boxes);
@@ -282,5 +302,43 @@ mod tests {
             (observed(3).boxes[0], None)
         );
         assert_eq!((counts.uncertain, counts.withheld), (0, 1));
+    }
+
+    #[test]
+    fn boxes_between_two_directions_far_apart_do_not_count() {
+        let rows = (0..20).map(|tick| {
+            let motion = |shift_x_px: f64| CameraTurn {
+                shift_x_px,
+                shift_y_px: 0.0,
+                roll_deg: 0.0,
+                shift_sd_px: 0.02,
+            };
+            let (state, motion) = match tick {
+                0..7 => (HealthState::Steady, Some(motion(0.0))),
+                7..13 => (HealthState::Moved, None),
+                _ => (HealthState::Moved, Some(motion(20.0))),
+            };
+            ViewHealth {
+                motion,
+                ..row(tick, "right", state)
+            }
+        });
+        let rows: Vec<ViewHealth> = rows.collect();
+        let column = |tick: u32| {
+            let (observed, counts) = corrected(&rows, tick);
+            let seen = observed.boxes[1];
+            (seen.map(|seen| seen.cx_px), counts)
+        };
+        let there_px = observed(3).boxes[1].unwrap().cx_px;
+        for (tick, expected_px) in [(3, there_px), (15, there_px - 20.0)] {
+            let (seen_px, counts) = column(tick);
+            assert!((seen_px.unwrap() - expected_px).abs() < 0.02, "{seen_px:?}");
+            assert_eq!(
+                (counts.moved, counts.withheld),
+                (usize::from(tick == 15), 0)
+            );
+        }
+        let (seen_px, counts) = column(10);
+        assert_eq!((seen_px, counts.withheld), (None, 1));
     }
 }

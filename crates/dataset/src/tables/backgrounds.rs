@@ -23,7 +23,7 @@ pub struct ViewBackground {
     pub images: u32,
     /// Row of the camera's image that the background begins with.
     pub top_px: u32,
-    /// The flight's usual direction relative to the background's.
+    /// The flight's usual direction relative to the background's. Standard deviation: of the mean over the flight, by its images' scatter.
     pub usual: CameraTurn,
     /// Grey levels, a PNG as wide as the camera's image.
     pub png: Vec<u8>,

@@ -124,7 +124,7 @@ pub struct CameraTurn {
     pub shift_y_px: f64,
     /// Rotation of the image about its centre, clockwise, degrees.
     pub roll_deg: f64,
-    /// Standard deviation of the shift, pixels, the larger of both axes. It includes the common error of the usual direction, up to 0.25.
+    /// Standard deviation of the shift, pixels, the larger of both axes.
     pub shift_sd_px: f64,
 }
 
