@@ -5,6 +5,7 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
+use sight::background::IMAGES;
 
 use crate::clock::ClockSource;
 use crate::error::{Error, Result};
@@ -34,7 +35,7 @@ pub struct CheckedSource {
     pub clock: Option<ClockSource>,
     /// What it shows; null if it does not show enough images in time.
     pub surroundings: Option<Surroundings>,
-    /// Cause if it has no images.
+    /// Cause if it has no images, or too few.
     pub why: Option<String>,
 }
 
@@ -121,6 +122,15 @@ pub fn check(mut options: Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<
         }
     }
     views.stop(Duration::from_secs(1));
+    for found in all.iter_mut().flatten() {
+        if found.size_px.is_some() && found.surroundings.is_none() {
+            let why = format!(
+                "fewer than {IMAGES} images that show its surroundings in {} s",
+                TIMEOUT.as_secs()
+            );
+            found.why.get_or_insert(why);
+        }
+    }
     match refused {
         Some(error) => Err(error),
         None => Ok(all.into_iter().flatten().collect()),

@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use glam::DVec2;
 use labeller::{SeenBox, register_views};
+use sight::background::Background;
 use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView, Shown};
 
 use crate::clocks::Clocks;
@@ -87,6 +88,8 @@ pub fn estimate(
         predicted_s: 0.0,
         overload: Overload::of(count),
         withheld: WithheldNews::default(),
+        backgrounds: vec![None; count],
+        is_unusual: vec![false; count],
         serves_metrics: address.is_some(),
         views,
         lines,
@@ -137,6 +140,10 @@ struct Conductor {
     predicted_s: f64,
     overload: Overload,
     withheld: WithheldNews,
+    /// Backgrounds with the times of their last images, until the tick that shows them.
+    backgrounds: Vec<Option<(f64, Background)>>,
+    /// Views whose camera did not look as in the training.
+    is_unusual: Vec<bool>,
     serves_metrics: bool,
 }
 
@@ -175,7 +182,10 @@ impl Conductor {
 
     fn take(&mut self, message: Message) -> Result<()> {
         match message {
-            Message::Searched(view, searched) => {
+            Message::Searched(view, mut searched) => {
+                if let Some(background) = searched.looked.background.take() {
+                    self.backgrounds[view] = Some((searched.time_s, background));
+                }
                 let seen = searched.looked.boxes.iter().filter(|found| found.counts);
                 let seen = seen.map(|found| (found.track, &found.pixel_box));
                 self.motions[view].take(searched.time_s, seen);
@@ -249,21 +259,6 @@ impl Conductor {
             time_s: joined.time_s,
             images: images.collect(),
         };
-        for (view, image) in joined.images.iter().enumerate() {
-            let background = image
-                .as_ref()
-                .and_then(|(_, seen)| seen.looked.background.as_ref());
-            if let Some(background) = background {
-                let shown = self.run.show(view, background);
-                if shown != Shown::Usual {
-                    self.event(Event::Camera {
-                        time_s: joined.time_s,
-                        view: self.views.all[view].name.clone(),
-                        surroundings: Surroundings::of(&shown),
-                    });
-                }
-            }
-        }
         if self.last_s.is_some_and(|last_s| joined.time_s <= last_s) {
             return;
         }
@@ -274,6 +269,7 @@ impl Conductor {
         for view in 1..views.len() {
             self.watch_clock(&joined, view, &mut views);
         }
+        self.compare_cameras(&joined);
         let tick = SeenTick {
             time_ns: nanoseconds(joined.time_s),
             views,
@@ -300,6 +296,29 @@ impl Conductor {
         if images().next().is_some() {
             self.metrics.time(Stage::Join, now_s - searched_s);
             self.metrics.time(Stage::Total, now_s - arrival_s);
+        }
+    }
+
+    /// Compares the backgrounds that are complete at this tick, and tells of cameras that do not look as in the training, or do so again.
+    fn compare_cameras(&mut self, joined: &Joined<Box<Searched>>) {
+        for view in 0..self.backgrounds.len() {
+            let image = joined.images[view].as_ref();
+            let until_s = image.map_or(joined.time_s, |(time_s, _)| time_s.max(joined.time_s));
+            let Some((_, background)) =
+                self.backgrounds[view].take_if(|(time_s, _)| *time_s <= until_s)
+            else {
+                continue;
+            };
+            let shown = self.run.show(view, &background);
+            let is_usual = shown == Shown::Usual;
+            if !is_usual || self.is_unusual[view] {
+                self.event(Event::Camera {
+                    time_s: joined.time_s,
+                    view: self.views.all[view].name.clone(),
+                    surroundings: Surroundings::of(&shown),
+                });
+            }
+            self.is_unusual[view] = !is_usual;
         }
     }
 

@@ -182,7 +182,7 @@ impl Surroundings {
                 "moved",
                 Some(off_px.to_array()),
                 Some(format!(
-                    "it looks elsewhere than in the training, by {:.1} px right and {:.1} px down; boxes are corrected",
+                    "it points elsewhere than in the training: its image is displaced by up to {:.1} px right and {:.1} px down; boxes are corrected",
                     off_px.x, off_px.y
                 )),
             ),
@@ -206,7 +206,8 @@ impl Surroundings {
                 "unknown",
                 None,
                 Some(
-                    "it shows too little of its surroundings, as in fog: it is expected in its usual direction, and intervals are wider"
+                    "it shows too little of its surroundings to compare them, as in fog, or the run has none: it is expected in its usual \
+                     direction, and intervals are wider"
                         .to_owned(),
                 ),
             ),

@@ -24,7 +24,7 @@ use glam::{DMat3, DVec2};
 use image::{GrayImage, ImageFormat};
 use serde::{Deserialize, Serialize};
 use sight::background::{self, Background};
-use sight::ground::{Motion, SHIFT, UNKNOWNS};
+use sight::ground::{Motion, UNKNOWNS};
 use sight::references::{Placed, References};
 use sight::sight::Sight;
 
@@ -33,7 +33,7 @@ use crate::samples::camera_health::measured;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{CommonError, Observation, Samples, ScenarioSummary};
 
-/// References per view: sixteen images of 1920x1280 take 10 MB.
+/// References per view. Sixteen, of two views of 1920x1280, take at most 10 MB.
 const MAX_REFERENCES: usize = 8;
 /// Relative change of focal lengths between flights: a lens tube of aluminium, 23 millionths per kelvin, that is nine kelvin warmer.
 const ZOOM_SD: f64 = 2e-4;
@@ -109,25 +109,44 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Lines for users about cameras, the worst first; the last one counts.
+    /// Takes what a view shows.
+    fn take(&mut self, named: String, shown: Shown) {
+        match shown {
+            Shown::Usual => {}
+            Shown::Moved(DVec2 { x, y }) => self.moved.push(format!(
+                "{named} points elsewhere than in the training: its image is displaced by up to {x:.1} px right and {y:.1} px down"
+            )),
+            Shown::OtherView(other) => self.refused.push(format!(
+                "{named} shows what {other} showed in the training: are the cameras exchanged? Its boxes do not count"
+            )),
+            Shown::Elsewhere => self.refused.push(format!(
+                "{named} shows other surroundings than in the training, and its boxes do not count; if the camera was replaced or turned \
+                 far, `dtd refit` learns it again"
+            )),
+            Shown::Unknown => self.unaligned.push(named),
+        }
+    }
+
+    /// Reports warnings, and then the number of compared views.
     pub(crate) fn report(&self, watch: &dyn Watch) {
-        for line in &self.refused {
-            watch.warn(line);
+        let more = |others: &[String]| match others.len() {
+            0 => String::new(),
+            count => format!(" (and {count} more)"),
+        };
+        if let [first, others @ ..] = self.refused.as_slice() {
+            watch.warn(&format!("{first}{}", more(others)));
         }
         if let [first, others @ ..] = self.moved.as_slice() {
-            let others = match others.len() {
-                0 => String::new(),
-                count => format!(" ({count} more in metrics.json)"),
-            };
             watch.warn(&format!(
-                "{first}{others}; boxes are corrected, and intervals include what remains uncertain"
+                "{first}{}; boxes are corrected, and intervals include what remains uncertain",
+                more(others)
             ));
         }
         if let [first, others @ ..] = self.without_backgrounds.as_slice() {
             watch.warn(&format!(
-                "an earlier version searched {first} and {} others and kept no backgrounds, so where their cameras look is not known; run \
-                 `dtd detect` on the corpus again, which searches nothing twice",
-                others.len()
+                "{first}{} has no backgrounds, because an earlier version searched it; run `dtd detect` again, which adds them without a \
+                 new search",
+                more(others)
             ));
         }
         watch.say(&self.to_string());
@@ -175,6 +194,7 @@ pub(crate) struct StoredView {
 struct StoredReference {
     scenario: String,
     top_px: usize,
+    images: u32,
     motion_px: [f64; UNKNOWNS],
     sd_px: f64,
 }
@@ -195,17 +215,32 @@ impl View {
     fn compared(&self, row: &ViewBackground, background: &Background) -> Option<Sight> {
         let mut found = self.references.compare(background)?;
         found.motion = measured(&row.usual).turn.after(found.motion);
-        Some(found)
+        Some(found.with_shift_sd(row.usual.shift_sd_px))
     }
 
-    /// Pixels by which the camera looks elsewhere, if that is certain.
+    /// Largest displacement of the image by a camera that points elsewhere, pixels, if that is certain: by a turn in its middle, by a roll or
+    /// a zoom in its corners.
     fn moved_px(&self, compared: &Sight) -> Option<DVec2> {
-        let usual = Motion::of_px(self.usual_px, self.references.camera());
-        let off_px = compared.motion.shift_px - usual.shift_px;
-        let sd_px = compared
-            .sd_px()
-            .hypot(self.spread_px[0].max(self.spread_px[1]));
-        (off_px.length() > MOVED_PX.max(MOVED_SD * sd_px)).then_some(off_px)
+        let camera = self.references.camera();
+        let usual = Motion::of_px(self.usual_px, camera);
+        let size_px = DVec2::new(f64::from(camera.width_px), f64::from(camera.height_px));
+        let parts = [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+        let displaced = parts.map(|(right, down)| {
+            let place_px = DVec2::new(right, down) * size_px;
+            let off_px =
+                usual.usual_px(camera, place_px) - compared.motion.usual_px(camera, place_px);
+            let own_px = compared.errors_px(camera, place_px).map(DVec2::length);
+            let sd_px = own_px[0].hypot(own_px[1]);
+            (
+                off_px,
+                sd_px.hypot(self.spread_px[0].max(self.spread_px[1])),
+            )
+        });
+        let certain = displaced
+            .into_iter()
+            .filter(|(off_px, sd_px)| off_px.length() > MOVED_PX.max(MOVED_SD * sd_px));
+        let largest = certain.max_by(|a, b| a.0.length().total_cmp(&b.0.length()));
+        largest.map(|(off_px, _)| off_px)
     }
 }
 
@@ -301,7 +336,7 @@ impl Backgrounds {
             // A reference in fog shows little of its own direction.
             let expected = view.expected(true);
             let camera = *view.references.camera();
-            let placed = |measured: &Sight| measured.with(&expected, &camera).unwrap_or(*measured);
+            let placed = |measured: &Sight| measured.expected_at(&expected, &camera);
             let first = view.references.place(placed);
             view.usual_px = expected.motion.after(first.back()).to_px(&camera);
         }
@@ -319,7 +354,7 @@ impl Backgrounds {
     pub(crate) fn elsewhere(mut self) -> Self {
         for view in &mut self.views {
             view.references = References::of(view.references.camera(), Vec::new(), false);
-            (view.usual_px, view.known) = ([0.0; UNKNOWNS], None);
+            view.known = None;
         }
         self
     }
@@ -357,24 +392,35 @@ impl Backgrounds {
                 Some(off_px) => Shown::Moved(off_px),
                 None => Shown::Usual,
             };
-            let both = expected.with(&compared, of_view.references.camera());
-            return (shown, Some(both.unwrap_or(compared)));
+            let sight = compared.expected_at(&expected, of_view.references.camera());
+            return (shown, Some(sight));
+        }
+        if !of_view.references.is_elsewhere(background) {
+            return (Shown::Unknown, Some(expected));
         }
         let mut others = self.views.iter().filter(|other| other.name != of_view.name);
         match others.find(|other| other.references.compare(background).is_some()) {
             Some(other) => (Shown::OtherView(other.name.clone()), None),
-            None if of_view.references.is_elsewhere(background) => (Shown::Elsewhere, None),
-            None => (Shown::Unknown, Some(expected)),
+            None => (Shown::Elsewhere, None),
         }
     }
 
-    /// The complete backgrounds of a flight, with their ticks and views, in order of time.
-    pub(crate) fn complete_in(
+    /// A flight with its cameras compared as soon as each background is complete.
+    pub(crate) fn seen_live(
         &self,
-        scenario: &ScenarioSummary,
         samples: &Samples,
-    ) -> Result<Vec<(u32, usize, Background)>> {
-        let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
+        flight: &[Observation],
+        alignment: &mut Alignment,
+    ) -> Result<Vec<Observation>> {
+        let scenario = &samples.scenarios[flight[0].scenario];
+        let rows = scenario
+            .folder
+            .open()?
+            .backgrounds(&samples.detections.hash)?;
+        if rows.is_none() {
+            alignment.without_backgrounds.push(scenario.id.clone());
+        }
+        let rows = rows.unwrap_or_default();
         let views = self.views.iter().enumerate();
         let complete = views.filter_map(|(index, view)| {
             let (row, of) = background_of(&rows, &view.name, view.references.camera())?;
@@ -382,19 +428,33 @@ impl Backgrounds {
         });
         let mut complete: Vec<_> = complete.collect();
         complete.sort_by_key(|(tick, ..)| *tick);
-        Ok(complete)
+        let mut complete = complete.into_iter().peekable();
+        let mut sights = self.unseen();
+        let seen = flight.iter().map(|observed| {
+            while let Some((_, view, background)) =
+                complete.next_if(|(tick, ..)| *tick <= observed.tick)
+            {
+                let shown = self.show(&mut sights, view, &background);
+                alignment.aligned += usize::from(matches!(shown, Shown::Usual | Shown::Moved(_)));
+                let named = format!("{} {}", scenario.id, self.views[view].name);
+                alignment.take(named, shown);
+            }
+            self.corrected(observed, &sights)
+        });
+        Ok(seen.collect())
     }
 
-    /// Compares scenarios on some sides, and corrects their cameras, boxes and shifts.
+    /// Compares scenarios on some sides, and corrects their cameras, boxes and shifts. `trains`: these flights have taught where the cameras
+    /// usually look.
     pub(crate) fn align(
         &self,
         samples: &mut Samples,
-        sides: &[Side],
+        (sides, trains): (&[Side], bool),
         watch: &dyn Watch,
     ) -> Result<Alignment> {
         let mut observations = mem::take(&mut samples.samples);
         let observed = observations.iter_mut().map(|sample| &mut sample.observed);
-        let alignment = self.align_observations(samples, sides, observed, watch);
+        let alignment = self.align_observations(samples, (sides, trains), observed, watch);
         samples.samples = observations;
         alignment
     }
@@ -403,7 +463,7 @@ impl Backgrounds {
     pub(crate) fn align_observations<'a>(
         &self,
         samples: &mut Samples,
-        sides: &[Side],
+        (sides, trains): (&[Side], bool),
         observations: impl Iterator<Item = &'a mut Observation>,
         watch: &dyn Watch,
     ) -> Result<Alignment> {
@@ -416,7 +476,6 @@ impl Backgrounds {
         for (done, scenario) in scenarios.iter_mut().enumerate() {
             watch.check()?;
             watch.advance(done as u64 + 1, &scenario.id);
-            let trains = scenario.side != Side::Test;
             let mut of_views = self.expected(trains);
             if !sides.contains(&scenario.side) {
                 sights.push(of_views);
@@ -430,35 +489,27 @@ impl Backgrounds {
             for (index, view) in self.views.iter().enumerate() {
                 let named = format!("{} {}", scenario.id, view.name);
                 let row = background_of(&rows, &view.name, view.references.camera());
+                // Boxes are moved to the direction of the first reference.
+                if let Some(known) = &view.known {
+                    let camera = &mut scenario.cameras[index];
+                    camera.ecef_from_camera = known.ecef_from_camera;
+                    camera.focal_px = known.focal_px;
+                }
                 let Some((row, background)) = row else {
-                    alignment.unaligned.push(named);
                     continue;
                 };
                 let compared = view.compared(row, &background);
-                if let Some(compared) = &compared {
-                    sds_px.push(compared.sd_px());
-                    if let Some(known) = &view.known {
-                        let camera = &mut scenario.cameras[index];
-                        camera.ecef_from_camera = known.ecef_from_camera;
-                        camera.focal_px = known.focal_px;
-                    }
-                }
+                sds_px.extend(compared.map(|compared| compared.sd_px()));
                 let (shown, sight) = self.judge(index, compared, &background, trains);
-                of_views.0[index] = sight;
-                match shown {
-                    Shown::Usual => {}
-                    Shown::Moved(DVec2 { x, y }) => alignment.moved.push(format!(
-                        "{named} looks elsewhere than in the training, by {x:.1} px right and {y:.1} px down"
-                    )),
-                    Shown::OtherView(other) => alignment.refused.push(format!(
-                        "{named} shows what {other} showed in the training: are the cameras exchanged? Its boxes do not count"
-                    )),
-                    Shown::Elsewhere => alignment.refused.push(format!(
-                        "{named} shows other surroundings than in the training, and its boxes do not count; if the camera was replaced or \
-                         turned far, `dtd refit` learns it again"
-                    )),
-                    Shown::Unknown => alignment.unaligned.push(named),
-                }
+                // The camera is expected to look there in the mean of the flight, which is uncertain as well.
+                let is_unknown = shown == Shown::Unknown;
+                let usual_sd_px = if is_unknown {
+                    row.usual.shift_sd_px
+                } else {
+                    0.0
+                };
+                of_views.0[index] = sight.map(|sight| sight.with_shift_sd(usual_sd_px));
+                alignment.take(named, shown);
             }
             sights.push(of_views);
         }
@@ -491,6 +542,12 @@ impl Backgrounds {
         self.views.len()
     }
 
+    /// True if there is something to compare flights with.
+    pub(crate) fn has_references(&self) -> bool {
+        let mut views = self.views.iter();
+        views.any(|view| !view.references.all().is_empty())
+    }
+
     /// Entries of the backgrounds in `baselines.json`.
     pub(crate) fn stored(&self) -> Vec<StoredView> {
         let stored = |view: &View| {
@@ -507,6 +564,7 @@ impl Backgrounds {
                     .map(|placed| StoredReference {
                         scenario: placed.name.clone(),
                         top_px: placed.background.top_px,
+                        images: placed.background.images,
                         motion_px: placed.motion.to_px(camera),
                         sd_px: placed.sd_px,
                     })
@@ -552,7 +610,7 @@ impl Backgrounds {
         for view in stored {
             let camera = view.planned.camera();
             let width_px = camera.width_px as usize;
-            if width_px > width && !view.references.is_empty() {
+            if width_px == 0 || width_px > width && !view.references.is_empty() {
                 return None;
             }
             let mut all = Vec::new();
@@ -567,7 +625,7 @@ impl Backgrounds {
                     width_px,
                     top_px: placed.top_px,
                     levels,
-                    images: 0,
+                    images: placed.images,
                     turn: Motion::default(),
                 };
                 let at = (Motion::of_px(placed.motion_px, &camera), placed.sd_px);
@@ -601,7 +659,7 @@ fn background_of<'a>(
     let row = rows.iter().find(|row| row.view == view)?;
     Some((
         row,
-        Background::of_png(&row.png, row.top_px as usize, camera)?,
+        Background::of_png(&row.png, row.top_px as usize, row.images, camera)?,
     ))
 }
 

@@ -106,7 +106,7 @@ pub fn evaluate(
     }
     let trained = trained.for_corpus(run, corpus, &samples, watch)?;
     check_unseen(run, corpus, &trained, &samples, config.side)?;
-    let alignment = (trained.backgrounds).align(&mut samples, &[Side::Test], watch)?;
+    let alignment = (trained.backgrounds).align(&mut samples, (&[Side::Test], false), watch)?;
     alignment.report(watch);
     let samples = &samples;
     let tested = samples.scenarios.iter().filter(|of| of.side == Side::Test);
@@ -235,6 +235,12 @@ impl TrainedRun {
         let of_run = moved.summary.registered_with.as_ref();
         if let Some(line) = other_registration(of_run, samples.registered_with()) {
             watch.warn(&line);
+        }
+        if !moved.is_elsewhere && !moved.backgrounds.has_references() {
+            watch.warn(
+                "the run has no backgrounds to compare cameras with, because the training's corpus had none; run `dtd detect` on that \
+                 corpus, and train again",
+            );
         }
         if moved.is_elsewhere {
             watch.say(

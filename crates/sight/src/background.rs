@@ -6,15 +6,16 @@ use std::io::Cursor;
 
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
-use image::{GrayImage, ImageFormat};
+use image::{GrayImage, ImageFormat, ImageReader};
 
+use crate::fit::NOISE_LEVELS;
 use crate::ground::{Ground, Motion};
 use crate::watched::Measured;
 
 /// Number of averaged images in a complete background.
 pub const IMAGES: u32 = 24;
-/// Noise of their mean with its rounding, grey levels.
-pub const NOISE_LEVELS: f64 = 0.5;
+/// Noise by the rounding of a mean, grey levels.
+const ROUNDING_LEVELS: f64 = 0.3;
 /// Images that are off by more are left out, pixels: the rest of a shake blurs the mean by less than the images are blurred.
 const MAX_OFF_PX: f64 = 0.5;
 
@@ -47,20 +48,28 @@ impl Background {
     }
 
     /// A background whose levels are a PNG; `None` unless it has the size of the camera's image below this row.
-    pub fn of_png(png: &[u8], top_px: usize, camera: &Camera) -> Option<Self> {
-        let image = image::load_from_memory_with_format(png, ImageFormat::Png);
-        let image = image.ok()?.into_luma8();
-        let size_px = (
-            camera.width_px,
-            camera.height_px.checked_sub(top_px as u32)?,
-        );
+    pub fn of_png(png: &[u8], top_px: usize, images: u32, camera: &Camera) -> Option<Self> {
+        let reader = || ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
+        let rows = camera.height_px.checked_sub(u32::try_from(top_px).ok()?)?;
+        let size_px = (camera.width_px, rows);
+        // Before anything is decoded.
+        if reader().into_dimensions().ok()? != size_px {
+            return None;
+        }
+        let image = reader().decode().ok()?.into_luma8();
         (image.dimensions() == size_px).then(|| Self {
             width_px: camera.width_px as usize,
             top_px,
             levels: image.into_raw(),
-            images: IMAGES,
+            images,
             turn: Motion::default(),
         })
+    }
+
+    /// Pixel noise, grey levels.
+    pub(crate) fn noise_levels(&self) -> f64 {
+        let mean = NOISE_LEVELS / f64::from(self.images.max(1)).sqrt();
+        mean.hypot(ROUNDING_LEVELS)
     }
 
     /// Levels of a whole image, which continues above the background as its first row.
@@ -78,6 +87,8 @@ pub struct Collected {
     sums: Vec<u16>,
     images: u32,
     turns: Motion,
+    /// True while no image has shown the ground.
+    is_hidden: bool,
 }
 
 impl Collected {
@@ -88,6 +99,7 @@ impl Collected {
             sums: Vec::new(),
             images: 0,
             turns: Motion::default(),
+            is_hidden: false,
         }
     }
 
@@ -100,9 +112,14 @@ impl Collected {
         let Ground { camera, top, .. } = self.ground;
         let size_px = [camera.width_px as usize, camera.height_px as usize];
         let has_ground = [image.width_px, image.height_px] == size_px && top < image.height_px;
+        if self.is_hidden && turn.is_some() {
+            // Images without the ground are worth nothing once there is one with it.
+            *self = Self::new(&camera);
+        }
         if self.images == IMAGES || !shows || !has_ground {
             return false;
         }
+        self.is_hidden = hidden;
         self.sums
             .resize((image.height_px - top) * image.width_px, 0);
         let rows = self.sums.chunks_exact_mut(image.width_px);

@@ -3,9 +3,9 @@
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
-use crate::background::{Background, NOISE_LEVELS};
+use crate::background::Background;
 use crate::fit::{Fit, Freedom, MIN_SD_PX, Reference};
-use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
+use crate::ground::{Ground, Motion, UNKNOWNS};
 use crate::sight::Sight;
 
 /// Maximum resemblance of other surroundings ([`Reference::resemblance`]). In 16 flights at four times of day and in four weathers, also by
@@ -51,12 +51,17 @@ impl Placed {
         let levels = background.whole();
         let image = Luma::of(&levels, background.width_px);
         Self {
-            reference: Reference::of(&image, &Ground::of(camera), NOISE_LEVELS),
+            reference: Reference::of(&image, &Ground::of(camera), background.noise_levels()),
             name,
             background,
             motion,
             sd_px,
         }
+    }
+
+    fn information(&self) -> f64 {
+        let reference = self.reference.as_ref();
+        reference.map_or(0.0, Reference::information)
     }
 
     /// The camera's motion in an image from the first reference.
@@ -65,8 +70,9 @@ impl Placed {
         let fit: Fit = self.reference.as_ref()?.find(image, expected, freedom)?;
         let mut found = Sight::of_fit(&fit);
         found.motion = found.motion.after(self.motion);
-        for axis in SHIFT {
-            found.covariance_px2[axis][axis] += self.sd_px * self.sd_px;
+        // All but the lift of the reference are as uncertain as its shift.
+        for unknown in 0..UNKNOWNS - 1 {
+            found.covariance_px2[unknown][unknown] += self.sd_px * self.sd_px;
         }
         Some(found)
     }
@@ -100,8 +106,9 @@ impl References {
         if left.is_empty() {
             return known;
         }
+        // First the one that shows most, then the most certain one next.
+        left.sort_by(|a, b| b.information().total_cmp(&a.information()));
         known.all.push(left.remove(0));
-        // The most certain one next.
         loop {
             let located = left.iter().enumerate();
             let located =
@@ -145,18 +152,17 @@ impl References {
     pub fn is_elsewhere(&self, background: &Background) -> bool {
         let levels = background.whole();
         let image = Luma::of(&levels, background.width_px);
-        let Some(own) = Reference::of(&image, &Ground::of(&self.camera), NOISE_LEVELS) else {
-            return false;
-        };
-        let mut all = self
-            .all
-            .iter()
+        let own = Reference::of(&image, &Ground::of(&self.camera), background.noise_levels());
+        let own = own.map_or(0.0, |own| own.information());
+        let telling = self.all.iter().filter(|placed| placed.information() > 0.0);
+        let mut all = telling
             .filter_map(|placed| placed.reference.as_ref())
             .peekable();
-        all.peek().is_some()
+        own > 0.0
+            && all.peek().is_some()
             && all.all(|reference| {
                 reference.resemblance(&image) < MAX_OTHER_RESEMBLANCE
-                    && own.information() >= MIN_INFORMATION_PART * reference.information()
+                    && own >= MIN_INFORMATION_PART * reference.information()
             })
     }
 

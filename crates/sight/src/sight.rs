@@ -7,6 +7,9 @@ use crate::fit::{Fit, MIN_SD_PX};
 use crate::ground::{Motion, SHIFT, UNKNOWNS};
 use crate::least_squares::{Normal, inverse};
 
+/// Evidence contradicts what is expected if they are further apart, in joint standard deviations.
+const CONTRADICTS_SD: f64 = 3.0;
+
 /// Square pixels, for the unknowns of [`Motion::to_px`].
 pub type Covariance = [[f64; UNKNOWNS]; UNKNOWNS];
 
@@ -62,6 +65,27 @@ impl Sight {
             motion: Motion::of_px(equations.solve()?, camera),
             covariance_px2: equations.inverse()?,
         })
+    }
+
+    /// This evidence with what is expected, or alone if both contradict each other: a camera that has moved is not where it is expected.
+    #[must_use]
+    pub fn expected_at(&self, expected: &Self, camera: &Camera) -> Self {
+        let here = self.motion.to_px(camera);
+        let there = expected.motion.to_px(camera);
+        let agrees = (0..UNKNOWNS).all(|unknown| {
+            let variance_px2 =
+                self.covariance_px2[unknown][unknown] + expected.covariance_px2[unknown][unknown];
+            (here[unknown] - there[unknown]).abs() <= CONTRADICTS_SD * variance_px2.sqrt()
+        });
+        let both = agrees.then(|| self.with(expected, camera)).flatten();
+        both.unwrap_or(*self)
+    }
+
+    /// The same evidence with another error of the shift, pixels.
+    #[must_use]
+    pub fn with_shift_sd(mut self, sd_px: f64) -> Self {
+        SHIFT.for_each(|axis| self.covariance_px2[axis][axis] += sd_px * sd_px);
+        self
     }
 
     /// The same evidence, less certain by a factor.

@@ -84,10 +84,10 @@ impl ViewSearch {
         let counted = best_of(boxes.iter().filter(|found| found.counts).map(ranked));
         let at = (self.images, time_s);
         self.images = self.images.wrapping_add(1);
+        let patch = patch(image, best)?;
         let CameraLook {
             state, background, ..
         } = self.camera.look(at, image.lumas(), best, counted);
-        let patch = patch(image, best)?;
         let seen = |found: &Tracked| SeenBox {
             pixel_box: found.pixel_box,
             score: found.score,

@@ -164,7 +164,7 @@ struct Pixels {
     whole: Vec<u8>,
     part: Vec<u8>,
     previous: Option<DecodedImage>,
-    /// A background that is complete, and not told yet.
+    /// A complete background that is not passed on yet.
     background: Option<Background>,
 }
 

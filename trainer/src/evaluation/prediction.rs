@@ -8,6 +8,7 @@ use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::work::watch::Watch;
 use serde::{Serialize, Serializer};
 
+use crate::background::Alignment;
 use crate::error::{Error, Result};
 use crate::estimators::inverse_range::flight_filter::Estimate;
 use crate::evaluation::prediction_table::add_answers;
@@ -66,7 +67,7 @@ pub fn predict(
     if moment == Moment::Hindsight {
         let alignment = trained.backgrounds.align_observations(
             &mut corpus_read,
-            &[Side::Test],
+            (&[Side::Test], false),
             flights.iter_mut(),
             watch,
         )?;
@@ -83,12 +84,14 @@ pub fn predict(
     let mut answered = Estimator::ALL.map(|estimator| (estimator.name(), 0));
     watch.begin("prediction", corpus_read.scenarios.len() as u64);
     let mut done = 0;
+    let mut seen_live = Alignment::default();
     for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
         watch.check()?;
         let of_flight = match moment {
             Moment::Hindsight => FlightPredictions::whole(&trained, &corpus_read, flight),
             Moment::Live => {
-                let flight = seen_live(&trained, &corpus_read, flight)?;
+                let backgrounds = &trained.backgrounds;
+                let flight = backgrounds.seen_live(&corpus_read, flight, &mut seen_live)?;
                 FlightPredictions::live(&trained, &corpus_read, &flight)
             }
         };
@@ -99,6 +102,9 @@ pub fn predict(
         table.add(of_flight.columns(scenario))?;
         done += 1;
         watch.advance(done, scenario);
+    }
+    if moment == Moment::Live {
+        seen_live.report(watch);
     }
     match table.finish_new() {
         // A different process has created it in the meantime.
@@ -114,25 +120,6 @@ pub fn predict(
         ticks: flights.len(),
         answered: answered.into(),
     })
-}
-
-/// The flight with its cameras compared as soon as each background is complete.
-fn seen_live(
-    trained: &TrainedRun,
-    samples: &Samples,
-    flight: &[Observation],
-) -> Result<Vec<Observation>> {
-    let scenario = &samples.scenarios[flight[0].scenario];
-    let shown = trained.backgrounds.complete_in(scenario, samples)?;
-    let mut shown = shown.into_iter().peekable();
-    let mut sights = trained.backgrounds.unseen();
-    let seen = flight.iter().map(|observed| {
-        while let Some((_, view, background)) = shown.next_if(|(tick, ..)| *tick <= observed.tick) {
-            trained.backgrounds.show(&mut sights, view, &background);
-        }
-        trained.backgrounds.corrected(observed, &sights)
-    });
-    Ok(seen.collect())
 }
 
 /// Answers for one flight.

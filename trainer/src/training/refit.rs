@@ -104,7 +104,7 @@ pub fn refit(
     let seen = Backgrounds::learn(&samples, stability_arcsec, watch)?;
     after.backgrounds = before.backgrounds.with_view_of(view, seen);
     after.baselines.backgrounds = after.backgrounds.stored();
-    let alignment = (after.backgrounds).align(&mut samples, &[Side::Train], watch)?;
+    let alignment = (after.backgrounds).align(&mut samples, (&[Side::Train], false), watch)?;
     alignment.report(watch);
     samples.move_common_to_shifts();
     let approaches = approaches(corpus, &samples, view, config)?;

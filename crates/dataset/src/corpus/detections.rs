@@ -237,7 +237,7 @@ pub struct NewTables<'a> {
     pub registrations: Option<&'a [Registration]>,
     /// Condition of the cameras; `None` if it was not measured.
     pub health: Option<&'a [ViewHealth]>,
-    /// What the cameras saw around the aircraft; `None` if it was not kept.
+    /// Background of each camera; `None` if they were not kept.
     pub backgrounds: Option<&'a [ViewBackground]>,
 }
 
@@ -314,7 +314,7 @@ pub fn replace<R: Serialize>(
         detector: detector.clone(),
         config_hash: source.seal().config_hash.clone(),
         videos_blake3: source.videos_blake3(),
-        table_blake3: table_blake3.unwrap_or_default(),
+        table_blake3: table_blake3.expect("detections are always written"),
         registrations_blake3,
         health_blake3,
         backgrounds_blake3,

@@ -232,8 +232,8 @@ impl OpenScenario {
         Ok(Some(rows))
     }
 
-    /// What each camera saw around the aircraft in the images that a model's detections were made from; `None` if `dtd detect` was run
-    /// before it kept this.
+    /// The background of each camera in the images that a model's detections were made from; `None` if an earlier version of `dtd detect` made
+    /// them.
     ///
     /// # Errors
     /// It was made from other videos, or the table is not the one that was written.
@@ -242,7 +242,7 @@ impl OpenScenario {
             return Ok(None);
         };
         let record = self.record()?;
-        let rows = ViewBackground::parse(content, &path, record.pictures())?;
+        let rows = ViewBackground::parse(content, &path, record.views.len() as u64)?;
         let faults = rows
             .iter()
             .map(|row| fault_of(row.tick, &row.view, &record));

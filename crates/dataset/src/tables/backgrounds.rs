@@ -15,7 +15,7 @@ use crate::tables::row_parts::Numbers;
 /// A view's background.
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct ViewBackground {
-    /// Number of the tick with the last of the images; earlier ones do not know the background.
+    /// Number of the tick with the last of the images; the background is not available at earlier ticks.
     pub tick: u32,
     /// Identifier of the view.
     pub view: String,
@@ -39,9 +39,9 @@ impl ImageRow for ViewBackground {
             .text("view", rows.clone().map(|row| &row.view))
             .u32("images", rows.clone().map(|row| row.images))
             .u32("top_px", rows.clone().map(|row| row.top_px))
-            .optional_numbers(
+            .numbers(
                 CameraTurn::COLUMNS,
-                rows.clone().map(|row| Some(row.usual.to_array())),
+                rows.clone().map(|row| row.usual.to_array()),
             )
             .bytes("png", rows.map(|row| &row.png))
     }
@@ -50,24 +50,20 @@ impl ImageRow for ViewBackground {
         let ticks = table.u32("tick")?;
         let views = table.text("view")?;
         let [images, tops_px] = [table.u32("images")?, table.u32("top_px")?];
-        let turns = table.optional_numbers(CameraTurn::COLUMNS)?;
+        let turns = table.numbers(CameraTurn::COLUMNS)?;
         let pngs = table.bytes("png")?;
         let rows = ticks.into_iter().zip(views).zip(turns).zip(pngs);
-        rows.enumerate()
-            .map(|(row, (((tick, view), usual), png))| {
-                let usual = usual.map_err(|found| {
-                    table.fault(format!("row {row} has {found} of 4 numbers, expected all"))
-                })?;
-                Ok(Self {
-                    tick,
-                    view,
-                    images: images[row],
-                    top_px: tops_px[row],
-                    usual: CameraTurn::of_array(usual),
-                    png,
-                })
-            })
-            .collect()
+        let rows = rows
+            .enumerate()
+            .map(|(row, (((tick, view), usual), png))| Self {
+                tick,
+                view,
+                images: images[row],
+                top_px: tops_px[row],
+                usual: CameraTurn::of_array(usual),
+                png,
+            });
+        Ok(rows.collect())
     }
 }
 

@@ -549,12 +549,13 @@ impl Table {
     pub fn bytes(&self, column: &str) -> Result<Vec<Vec<u8>>> {
         let mut values = Vec::with_capacity(self.rows());
         for array in self.arrays(column)? {
-            let typed = array.as_any().downcast_ref::<BinaryArray>();
-            let typed = typed.ok_or_else(|| self.wrong_type(column, "binary", array))?;
-            if typed.null_count() > 0 {
-                return Err(self.missing(column, typed.null_count()));
+            let typed = array.as_any().downcast_ref::<DictionaryArray<Int32Type>>();
+            let files = typed.and_then(|typed| typed.downcast_dict::<BinaryArray>());
+            let files = files.ok_or_else(|| self.wrong_type(column, "binary", array))?;
+            for file in files {
+                let file = file.ok_or_else(|| self.missing(column, 1))?;
+                values.push(file.to_vec());
             }
-            values.extend(typed.iter().flatten().map(<[u8]>::to_vec));
         }
         Ok(values)
     }
@@ -690,7 +691,10 @@ fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
                 DataType::Dictionary(DataType::Int32.into(), DataType::Utf8.into())
             }
             plain if plain.is_primitive() || *plain == DataType::Boolean => plain.clone(),
-            DataType::Binary | DataType::LargeBinary | DataType::BinaryView => DataType::Binary,
+            // A value that is repeated takes no more memory, as of text.
+            DataType::Binary | DataType::LargeBinary | DataType::BinaryView => {
+                DataType::Dictionary(DataType::Int32.into(), DataType::Binary.into())
+            }
             DataType::Dictionary(_, value)
                 if matches!(**value, DataType::Utf8 | DataType::LargeUtf8) =>
             {
@@ -714,8 +718,6 @@ fn bytes_of(field: &Arc<Field>) -> u64 {
     match field.data_type() {
         DataType::Boolean => 2,
         DataType::Dictionary(..) => 64,
-        // The content counts by its pages.
-        DataType::Binary => 32,
         plain => 3 * plain.primitive_width().unwrap_or(8) as u64,
     }
 }
