@@ -87,6 +87,7 @@ tables)
         seed '\002' "$scenario"/detections/*.parquet
         seed '\003' "$scenario"/registrations/*.parquet
         seed '\004' "$scenario"/health/*.parquet
+        seed '\005' "$scenario"/backgrounds/*.parquet
     fi
     ;;
 tape)

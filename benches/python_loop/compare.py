@@ -40,7 +40,7 @@ def copied(corpus, folder):
         sys.exit(f"{corpus}: no complete scenario is on the training side; generate and label one")
     first = min(of_training)
     scenario = copy / "scenarios" / first
-    shutil.copytree(corpus / "scenarios" / first, scenario, ignore=shutil.ignore_patterns("detections", "registrations"))
+    shutil.copytree(corpus / "scenarios" / first, scenario, ignore=shutil.ignore_patterns("detections", "registrations", "health", "backgrounds"))
     return copy, sorted((scenario / "views").iterdir())
 
 

@@ -218,8 +218,8 @@ impl View {
         Some(found.with_shift_sd(row.usual.shift_sd_px))
     }
 
-    /// Largest displacement of the image by a camera that points elsewhere, pixels, if that is certain: by a turn in its middle, by a roll or
-    /// a zoom in its corners.
+    /// Largest displacement of the image by a camera that points elsewhere, pixels, if that is certain: by a turn in its middle, by a roll
+    /// or a zoom in its corners.
     fn moved_px(&self, compared: &Sight) -> Option<DVec2> {
         let camera = self.references.camera();
         let usual = Motion::of_px(self.usual_px, camera);
@@ -444,8 +444,8 @@ impl Backgrounds {
         Ok(seen.collect())
     }
 
-    /// Compares scenarios on some sides, and corrects their cameras, boxes and shifts. `trains`: these flights have taught where the cameras
-    /// usually look.
+    /// Compares scenarios on some sides, and corrects their cameras, boxes and shifts. `trains`: these flights have taught where the
+    /// cameras usually look.
     pub(crate) fn align(
         &self,
         samples: &mut Samples,

@@ -16,7 +16,7 @@ use dataset::corpus::open_scenario::{OpenScenario, RowFault, fault_of, fault_of_
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::files::json_file::read_json;
 use dataset::files::own_path::own_path;
-use dataset::numbers::limits::{self, MAX_PICTURES};
+use dataset::numbers::limits::{self, MAX_PICTURES, MAX_VIEWS};
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::health::ViewHealth;
 use dataset::tables::image_rows::ImageRow;
@@ -150,7 +150,7 @@ impl OfModel<'_> {
         if let Some((file, path)) = self.table(detections::BACKGROUNDS, faults)
             && let Some(rows) = faults.keep_table(
                 &file,
-                ViewBackground::read_with_faults(&path, self.pictures),
+                ViewBackground::read_with_faults(&path, MAX_VIEWS as u64),
             )
         {
             let mut views = BTreeSet::new();

@@ -37,7 +37,7 @@ pub struct ImageFindings {
     pub mode: SearchMode,
     /// Camera condition, by the images up to now.
     pub camera: HealthState,
-    /// What the camera sees around the aircraft, with the image that completes it.
+    /// Background of the camera, with the image that completes it.
     pub background: Option<Background>,
 }
 

@@ -52,7 +52,7 @@ pub(crate) struct ViewFindings {
     pub(crate) detections: Detections,
     /// Condition of the camera at each tick, if it was asked for.
     pub(crate) health: Vec<ViewHealth>,
-    /// What the camera saw around the aircraft, if it was asked for.
+    /// Background of the camera, if it was asked for.
     pub(crate) backgrounds: Vec<ViewBackground>,
     /// Windows that the model was run on.
     pub(crate) windows: u64,

@@ -115,8 +115,7 @@ fn training(card: &mut String, run: &TrainedRun) {
     } else {
         ""
     };
-    let moved =
-        "one that was moved or zoomed needs `dtd refit`, other cameras a training of their own";
+    let moved = "one that was moved, or turned or zoomed further than its background shows, needs `dtd refit`, other cameras a training of their own";
     let farthest = config
         .max_dtd_nm
         .map_or(String::new(), |most| format!(" to {most}"));

@@ -232,8 +232,8 @@ impl OpenScenario {
         Ok(Some(rows))
     }
 
-    /// The background of each camera in the images that a model's detections were made from; `None` if an earlier version of `dtd detect` made
-    /// them.
+    /// The background of each camera in the images that a model's detections were made from; `None` if an earlier version of `dtd detect`
+    /// made them.
     ///
     /// # Errors
     /// It was made from other videos, or the table is not the one that was written.
