@@ -205,10 +205,10 @@ mod tests {
         sky.principal_px.y += 2.0 * HEIGHT as f64;
         assert!(!Collected::new(&sky).take(&Luma::of(&levels, WIDTH), None, true));
         let (png, top_px) = (background.png(), background.top_px);
-        let back = Background::of_png(&png, top_px, &camera).unwrap();
+        let back = Background::of_png(&png, top_px, IMAGES, &camera).unwrap();
         assert_eq!(back.levels, background.levels);
-        assert_eq!(Background::of_png(&png, top_px + 1, &camera), None);
+        assert_eq!(Background::of_png(&png, top_px + 1, IMAGES, &camera), None);
         let torn = &png[..png.len() / 2];
-        assert_eq!(Background::of_png(torn, top_px, &camera), None);
+        assert_eq!(Background::of_png(torn, top_px, IMAGES, &camera), None);
     }
 }

@@ -79,9 +79,11 @@ pub(crate) fn narrow(
         batch_size,
         learning_rate,
     };
-    let mut config = TrainConfig::default();
-    // Synthetic cameras do not move, and show no backgrounds.
-    config.camera_stability_arcsec = 0.0;
+    let mut config = TrainConfig {
+        // Synthetic cameras do not move, and show no backgrounds.
+        camera_stability_arcsec: 0.0,
+        ..TrainConfig::default()
+    };
     config.calibration.hidden = vec![width];
     config.calibration.features = width;
     config.calibration.head_hidden = vec![width];
