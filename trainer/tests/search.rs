@@ -23,11 +23,14 @@ struct Idle(Mutex<Vec<String>>);
 
 impl Watch for Idle {
     fn begin(&self, stage: &str, _total: u64) {
-        panic!("trains {stage}");
+        let compares = ["backgrounds", "cameras"].contains(&stage);
+        assert!(compares, "trains {stage}");
     }
 
     fn say(&self, line: &str) {
-        self.0.lock().unwrap().push(line.into());
+        if !line.contains("backgrounds") {
+            self.0.lock().unwrap().push(line.into());
+        }
     }
 }
 

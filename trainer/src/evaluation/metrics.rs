@@ -185,6 +185,7 @@ pub struct Metrics {
     /// Deviations of `paper_lstm` from the paper, by its settings.
     pub deviations_from_paper: Vec<PaperDeviation>,
     /// Comparison of the cameras' backgrounds with the training's.
+    #[serde(default)]
     pub alignment: Alignment,
     /// Weather that simulators reported at the aircraft, by name of the planned weather; missing without reports.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
