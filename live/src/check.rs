@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::output::Surroundings;
 use crate::output::metrics::Metrics;
+use crate::source::Source;
 use crate::views::feed::{Message, Report};
 use crate::views::shared::Shared;
 use crate::views::{View, Views};
@@ -53,6 +54,8 @@ impl CheckedSource {
 /// The run has other views, or a source can never be used.
 pub fn check(mut options: Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<CheckedSource>> {
     options.check()?;
+    // Nobody waits for a recording's own pace.
+    options.as_fast_as_possible = options.sources.values().all(Source::is_recorded);
     let metrics = Metrics::new(options.run.blake3().to_string(), options.run.views());
     let shared = Arc::new(Shared::of(&options, Arc::new(metrics)));
     let views = Views::start(&options, &shared)?;
