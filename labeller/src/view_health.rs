@@ -82,7 +82,7 @@ pub(crate) struct CameraWatch {
     live: LiveHealth,
 }
 
-/// What an image shows of its camera.
+/// Condition of a camera by an image.
 pub(crate) struct CameraLook {
     pub(crate) look: Look,
     /// Its condition, by the images up to now.

@@ -34,7 +34,7 @@ pub struct CheckedSource {
     pub size_px: Option<[u32; 2]>,
     /// Origin of the first images' times.
     pub clock: Option<ClockSource>,
-    /// What it shows; null if it does not show enough images in time.
+    /// Its surroundings beside the training's; null without enough images in time.
     pub surroundings: Option<Surroundings>,
     /// Cause if it has no images, or too few.
     pub why: Option<String>,

@@ -76,7 +76,7 @@ struct Aim {
 pub enum Shown {
     /// What it showed in the training.
     Usual,
-    /// The same from another direction: its shift, pixels right and down. Boxes are corrected.
+    /// The training's surroundings from another direction: the image's displacement, pixels right and down. Boxes are corrected.
     Moved(DVec2),
     /// What this view showed in the training. Its boxes do not count.
     OtherView(String),
@@ -100,9 +100,9 @@ pub struct Alignment {
     pub median_sd_px: Option<f64>,
     /// Views that could not be compared, as `scenario view`: they are expected in their usual direction.
     pub unaligned: Vec<String>,
-    /// Views that look elsewhere than in the training, with the shift in pixels.
+    /// Messages about views that point elsewhere than in the training.
     pub moved: Vec<String>,
-    /// Views whose boxes do not count, because they show what another one showed in the training, or other surroundings.
+    /// Messages about views whose boxes do not count, because they show another view's surroundings, or other ones than the training.
     pub refused: Vec<String>,
     /// Scenarios whose backgrounds were not kept, because an earlier version searched them.
     pub without_backgrounds: Vec<String>,
@@ -350,7 +350,7 @@ impl Backgrounds {
         Self { views }
     }
 
-    /// The same expectations without images, at another airport.
+    /// Backgrounds for another airport: the expectations, without references.
     pub(crate) fn elsewhere(mut self) -> Self {
         for view in &mut self.views {
             view.references = References::of(view.references.camera(), Vec::new(), false);

@@ -36,7 +36,7 @@ fn config() -> TrainConfig {
 /// Ends the training at a progress report, as a kill would, and records all reports.
 struct Killer {
     reports_left: AtomicUsize,
-    /// False while cameras are compared, which begins anew each time.
+    /// False while cameras are compared: every start repeats that.
     trains: AtomicBool,
     heard: Mutex<Vec<String>>,
 }

@@ -11,15 +11,15 @@ mod tile;
 use dataset::video::Luma;
 use glam::DVec2;
 
-use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
+use crate::ground::{Covariance, Ground, Motion, UNKNOWNS, shift_sd_px};
 use crate::least_squares::Normal;
 use coarse::Coarse;
 use tile::{Tile, tiles_of};
 
 /// Tiles that must agree.
 const MIN_TILES: usize = 8;
-/// A tile further from the common motion, in its standard deviations, counts less than half.
-const TOLERATED: f64 = 3.0;
+/// A tile or a comparison further from the common motion, in its standard deviations, counts less than half.
+pub(crate) const TOLERATED: f64 = 3.0;
 /// Agreeing tiles with less than this part of the usual information about one axis show that the reference fades. With less than half of
 /// that they do not show the direction: in haze, the rest of the ground may look alike wherever the camera looks.
 const FADED: f64 = 0.6;
@@ -61,7 +61,7 @@ pub struct Fit {
     /// The motion.
     pub motion: Motion,
     /// Its covariance, square pixels ([`Motion::to_px`]).
-    pub covariance_px2: [[f64; UNKNOWNS]; UNKNOWNS],
+    pub covariance_px2: Covariance,
     /// Information of agreeing tiles about both axes.
     tells: DVec2,
 }
@@ -69,8 +69,7 @@ pub struct Fit {
 impl Fit {
     /// Standard deviation of the shift, the larger one of both axes, pixels.
     pub fn sd_px(&self) -> f64 {
-        let variances = SHIFT.map(|axis| self.covariance_px2[axis][axis]);
-        variances.fold(0.0, f64::max).sqrt().max(MIN_SD_PX)
+        shift_sd_px(&self.covariance_px2).max(MIN_SD_PX)
     }
 }
 

@@ -10,6 +10,15 @@ pub const UNKNOWNS: usize = 5;
 /// The first two unknowns: the shift.
 pub const SHIFT: std::ops::Range<usize> = 0..2;
 
+/// Square pixels, for the unknowns of [`Motion::to_px`].
+pub type Covariance = [[f64; UNKNOWNS]; UNKNOWNS];
+
+/// Standard deviation of the shift, the larger one of both axes, pixels.
+pub(crate) fn shift_sd_px(covariance_px2: &Covariance) -> f64 {
+    let variances = SHIFT.map(|axis| covariance_px2[axis][axis]);
+    variances.fold(0.0, f64::max).sqrt()
+}
+
 /// Motion of the ground between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {

@@ -1,10 +1,10 @@
-//! What a training saw of a camera's ground, in several lights and weathers.
+//! The ground before a camera in some flights of a training, in several lights and weathers.
 
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
 use crate::background::Background;
-use crate::fit::{Fit, Freedom, MIN_SD_PX, Reference};
+use crate::fit::{Freedom, MIN_SD_PX, Reference, TOLERATED};
 use crate::ground::{Ground, Motion, UNKNOWNS};
 use crate::sight::Sight;
 
@@ -15,8 +15,6 @@ const MAX_OTHER_RESEMBLANCE: f64 = 0.3;
 const MIN_INFORMATION_PART: f64 = 0.3;
 /// Maximum standard deviation of a comparison that counts, pixels.
 const MAX_SD_PX: f64 = 0.5;
-/// Comparisons whose shifts are further apart, in their standard deviations, count less than half.
-const TOLERATED: f64 = 3.0;
 
 /// The references of a view.
 #[derive(Debug, Clone)]
@@ -31,7 +29,7 @@ pub struct References {
 pub struct Placed {
     /// The flight.
     pub name: String,
-    /// What it saw.
+    /// Its background.
     pub background: Background,
     /// The camera's motion from the first reference.
     pub motion: Motion,
@@ -67,7 +65,7 @@ impl Placed {
     /// The camera's motion in an image from the first reference.
     fn compared(&self, image: &Luma<'_>, freedom: &Freedom) -> Option<Sight> {
         let expected = Motion::default();
-        let fit: Fit = self.reference.as_ref()?.find(image, expected, freedom)?;
+        let fit = self.reference.as_ref()?.find(image, expected, freedom)?;
         let mut found = Sight::of_fit(&fit);
         found.motion = found.motion.after(self.motion);
         // All but the lift of the reference are as uncertain as its shift.
@@ -128,7 +126,9 @@ impl References {
     pub fn place(&mut self, corrected: impl Fn(&Sight) -> Sight) -> Motion {
         let mut first = None;
         for placed in &mut self.all {
-            let sds_px = [placed.sd_px, placed.sd_px, placed.sd_px, placed.sd_px, 1e-3];
+            // As in comparisons, all but the lift are as uncertain as the shift.
+            let [sd_px, of_lift_px] = [placed.sd_px, 0.0];
+            let sds_px = [sd_px, sd_px, sd_px, sd_px, of_lift_px];
             let mut known = Sight::expected(sds_px.map(|sd_px| sd_px.max(MIN_SD_PX)));
             known.motion = placed.motion;
             let found = corrected(&known);
@@ -178,6 +178,8 @@ impl References {
             .iter()
             .min_by(|a, b| a.sd_px().total_cmp(&b.sd_px()))?;
         let mut found = *surest;
+        let mut spread_px = 0.0;
+        // Comparisons that are far from the mean count less.
         for _ in 0..5 {
             let weights: Vec<f64> = compared
                 .iter()
@@ -197,10 +199,9 @@ impl References {
             let off_px2 = compared.iter().zip(&weights).map(|(one, weight)| {
                 one.motion.shift_px.distance_squared(found.motion.shift_px) * weight / sum
             });
-            let spread_px = off_px2.sum::<f64>().sqrt();
-            found.covariance_px2 = surest.covariance_px2;
-            found = found.widened((spread_px / surest.sd_px()).max(1.0));
+            spread_px = off_px2.sum::<f64>().sqrt();
         }
+        let found = found.widened((spread_px / surest.sd_px()).max(1.0));
         (found.sd_px() <= MAX_SD_PX).then_some(found)
     }
 }

@@ -1,17 +1,14 @@
-//! Where a camera looks in a flight, relative to where it looked in the training.
+//! A camera's direction and focal length in a flight, relative to those in the training.
 
 use dataset::geometry::camera::Camera;
 use glam::{DMat2, DVec2};
 
 use crate::fit::{Fit, MIN_SD_PX};
-use crate::ground::{Motion, SHIFT, UNKNOWNS};
+use crate::ground::{Covariance, Motion, SHIFT, UNKNOWNS, shift_sd_px};
 use crate::least_squares::{Normal, inverse};
 
 /// Evidence contradicts what is expected if they are further apart, in joint standard deviations.
 const CONTRADICTS_SD: f64 = 3.0;
-
-/// Square pixels, for the unknowns of [`Motion::to_px`].
-pub type Covariance = [[f64; UNKNOWNS]; UNKNOWNS];
 
 /// A camera's direction and focal length, with their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +20,7 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// What is expected of a camera before its images are compared: no motion, with these standard deviations ([`Motion::to_px`]).
+    /// The expectation before any image is compared: no motion, with these standard deviations ([`Motion::to_px`]).
     pub fn expected(sds_px: [f64; UNKNOWNS]) -> Self {
         let mut covariance_px2 = [[0.0; UNKNOWNS]; UNKNOWNS];
         for (unknown, sd_px) in sds_px.into_iter().enumerate() {
@@ -47,18 +44,16 @@ impl Sight {
 
     /// Standard deviation of the shift, the larger one of both axes, pixels.
     pub fn sd_px(&self) -> f64 {
-        let variances = SHIFT.map(|axis| self.covariance_px2[axis][axis]);
-        variances.fold(0.0, f64::max).sqrt()
+        shift_sd_px(&self.covariance_px2)
     }
 
-    /// Both pieces of evidence together; `None` if one is certain of something impossible.
+    /// Both pieces of evidence together; `None` if a covariance is singular.
     #[must_use]
     pub fn with(&self, other: &Self, camera: &Camera) -> Option<Self> {
         let mut equations = Normal::<UNKNOWNS>::new();
         for one in [self, other] {
             let values = one.motion.to_px(camera);
             let information = inverse(one.covariance_px2)?;
-            // Rows of the information's square root would do as well: N = sum J, N x = sum J v.
             equations.add_information(&information, &values);
         }
         Some(Self {
@@ -81,14 +76,14 @@ impl Sight {
         both.unwrap_or(*self)
     }
 
-    /// The same evidence with another error of the shift, pixels.
+    /// Evidence whose shift has an additional error, a standard deviation in pixels.
     #[must_use]
     pub fn with_shift_sd(mut self, sd_px: f64) -> Self {
         SHIFT.for_each(|axis| self.covariance_px2[axis][axis] += sd_px * sd_px);
         self
     }
 
-    /// The same evidence, less certain by a factor.
+    /// Evidence whose standard deviations are larger by a factor.
     #[must_use]
     pub fn widened(&self, factor: f64) -> Self {
         let square = factor * factor;

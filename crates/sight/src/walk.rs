@@ -70,10 +70,10 @@ pub fn smoothed(
     Some(turned.collect())
 }
 
-/// One axis at the times of its measurements.
+/// Walk along one axis, at the times of its measurements.
 struct Axis {
     times_s: Vec<f64>,
-    /// By all measurements.
+    /// Estimates by all measurements.
     estimates: Vec<Estimate>,
     /// Variance of the walk up to each measurement from the one before.
     steps: Vec<f64>,
@@ -82,7 +82,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// By the most likely rate; `None` without a measurement.
+    /// Walk at the most likely rate; `None` without a measurement.
     fn of(all: impl Iterator<Item = (f64, Option<Estimate>)>) -> Option<Self> {
         let (times_s, measured): (Vec<f64>, Vec<Estimate>) = all
             .filter_map(|(time_s, measured)| Some((time_s, measured?)))

@@ -19,7 +19,7 @@ fn time_s(tick: u32) -> f64 {
     STEP_S * f64::from(tick)
 }
 
-/// What [`smoothed`] makes of measurements of a direction, right and down, at the ticks that show it.
+/// Result of [`smoothed`] for measurements of a direction, right and down, at the ticks that show it.
 fn of_measured(
     series: u32,
     truth: impl Fn(u32) -> DVec2,

@@ -47,7 +47,7 @@ pub enum CameraFaultKind {
     Sticks(f64),
     /// The camera's direction or focal length changes.
     Aims {
-        /// What changes.
+        /// The changed quantity.
         change: AimChange,
         /// The size of the change, degrees or percent.
         by: f64,
@@ -155,7 +155,7 @@ pub(crate) struct FaultyCameras {
     faults: Vec<CameraFault>,
     seed: u64,
     views: BTreeMap<u32, View>,
-    /// The first tick of the flight, and the cameras of the views that were requested in it: those of the rig.
+    /// The first tick of the flight, with the cameras of the rig: those of the views that were requested in it.
     first_tick: Option<u32>,
     rig: BTreeMap<u32, CameraPose>,
 }
