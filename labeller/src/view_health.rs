@@ -9,7 +9,6 @@ mod frozen;
 mod live;
 #[cfg(test)]
 mod tests;
-pub(crate) mod view_lag;
 
 use dataset::geometry::camera::Camera;
 use dataset::numbers::spread::{self, deviation_from_zero};

@@ -39,6 +39,7 @@ use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{RunSummary, TrainedRun};
 use crate::samples::camera_health::Corrections;
+use crate::samples::camera_health::late_images::warn_of_lags;
 use crate::samples::paired_views::Aside;
 use crate::samples::rig::moved_rig::differences_elsewhere;
 use crate::samples::rig::{Rig, are_same, differences, form};
@@ -108,6 +109,8 @@ pub fn evaluate(
     check_unseen(run, corpus, &trained, &samples, config.side)?;
     let alignment = (trained.backgrounds).align(&mut samples, (&[Side::Test], false), watch)?;
     alignment.report(watch);
+    let pairs = trained.baselines.inverse_range.pairs();
+    warn_of_lags(&samples.put_in_time(&[Side::Test], &pairs), watch);
     let samples = &samples;
     let tested = samples.scenarios.iter().filter(|of| of.side == Side::Test);
     if let Some(line) = Corrections::line(tested.map(|of| of.corrections)) {

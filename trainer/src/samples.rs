@@ -42,12 +42,13 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Registration;
 
 use crate::error::{Error, Result};
-use crate::samples::camera_health::late_images::{in_time, lateness};
+use crate::samples::camera_health::late_images::{Pair, lags_by_health, put_in_time};
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, Registered};
 use crate::samples::view_shift::ViewShift;
+use sight::lag::Lag;
 
 pub use sample::Look;
 pub(crate) use sample::{CommonError, Observation, Sample};
@@ -110,6 +111,8 @@ pub(crate) struct ScenarioSummary {
     pub cameras: Vec<Camera>,
     /// Boxes that camera health changed.
     pub corrections: Corrections,
+    /// Lags per view, as `dtd detect` measured them.
+    pub lags: Vec<Vec<Lag>>,
     /// Cameras used for registration; `None` without registration.
     pub registered_with: Option<RegisteredWith>,
 }
@@ -138,6 +141,7 @@ impl ScenarioSummary {
             touchdown: record.touchdown,
             cameras: cameras.into_values().collect(),
             corrections: Corrections::default(),
+            lags: Vec::new(),
             registered_with: None,
         }
     }
@@ -452,7 +456,7 @@ impl Samples {
             summary.corrections = corrections;
             return Ok((summary, frames, observations));
         }
-        let late = lateness(&self.views, &health);
+        summary.lags = lags_by_health(&self.views, &health);
         let times_s = frames.rows.iter();
         let times_s = times_s
             .map(|row| (row.tick, row.time_ns as f64 / 1e9))
@@ -461,7 +465,6 @@ impl Samples {
         let observations = (frames.rows.iter().map(observe))
             .map(|observed| health.corrected(observed, &mut corrections))
             .collect();
-        let observations = in_time(observations, &late, &mut corrections);
         summary.corrections = corrections;
         Ok((summary, frames, observations))
     }
@@ -471,6 +474,16 @@ impl Samples {
         self.ticks_of_side(side)
             .filter(|sample| sample.detections() > 0)
             .collect()
+    }
+
+    /// Corrects late images on some sides, by rows that a run knows, or else by the lags that `dtd detect` measured.
+    pub(crate) fn put_in_time(&mut self, sides: &[Side], pairs: &[Pair]) -> Vec<String> {
+        let counts: Vec<bool> = (self.scenarios.iter())
+            .map(|scenario| sides.contains(&scenario.side))
+            .collect();
+        let observations = self.samples.iter_mut().map(|sample| &mut sample.observed);
+        let observations = observations.filter(|observed| counts[observed.scenario]);
+        put_in_time(&self.views, &mut self.scenarios, observations, pairs)
     }
 
     /// Includes common errors in the deviations of the shifts, for training ([`Observation::move_common_to_shifts`]).

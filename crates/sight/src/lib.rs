@@ -5,6 +5,7 @@
 //! turns of a flight      -> walk        the turn at every image, in hindsight
 //! first images           -> Background  their mean, below the horizon
 //! Background, References -> Sight       turn, roll and zoom from what a training saw, with their covariance
+//! places in two views    -> lag         how late one view's images are, and from when on
 //! ```
 //!
 //! One fit does both comparisons ([`fit`]): tiles of a reference are found again in another image, and decide together about one
@@ -13,6 +14,7 @@
 pub mod background;
 pub mod fit;
 pub mod ground;
+pub mod lag;
 pub mod least_squares;
 pub mod references;
 pub mod sight;

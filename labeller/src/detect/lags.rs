@@ -1,19 +1,22 @@
 //! Lag of each view's images behind the first view's, and ticks at which both cannot show the same aircraft, from the registrations of the
-//! whole flight ([`crate::view_health::view_lag`]).
+//! whole flight ([`sight::lag`]).
+//!
+//! At any time, the aircraft is on the epipolar line of the first view's pixel in the second view. Cameras may be wrong by half a degree:
+//! wrong directions, rolls and focal lengths displace the line by a linear function of the places in both images, which is fitted with the
+//! lag.
 
 use std::collections::BTreeMap;
 
 use dataset::corpus::detections::{Detection, Detections};
 use dataset::geometry::camera::Camera;
-use dataset::geometry::rays::LAG_STEP_S;
-use dataset::numbers::motion::motion_at;
+use dataset::geometry::rays::{EpipolarLine, across_sd_px};
 use dataset::tables::health::{HealthState, MIN_LAG_SD_MS, ViewHealth, ViewLag};
 use dataset::tables::registrations::Registration;
 use glam::DVec2;
+use sight::lag::{self, PLACE_TERMS, Rows, Sighting};
 
 use super::pictures::ViewTicks;
 use crate::view_health::MIN_OFF_PX;
-use crate::view_health::view_lag::{CommonSighting, ViewRelation};
 
 /// Maximum lag, and maximum standard deviation of lags, ms. The motion changes too much during longer ones.
 const MAX_LAG_MS: f64 = 10_000.0;
@@ -27,6 +30,11 @@ const INCONSISTENT_PART: f64 = 0.01;
 /// Minimum length of track pairs that show how rows should be, as a part of the longest. Shorter ones may belong to something else, and
 /// where an aircraft flies along a line, a fit would bend to them.
 const LONG_PART: f64 = 0.25;
+/// Minimum number of sightings.
+const MIN_SIGHTINGS: usize = 40;
+/// Standard deviations of what wrong cameras add to rows, pixels: a constant, and slopes over a thousand pixels, for two masts surveyed to
+/// half a degree. Within a few miles of the runway, the only part visible in fog, the motion is nearly a linear function of the places.
+const CAMERA_SD_PX: [f64; PLACE_TERMS] = [100.0, 12.0, 12.0, 12.0];
 /// Maximum contradiction that is written, px.
 const MAX_VERTICAL_PX: f64 = 1_000.0;
 
@@ -35,13 +43,6 @@ struct Flight<'a> {
     detections: &'a Detections,
     registrations: &'a [Registration],
     times_s: BTreeMap<u32, f64>,
-}
-
-struct TimedPlaces {
-    tick: u32,
-    time_s: f64,
-    width_px: f64,
-    places_px: [DVec2; 2],
 }
 
 /// Evidence from a view, relative to the first one.
@@ -91,7 +92,7 @@ impl Flight<'_> {
             .map(|row| ((row.tick, row.view.as_str()), row))
             .collect();
         // One entry per aircraft: the tracks of both views.
-        let mut seen: BTreeMap<[Option<u32>; 2], Vec<TimedPlaces>> = BTreeMap::new();
+        let mut seen: BTreeMap<[Option<u32>; 2], (Vec<u32>, Vec<Sighting>)> = BTreeMap::new();
         let mut reference = None;
         for row in self.registrations.iter().filter(|row| row.view == view) {
             let Ok(shift) = &row.result else { continue };
@@ -109,55 +110,65 @@ impl Flight<'_> {
             reference = Some(first);
             let time_s = *self.times_s.get(&row.tick)?;
             let of_tracks = seen.entry([in_first.track, in_second.track]);
-            of_tracks.or_default().push(TimedPlaces {
-                tick: row.tick,
+            let (ticks, sightings) = of_tracks.or_default();
+            ticks.push(row.tick);
+            sightings.push(Sighting {
                 time_s,
-                width_px: in_second.pixel_box.width_px,
                 places_px: [first_px, second_px],
+                width_px: in_second.pixel_box.width_px,
+                sd_px: across_sd_px(in_second.pixel_box.width_px),
             });
         }
         let cameras = [self.camera(reference?)?, self.camera(view)?];
-        let of_tracks: Vec<_> = (seen.values())
-            .map(|seen| sightings(cameras, seen))
-            .collect();
-        let kept: Vec<_> = of_tracks.iter().flat_map(|all| thinned(all)).collect();
-        let relation = ViewRelation::robust(&kept)?;
+        let rows = Rows {
+            off_px: &|[first, second]| Some(EpipolarLine::of(cameras, first)?.off_px(second)),
+            sd_px: CAMERA_SD_PX,
+        };
+        let fitted = |tracks: &[Vec<Sighting>]| {
+            let fit = lag::constant(tracks, &rows);
+            fit.filter(|fit| fit.sightings >= MIN_SIGHTINGS)
+        };
+        let tracks: Vec<Vec<Sighting>> = seen.values().map(|(_, seen)| seen.clone()).collect();
+        let fit = fitted(&tracks)?;
         let lag = ViewLag {
-            lag_ms: -1e3 * relation.offset_s,
-            lag_sd_ms: (1e3 * relation.offset_sd_s).hypot(MIN_LAG_SD_MS),
+            lag_ms: 1e3 * fit.lags[0].seconds,
+            lag_sd_ms: (1e3 * fit.lags[0].sd_s).hypot(MIN_LAG_SD_MS),
         };
         if lag.lag_ms.abs().max(lag.lag_sd_ms) > MAX_LAG_MS {
             return None;
         }
-        let longest = of_tracks.iter().map(Vec::len).max().unwrap_or_default();
-        let long = of_tracks
+        let longest = tracks.iter().map(Vec::len).max().unwrap_or_default();
+        let is_long = |track: &Vec<Sighting>| track.len() as f64 >= LONG_PART * longest as f64;
+        let long: Vec<_> = tracks
             .iter()
-            .filter(|all| all.len() as f64 >= LONG_PART * longest as f64);
-        let of_long: Vec<_> = long.flat_map(|all| thinned(all)).collect();
-        let Some(usual) = ViewRelation::robust(&of_long) else {
-            return Some(Comparison {
-                lag: Some(lag),
-                vertical_px: BTreeMap::new(),
-            });
+            .filter(|track| is_long(track))
+            .cloned()
+            .collect();
+        let mut compared = Comparison {
+            lag: Some(lag),
+            vertical_px: BTreeMap::new(),
+        };
+        let Some(usual) = fitted(&long) else {
+            return Some(compared);
         };
         let most_px = INCONSISTENT_PX.max(INCONSISTENT_SD * usual.sd_px);
-        let vertical = |(seen, sighting): &(&TimedPlaces, Sighted)| {
-            // A track with few ticks has no motion, which matters only to a late view.
-            let sighting = match sighting {
-                Sighted::Moving(sighting) => sighting,
-                Sighted::Short(sighting) if !lag.is_sure() => sighting,
-                Sighted::Short(_) => return None,
-            };
-            let off_px = usual
-                .off_px(sighting)
-                .clamp(-MAX_VERTICAL_PX, MAX_VERTICAL_PX);
-            let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
-            Some((seen.tick, (off_px, contradicts)))
-        };
-        Some(Comparison {
-            lag: Some(lag),
-            vertical_px: of_tracks.iter().flatten().filter_map(vertical).collect(),
-        })
+        for (ticks, track) in seen.values() {
+            let places: Vec<_> = track
+                .iter()
+                .map(|seen| (seen.time_s, seen.places_px[1]))
+                .collect();
+            for (tick, seen) in ticks.iter().zip(track) {
+                // A track with few ticks has no motion, which matters only to a late view.
+                let at_rest = || (!lag.is_sure()).then(|| usual.off_at_rest_px(&rows, seen))?;
+                let Some(off_px) = usual.off_px(&rows, &places, seen).or_else(at_rest) else {
+                    continue;
+                };
+                let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
+                let off_px = off_px.clamp(-MAX_VERTICAL_PX, MAX_VERTICAL_PX);
+                compared.vertical_px.insert(*tick, (off_px, contradicts));
+            }
+        }
+        Some(compared)
     }
 
     fn camera(&self, view: &str) -> Option<&Camera> {
@@ -194,47 +205,6 @@ impl Flight<'_> {
             }
         }
     }
-}
-
-/// A sighting, by whether its motion is known.
-enum Sighted {
-    Moving(CommonSighting),
-    /// Motion taken as zero.
-    Short(CommonSighting),
-}
-
-fn sightings<'a>(
-    cameras: [&Camera; 2],
-    seen: &'a [TimedPlaces],
-) -> Vec<(&'a TimedPlaces, Sighted)> {
-    let places: Vec<(f64, DVec2)> = (seen.iter())
-        .map(|seen| (seen.time_s, seen.places_px[1]))
-        .collect();
-    let sighting = |seen: &'a TimedPlaces| {
-        let motion_px_s = motion_at(&places, seen.time_s).map(|motion| motion.per_s);
-        let motion = motion_px_s.unwrap_or_default();
-        let sighting = CommonSighting::of(cameras, seen.places_px, seen.width_px, motion)?;
-        let sighted = match motion_px_s {
-            Some(_) => Sighted::Moving(sighting),
-            None => Sighted::Short(sighting),
-        };
-        Some((seen, sighted))
-    };
-    seen.iter().filter_map(sighting).collect()
-}
-
-fn thinned(all: &[(&TimedPlaces, Sighted)]) -> Vec<CommonSighting> {
-    let mut last_s = f64::NEG_INFINITY;
-    let mut kept = Vec::new();
-    for (seen, sighting) in all {
-        if let Sighted::Moving(sighting) = sighting
-            && seen.time_s >= last_s + LAG_STEP_S
-        {
-            last_s = seen.time_s;
-            kept.push(*sighting);
-        }
-    }
-    kept
 }
 
 #[cfg(test)]

@@ -23,6 +23,7 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::estimators::minimum::Search;
+use crate::samples::camera_health::late_images::Pair;
 use crate::samples::robust_line::dot;
 use crate::samples::view_shift::Places;
 use crate::samples::{FARTHEST_M, Observation, Sample};
@@ -181,6 +182,16 @@ impl InverseRange {
         self.fits
             .iter()
             .flat_map(|fit| fit.scale_px.iter().copied())
+    }
+
+    /// Views whose rows are known.
+    pub(crate) fn pairs(&self) -> Vec<Pair<'_>> {
+        let rows = self.rows.iter();
+        rows.map(|row| Pair {
+            views: row.views,
+            off_px: Box::new(|places_px| row.off_by_px(places_px)),
+        })
+        .collect()
     }
 
     /// Deviation of registered rows from their expected positions at a tick, pixels.

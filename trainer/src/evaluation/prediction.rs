@@ -19,6 +19,7 @@ use crate::run::place::refuse_in_run;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 use crate::samples::camera_health::Corrections;
+use crate::samples::camera_health::late_images::{put_in_time, warn_of_lags};
 use crate::samples::{Moment, NO_SCENARIOS, Observation, Samples};
 
 /// Prediction size.
@@ -72,6 +73,14 @@ pub fn predict(
             watch,
         )?;
         alignment.report(watch);
+        let pairs = trained.baselines.inverse_range.pairs();
+        let Samples {
+            views, scenarios, ..
+        } = &mut corpus_read;
+        warn_of_lags(
+            &put_in_time(views, scenarios, flights.iter_mut(), &pairs),
+            watch,
+        );
     }
     let corrections = corpus_read.scenarios.iter().map(|of| of.corrections);
     if let Some(line) = Corrections::line(corrections) {

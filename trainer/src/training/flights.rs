@@ -64,6 +64,7 @@ impl Flights {
         }
         let corpus = &corpora[0];
         split_again(corpus, &mut samples, config.leave_out.as_deref())?;
+        samples.put_in_time(&[Side::Train, Side::Validation], &[]);
         let backgrounds = align(&mut samples, config.camera_stability_arcsec, watch)?;
         samples.move_common_to_shifts();
         let recorded = side_with_samples(corpus, &samples, Side::Train)?;

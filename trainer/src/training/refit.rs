@@ -99,6 +99,7 @@ pub fn refit(
     let mut samples = Samples::read(corpus, Some(&before.summary.model_hash), range)?;
     split_again(corpus, &mut samples, before.config.leave_out.as_deref())?;
     check_others(run, corpus, &before, &samples, &config.view)?;
+    samples.put_in_time(&[Side::Train], &[]);
     let mut after = before.clone();
     let stability_arcsec = before.config.camera_stability_arcsec;
     let seen = Backgrounds::learn(&samples, stability_arcsec, watch)?;

@@ -4,6 +4,7 @@
 //! it, mostly in rows, it contains only error. Clouds behind the aircraft, light and air displace both: where rows scatter more, distances
 //! do.
 
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::robust_fit::precision_of;
@@ -32,13 +33,17 @@ type Row = ([f64; UNKNOWNS], f64);
 fn row_in([reference, view]: [usize; 2], observed: &Observation) -> Option<Row> {
     let shift = observed.shifts[view].filter(|shift| shift.reference == reference)?;
     let (place, _) = centre_and_size(observed.boxes[reference].as_ref()?);
+    Some(row_of(place, shift.shift_px))
+}
+
+fn row_of(place: DVec2, shift_px: DVec2) -> Row {
     let terms = [
         1.0,
         place.x / UNIT_PX,
         place.y / UNIT_PX,
-        shift.shift_px.x / UNIT_PX,
+        shift_px.x / UNIT_PX,
     ];
-    Some((terms, shift.shift_px.y))
+    (terms, shift_px.y)
 }
 
 /// Standard deviation of that row, including common errors, pixels.
@@ -73,6 +78,10 @@ impl RowRelation {
             views,
             coefficients_px: coefficients.map(|coefficient| finer * coefficient),
         })
+    }
+
+    pub(super) fn off_by_px(&self, [first, second]: [DVec2; 2]) -> f64 {
+        self.off_px(&row_of(first, second - first))
     }
 
     fn off_px(&self, (terms, row_px): &Row) -> f64 {

@@ -4,6 +4,7 @@ use dataset::corpus::splits::Side;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
+use glam::DVec2;
 use testkit::synthetic::SyntheticCorpus;
 
 use crate::samples::training_cameras::TrainingCameras;
@@ -39,9 +40,18 @@ pub(crate) fn registered_corpus(shift_noise_px: f64) -> SyntheticCorpus {
 
 impl Observation {
     /// An aircraft in these columns of two registered views, with one tick per second.
-    pub(crate) fn registered(tick: u32, [first_px, second_px]: [f64; 2]) -> Self {
-        let boxes = [first_px, second_px].map(|cx_px| box_at(cx_px, 600.0));
-        let shift = shift_of([first_px, 600.0], [second_px - first_px, 0.0]);
+    pub(crate) fn registered(tick: u32, columns_px: [f64; 2]) -> Self {
+        Self::registered_at(
+            tick,
+            columns_px.map(|column_px| DVec2::new(column_px, 600.0)),
+        )
+    }
+
+    /// An aircraft in these places of two registered views, with one tick per second.
+    pub(crate) fn registered_at(tick: u32, places_px: [DVec2; 2]) -> Self {
+        let boxes = places_px.map(|place_px| box_at(place_px.x, place_px.y));
+        let [first_px, second_px] = places_px;
+        let shift = shift_of(first_px.into(), (second_px - first_px).into());
         let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
         observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
         observed.tick = tick;
