@@ -8,11 +8,11 @@
 mod coarse;
 mod tile;
 
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::video::Luma;
 use glam::DVec2;
 
 use crate::ground::{Covariance, Ground, Motion, UNKNOWNS, shift_sd_px};
-use crate::least_squares::Normal;
 use coarse::Coarse;
 use tile::{Tile, tiles_of};
 
@@ -163,7 +163,7 @@ impl Reference {
             let mut step = [0.0; UNKNOWNS];
             let mut covariance_px2 = [[0.0; UNKNOWNS]; UNKNOWNS];
             for _ in 0..10 {
-                let mut equations = Normal::<UNKNOWNS>::new();
+                let mut equations = NormalEquations::new(UNKNOWNS);
                 for (unknown, sd_px) in freedom.0.iter().enumerate() {
                     let mut row = [0.0; UNKNOWNS];
                     row[unknown] = 1.0;
@@ -178,12 +178,12 @@ impl Reference {
                         equations.add(&row, value, weight * certainty);
                     }
                 }
-                step = equations.solve()?;
+                step = equations.solve_for()?;
                 for ((tile, told), misfit) in told.iter().zip(&mut misfits) {
                     *misfit = told.misfit(&tile.slopes, &step);
                 }
                 let spread = (squares / weights).max(1.0);
-                covariance_px2 = (equations.inverse()?).map(|row| row.map(|of| of * spread));
+                covariance_px2 = (equations.inverse_for()?).map(|row| row.map(|of| of * spread));
             }
             let agreeing = told.iter().zip(&misfits);
             let agreeing = agreeing.filter(|(_, misfit)| **misfit < TOLERATED);

@@ -13,7 +13,6 @@
 pub mod background;
 pub mod fit;
 pub mod ground;
-pub mod least_squares;
 pub mod references;
 pub mod sight;
 pub mod walk;

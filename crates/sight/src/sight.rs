@@ -1,11 +1,11 @@
 //! A camera's direction and focal length in a flight, relative to those in the training.
 
 use dataset::geometry::camera::Camera;
+use dataset::numbers::least_squares::{NormalEquations, inverse};
 use glam::{DMat2, DVec2};
 
 use crate::fit::{Fit, MIN_SD_PX};
 use crate::ground::{Covariance, Motion, SHIFT, UNKNOWNS, shift_sd_px};
-use crate::least_squares::{Normal, inverse};
 
 /// Evidence contradicts what is expected if they are further apart, in joint standard deviations.
 const CONTRADICTS_SD: f64 = 3.0;
@@ -50,15 +50,15 @@ impl Sight {
     /// Both pieces of evidence together; `None` if a covariance is singular.
     #[must_use]
     pub fn with(&self, other: &Self, camera: &Camera) -> Option<Self> {
-        let mut equations = Normal::<UNKNOWNS>::new();
+        let mut equations = NormalEquations::new(UNKNOWNS);
         for one in [self, other] {
             let values = one.motion.to_px(camera);
-            let information = inverse(one.covariance_px2)?;
+            let information = inverse(&one.covariance_px2)?;
             equations.add_information(&information, &values);
         }
         Some(Self {
-            motion: Motion::of_px(equations.solve()?, camera),
-            covariance_px2: equations.inverse()?,
+            motion: Motion::of_px(equations.solve_for()?, camera),
+            covariance_px2: equations.inverse_for()?,
         })
     }
 

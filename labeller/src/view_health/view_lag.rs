@@ -10,9 +10,9 @@
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{EpipolarLine, across_sd_px};
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
-use sight::least_squares::Normal;
 
 /// Constant, and change with column and row in the first view and with the columns between the views; the lag.
 const UNKNOWNS: usize = 5;
@@ -65,8 +65,8 @@ impl CommonSighting {
 }
 
 /// Normal equations of the relation, with the prior for the cameras' errors.
-fn with_prior() -> Normal<UNKNOWNS> {
-    let mut normal = Normal::new();
+fn with_prior() -> NormalEquations {
+    let mut normal = NormalEquations::new(UNKNOWNS);
     for unknown in OF_PLACES {
         let mut row = [0.0; UNKNOWNS];
         row[unknown] = 1.0;
@@ -99,7 +99,7 @@ impl ViewRelation {
                 let weight = weight * sighting.sd_px.powi(-2);
                 normal.add(&sighting.row, sighting.off_px, weight);
             }
-            let unknowns = normal.solve()?;
+            let unknowns: [f64; UNKNOWNS] = normal.solve_for()?;
             let off_px = |sighting: &CommonSighting| sighting.off_px_by(&unknowns);
             let off = |sighting: &CommonSighting| off_px(sighting) / sighting.sd_px;
             // Errors that are larger than usual count, smaller ones may be chance.
