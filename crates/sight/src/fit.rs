@@ -8,12 +8,14 @@
 mod coarse;
 mod tile;
 
+use std::cell::OnceCell;
+
 use dataset::numbers::least_squares::NormalEquations;
 use dataset::video::Luma;
 use glam::DVec2;
 
 use crate::ground::{Covariance, Ground, Motion, UNKNOWNS, shift_sd_px};
-use coarse::Coarse;
+pub(crate) use coarse::Coarse;
 use tile::{Tile, tiles_of};
 
 /// Tiles that must agree.
@@ -96,19 +98,25 @@ impl Reference {
         self.usual = self.usual.max(fit.tells);
     }
 
-    /// Motion near an expected one, or else anywhere.
-    pub fn find(&self, image: &Luma<'_>, expected: Motion, freedom: &Freedom) -> Option<Fit> {
+    /// Motion near an expected one, or else anywhere. `shrunk`: the image for all references of its camera.
+    pub(crate) fn find(
+        &self,
+        image: &Luma<'_>,
+        shrunk: &OnceCell<Coarse>,
+        expected: Motion,
+        freedom: &Freedom,
+    ) -> Option<Fit> {
         let near = self.near(image, expected, freedom);
         match near {
             Some(fit) if !self.is_faded_in(&fit) => Some(fit),
-            near => self.anywhere(image, near, expected, freedom),
+            near => self.anywhere(image, shrunk, near, (expected, freedom)),
         }
     }
 
     /// Correlation of the edges of the ground with another image's, at the shift that fits best; 0 without any edge.
-    pub fn resemblance(&self, image: &Luma<'_>) -> f64 {
-        let other = Coarse::of(image, self.ground.top);
-        let best = self.coarse.best_shift(&other, DVec2::ZERO);
+    pub(crate) fn resemblance(&self, image: &Luma<'_>, shrunk: &OnceCell<Coarse>) -> f64 {
+        let other = shrunk.get_or_init(|| Coarse::of(image, self.ground.top));
+        let best = self.coarse.best_shift(other, DVec2::ZERO);
         best.map_or(0.0, |(_, correlation)| correlation)
     }
 
@@ -116,12 +124,12 @@ impl Reference {
     pub(crate) fn anywhere(
         &self,
         image: &Luma<'_>,
+        shrunk: &OnceCell<Coarse>,
         near: Option<Fit>,
-        expected: Motion,
-        freedom: &Freedom,
+        (expected, freedom): (Motion, &Freedom),
     ) -> Option<Fit> {
-        let other = Coarse::of(image, self.ground.top);
-        let shift_px = self.coarse.shift_to(&other, expected.shift_px)?;
+        let other = shrunk.get_or_init(|| Coarse::of(image, self.ground.top));
+        let shift_px = self.coarse.shift_to(other, expected.shift_px)?;
         let from = Motion {
             shift_px,
             ..expected
@@ -262,7 +270,12 @@ mod tests {
             };
             let levels = image(expected, evening);
             let image = Luma::of(&levels, WIDTH);
-            let found = reference.find(&image, Motion::default(), &Freedom::TURN_AND_ZOOM);
+            let found = reference.find(
+                &image,
+                &OnceCell::new(),
+                Motion::default(),
+                &Freedom::TURN_AND_ZOOM,
+            );
             let found = found.expect("the ground shows the motion");
             let wanted_px = expected.to_px(&camera);
             for (found_px, wanted_px) in found.motion.to_px(&camera).iter().zip(wanted_px) {

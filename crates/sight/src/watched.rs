@@ -4,6 +4,8 @@
 //! the turn of each image from the first one, with its standard deviation, or none where the ground shows too little. When the light has
 //! changed so much that few tiles still resemble the reference, the image becomes the new reference, at its measured turn.
 
+use std::cell::OnceCell;
+
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
@@ -115,7 +117,7 @@ impl Watched {
             return None;
         }
         let reference = &self.reference.as_ref()?.reference;
-        let fit = reference.anywhere(image, near, begin, &Freedom::TURN);
+        let fit = reference.anywhere(image, &OnceCell::new(), near, (begin, &Freedom::TURN));
         self.searched(fit.is_some());
         fit
     }
