@@ -26,7 +26,7 @@ pub(crate) use frozen::Change;
 use live::LiveHealth;
 
 /// Version of the measurement; health of other versions is measured again.
-pub(crate) const METHOD: u32 = 9;
+pub(crate) const METHOD: u32 = 10;
 
 /// Ticks and seconds around a tick that decide about it.
 const AROUND_TICKS: usize = 5;
