@@ -15,7 +15,6 @@ use std::mem;
 use std::ops::Range;
 
 use dataset::corpus::calibration::CameraEntry;
-use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
 use dataset::numbers::limits::{self, Check};
@@ -25,6 +24,7 @@ use dataset::work::watch::Watch;
 use glam::{DMat3, DVec2};
 use serde::{Deserialize, Serialize};
 use sight::background::{self, Background};
+use sight::fit::CONTRADICTS_SD;
 use sight::ground::{Motion, UNKNOWNS};
 use sight::references::{Placed, References};
 use sight::sight::Sight;
@@ -40,9 +40,8 @@ const MAX_REFERENCES: usize = 8;
 const ZOOM_SD: f64 = 2e-4;
 /// A camera whose standard deviation before the comparison is smaller stands still, pixels.
 const MIN_SD_PX: f64 = 1e-3;
-/// A camera has moved if it is off by so many pixels, and by so many standard deviations of the training's flights.
+/// A camera has moved if it is off by so many pixels, and contradicts the training's flights.
 const MOVED_PX: f64 = 2.0;
-const MOVED_SD: f64 = 3.0;
 
 /// References of all views.
 #[derive(Debug, Clone)]
@@ -103,6 +102,15 @@ pub struct Alignment {
 }
 
 impl Alignment {
+    /// The backgrounds of a flight.
+    fn rows_of(&mut self, scenario: &ScenarioSummary, model: &str) -> Result<Vec<ViewBackground>> {
+        let rows = scenario.folder.open()?.backgrounds(model)?;
+        if rows.is_none() {
+            self.without_backgrounds.push(scenario.id.clone());
+        }
+        Ok(rows.unwrap_or_default())
+    }
+
     /// Takes what a view shows.
     fn take(&mut self, named: String, shown: Shown) {
         match shown {
@@ -249,7 +257,7 @@ impl View {
         });
         let certain = displaced
             .into_iter()
-            .filter(|(off_px, sd_px)| off_px.length() > MOVED_PX.max(MOVED_SD * sd_px));
+            .filter(|(off_px, sd_px)| off_px.length() > MOVED_PX.max(CONTRADICTS_SD * sd_px));
         let largest = certain.max_by(|a, b| a.0.length().total_cmp(&b.0.length()));
         largest.map(|(off_px, _)| off_px)
     }
@@ -320,7 +328,7 @@ impl Backgrounds {
         watch.begin("backgrounds", samples.scenario_count(Side::Train) as u64);
         for (done, scenario) in samples.scenarios_of(Side::Train).enumerate() {
             watch.check()?;
-            let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
+            let rows = Alignment::default().rows_of(scenario, &samples.detections.hash)?;
             for (view, found) in self.views.iter().zip(&mut found) {
                 let camera = view.references.camera();
                 let row = background_of(&rows, &view.learned.view, camera);
@@ -426,14 +434,7 @@ impl Backgrounds {
         alignment: &mut Alignment,
     ) -> Result<Vec<Observation>> {
         let scenario = &samples.scenarios[flight[0].scenario];
-        let rows = scenario
-            .folder
-            .open()?
-            .backgrounds(&samples.detections.hash)?;
-        if rows.is_none() {
-            alignment.without_backgrounds.push(scenario.id.clone());
-        }
-        let rows = rows.unwrap_or_default();
+        let rows = alignment.rows_of(scenario, &samples.detections.hash)?;
         let views = self.views.iter().enumerate();
         let complete = views.filter_map(|(index, view)| {
             let (row, of) = background_of(&rows, &view.learned.view, view.references.camera())?;
@@ -494,11 +495,7 @@ impl Backgrounds {
                 sights.push(of_views);
                 continue;
             }
-            let rows = scenario.folder.open()?.backgrounds(model)?;
-            if rows.is_none() {
-                alignment.without_backgrounds.push(scenario.id.clone());
-            }
-            let rows = rows.unwrap_or_default();
+            let rows = alignment.rows_of(scenario, model)?;
             for (index, view) in self.views.iter().enumerate() {
                 let named = format!("{} {}", scenario.id, view.learned.view);
                 let row = background_of(&rows, &view.learned.view, view.references.camera());
@@ -633,11 +630,6 @@ impl Backgrounds {
     }
 }
 
-/// A flight's backgrounds; empty if `dtd detect` did not keep them.
-fn rows_of(scenario: &OpenScenario, model: &str) -> Result<Vec<ViewBackground>> {
-    Ok(scenario.backgrounds(model)?.unwrap_or_default())
-}
-
 /// The background of a view, with its row.
 fn background_of<'a>(
     rows: &'a [ViewBackground],
@@ -657,7 +649,7 @@ fn references(samples: &Samples) -> Result<Vec<(&ScenarioSummary, Vec<ViewBackgr
     for scenario in samples.scenarios_of(Side::Train) {
         let condition = (scenario.time_of_day.as_str(), scenario.weather.as_str());
         if let Entry::Vacant(place) = conditions.entry(condition) {
-            let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
+            let rows = Alignment::default().rows_of(scenario, &samples.detections.hash)?;
             if !rows.is_empty() {
                 place.insert((scenario, rows));
             }

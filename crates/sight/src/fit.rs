@@ -14,14 +14,15 @@ use dataset::numbers::least_squares::NormalEquations;
 use dataset::video::Luma;
 use glam::DVec2;
 
-use crate::ground::{Covariance, Ground, Motion, UNKNOWNS, shift_sd_px};
+use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
+use crate::sight::Sight;
 pub(crate) use coarse::Coarse;
 use tile::{Tile, tiles_of};
 
 /// Tiles that must agree.
 const MIN_TILES: usize = 8;
-/// A tile or a comparison further from the common motion, in its standard deviations, counts less than half.
-pub(crate) const TOLERATED: f64 = 3.0;
+/// Evidence that is further away, in standard deviations, contradicts other evidence; in a mean it counts less than half.
+pub const CONTRADICTS_SD: f64 = 3.0;
 /// Agreeing tiles with less than this part of the usual information about one axis show that the reference fades. With less than half of
 /// that they do not show the direction: in haze, the rest of the ground may look alike wherever the camera looks.
 const FADED: f64 = 0.6;
@@ -61,18 +62,9 @@ pub struct Reference {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
     /// The motion.
-    pub motion: Motion,
-    /// Its covariance, square pixels ([`Motion::to_px`]).
-    pub covariance_px2: Covariance,
+    pub sight: Sight,
     /// Information of agreeing tiles about both axes.
     tells: DVec2,
-}
-
-impl Fit {
-    /// Standard deviation of the shift, the larger one of both axes, pixels.
-    pub fn sd_px(&self) -> f64 {
-        shift_sd_px(&self.covariance_px2).max(MIN_SD_PX)
-    }
 }
 
 impl Reference {
@@ -135,7 +127,7 @@ impl Reference {
             ..expected
         };
         let far = self.near(image, from, freedom);
-        let is_near = |fit: &Fit| shift_px.distance(fit.motion.shift_px) <= COARSE_PX;
+        let is_near = |fit: &Fit| shift_px.distance(fit.sight.motion.shift_px) <= COARSE_PX;
         let fits = [near, far].into_iter().flatten().filter(is_near);
         fits.max_by(|a, b| self.share(a).total_cmp(&self.share(b)))
     }
@@ -179,7 +171,7 @@ impl Reference {
                 }
                 let (mut squares, mut weights) = (0.0, 0.0);
                 for ((tile, told), misfit) in told.iter().zip(&misfits) {
-                    let weight = 1.0 / (1.0 + f64::powi(misfit / TOLERATED, 2));
+                    let weight = 1.0 / (1.0 + f64::powi(misfit / CONTRADICTS_SD, 2));
                     squares += weight * misfit * misfit;
                     weights += 2.0 * weight;
                     for (row, value, certainty) in told.equations(&tile.slopes) {
@@ -194,7 +186,7 @@ impl Reference {
                 covariance_px2 = (equations.inverse_for()?).map(|row| row.map(|of| of * spread));
             }
             let agreeing = told.iter().zip(&misfits);
-            let agreeing = agreeing.filter(|(_, misfit)| **misfit < TOLERATED);
+            let agreeing = agreeing.filter(|(_, misfit)| **misfit < CONTRADICTS_SD);
             let tells: DVec2 = agreeing.clone().map(|((tile, _), _)| tile.tells).sum();
             let longest = step.iter().fold(0.0_f64, |most, step| most.max(step.abs()));
             for (number, step) in numbers.iter_mut().zip(step) {
@@ -202,11 +194,15 @@ impl Reference {
                 *number += step.clamp(-3.0, 3.0);
             }
             if longest < MIN_SD_PX {
-                let fit = Fit {
+                for axis in SHIFT {
+                    let variance_px2 = &mut covariance_px2[axis][axis];
+                    *variance_px2 = variance_px2.max(MIN_SD_PX * MIN_SD_PX);
+                }
+                let sight = Sight {
                     motion: Motion::of_px(numbers, camera),
                     covariance_px2,
-                    tells,
                 };
+                let fit = Fit { sight, tells };
                 let enough = agreeing.count() >= MIN_TILES.max(told.len() / 2);
                 return (enough && self.share(&fit) >= FADED / 2.0).then_some(fit);
             }
@@ -276,7 +272,7 @@ mod tests {
                 Motion::default(),
                 &Freedom::TURN_AND_ZOOM,
             );
-            let found = found.expect("the ground shows the motion");
+            let found = found.expect("the ground shows the motion").sight;
             let wanted_px = expected.to_px(&camera);
             for (found_px, wanted_px) in found.motion.to_px(&camera).iter().zip(wanted_px) {
                 let error_px = (found_px - wanted_px).abs();

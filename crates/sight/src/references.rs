@@ -6,7 +6,7 @@ use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
 use crate::background::Background;
-use crate::fit::{Coarse, Freedom, MIN_SD_PX, Reference, TOLERATED};
+use crate::fit::{CONTRADICTS_SD, Coarse, Freedom, MIN_SD_PX, Reference};
 use crate::ground::{Ground, Motion, UNKNOWNS};
 use crate::sight::Sight;
 
@@ -69,7 +69,7 @@ impl Placed {
         let fit = self
             .reference
             .find(image, shrunk, Motion::default(), freedom)?;
-        let mut found = Sight::of_fit(&fit);
+        let mut found = fit.sight;
         found.motion = found.motion.after(self.motion);
         // All but the lift of the reference are as uncertain as its shift.
         for unknown in 0..UNKNOWNS - 1 {
@@ -188,7 +188,7 @@ impl References {
                 .iter()
                 .map(|one| {
                     let away = one.motion.shift_px.distance(found.motion.shift_px) / one.sd_px();
-                    one.sd_px().powi(-2) / (1.0 + (away / TOLERATED).powi(2))
+                    one.sd_px().powi(-2) / (1.0 + (away / CONTRADICTS_SD).powi(2))
                 })
                 .collect();
             let sum: f64 = weights.iter().sum();

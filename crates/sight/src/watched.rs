@@ -81,8 +81,8 @@ impl Watched {
         let placed = self.reference.as_mut()?;
         placed.reference.take(&fit);
         let faded = placed.reference.is_faded_in(&fit);
-        let turn = fit.motion.after(placed.turn);
-        let sd_px = fit.sd_px().hypot(placed.sd_px);
+        let turn = fit.sight.motion.after(placed.turn);
+        let sd_px = fit.sight.sd_px().hypot(placed.sd_px);
         self.last = turn;
         if faded {
             // A worse one is not taken.
