@@ -12,7 +12,7 @@ mod tests;
 pub(crate) mod view_lag;
 
 use dataset::geometry::camera::Camera;
-use dataset::numbers::spread::{self, deviation_from_zero};
+use dataset::numbers::spread::{deviation_from_zero, median_of};
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::health::{CameraTurn, HealthState};
 use dataset::tables::pixel_box::PixelBox;
@@ -330,9 +330,5 @@ fn median(places: impl Iterator<Item = DVec2> + Clone) -> DVec2 {
 }
 
 fn median_or_zero(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    spread::median(&mut values)
+    median_of(values).unwrap_or_default()
 }

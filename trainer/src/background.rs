@@ -18,7 +18,7 @@ use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
 use dataset::numbers::limits::{self, Check};
-use dataset::numbers::spread::{deviation_from_zero, median};
+use dataset::numbers::spread::{deviation_from_zero, median_of};
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::work::watch::Watch;
 use glam::{DMat3, DVec2};
@@ -324,7 +324,7 @@ impl Backgrounds {
 
     /// Learns where the cameras usually look in the training's flights, and how much that differs from flight to flight.
     fn learn_spread(&mut self, samples: &Samples, watch: &dyn Watch) -> Result<()> {
-        let mut found: Vec<Vec<([f64; UNKNOWNS], Sight)>> = vec![Vec::new(); self.views.len()];
+        let mut found: Vec<Vec<Sight>> = vec![Vec::new(); self.views.len()];
         watch.begin("backgrounds", samples.scenario_count(Side::Train) as u64);
         for (done, scenario) in samples.scenarios_of(Side::Train).enumerate() {
             watch.check()?;
@@ -332,30 +332,25 @@ impl Backgrounds {
             for (view, found) in self.views.iter().zip(&mut found) {
                 let camera = view.references.camera();
                 let row = background_of(&rows, &view.learned.view, camera);
-                let sight = row.and_then(|(row, background)| view.compared(row, &background));
-                found.extend(sight.map(|sight| (sight.motion.to_px(camera), sight)));
+                found.extend(row.and_then(|(row, background)| view.compared(row, &background)));
             }
             watch.advance(done as u64 + 1, &scenario.id);
         }
         for (view, found) in self.views.iter_mut().zip(found) {
+            let camera = *view.references.camera();
             for unknown in 0..UNKNOWNS {
-                let mut numbers: Vec<f64> = found.iter().map(|(all, _)| all[unknown]).collect();
-                if numbers.is_empty() {
+                let numbers = || found.iter().map(|of| of.motion.to_px(&camera)[unknown]);
+                let of_fits = found.iter().map(|of| of.covariance_px2[unknown][unknown]);
+                let (Some(usual_px), Some(of_fits)) = (median_of(numbers()), median_of(of_fits))
+                else {
                     continue;
-                }
-                let usual_px = median(&mut numbers);
-                let spread_px = deviation_from_zero(numbers.iter().map(|of| of - usual_px));
-                let of_fits = found
-                    .iter()
-                    .map(|(_, sight)| sight.covariance_px2[unknown][unknown]);
-                let of_fits = median(&mut of_fits.collect::<Vec<_>>());
-                let own_px = (spread_px.powi(2) - of_fits).max(0.0).sqrt();
+                };
+                let spread_px = deviation_from_zero(numbers().map(|of| of - usual_px));
                 view.learned.usual_px[unknown] = usual_px;
-                view.learned.spread_px[unknown] = own_px;
+                view.learned.spread_px[unknown] = (spread_px.powi(2) - of_fits).max(0.0).sqrt();
             }
             // A reference in fog shows little of its own direction.
             let expected = view.expected(true);
-            let camera = *view.references.camera();
             let placed = |measured: &Sight| measured.expected_at(&expected, &camera);
             let first = view.references.place(placed);
             view.learned.usual_px = expected.motion.after(first.back()).to_px(&camera);
@@ -527,7 +522,7 @@ impl Backgrounds {
             *observed = self.corrected(observed, &sights[observed.scenario]);
         }
         alignment.aligned = sds_px.len();
-        alignment.median_sd_px = (!sds_px.is_empty()).then(|| median(&mut sds_px));
+        alignment.median_sd_px = median_of(sds_px);
         Ok(alignment)
     }
 
