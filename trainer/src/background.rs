@@ -24,10 +24,9 @@ use dataset::work::watch::Watch;
 use glam::{DMat3, DVec2};
 use serde::{Deserialize, Serialize};
 use sight::background::{self, Background};
-use sight::fit::CONTRADICTS_SD;
 use sight::ground::{Motion, UNKNOWNS};
 use sight::references::{Placed, References};
-use sight::sight::Sight;
+use sight::sight::{CONTRADICTS_SD, Sight};
 
 use crate::error::Result;
 use crate::samples::camera_health::measured;

@@ -15,14 +15,12 @@ use dataset::video::Luma;
 use glam::DVec2;
 
 use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
-use crate::sight::Sight;
+use crate::sight::{CONTRADICTS_SD, Sight};
 pub(crate) use coarse::Coarse;
 use tile::{Tile, tiles_of};
 
 /// Tiles that must agree.
 const MIN_TILES: usize = 8;
-/// Evidence that is further away, in standard deviations, contradicts other evidence; in a mean it counts less than half.
-pub const CONTRADICTS_SD: f64 = 3.0;
 /// Agreeing tiles with less than this part of the usual information about one axis show that the reference fades. With less than half of
 /// that they do not show the direction: in haze, the rest of the ground may look alike wherever the camera looks.
 const FADED: f64 = 0.6;

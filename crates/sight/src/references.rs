@@ -6,9 +6,9 @@ use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
 use crate::background::Background;
-use crate::fit::{CONTRADICTS_SD, Coarse, Freedom, MIN_SD_PX, Reference};
+use crate::fit::{Coarse, Freedom, MIN_SD_PX, Reference};
 use crate::ground::{Ground, Motion, UNKNOWNS};
-use crate::sight::Sight;
+use crate::sight::{CONTRADICTS_SD, Sight};
 
 /// Maximum resemblance of other surroundings ([`Reference::resemblance`]). In 16 flights at four times of day and in four weathers, also by
 /// night and in fog, the same surroundings have at least 0.47, another view's at most 0.07, and mirrored ones at most 0.22.

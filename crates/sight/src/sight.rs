@@ -4,8 +4,10 @@ use dataset::geometry::camera::Camera;
 use dataset::numbers::least_squares::{NormalEquations, inverse};
 use glam::{DMat2, DVec2};
 
-use crate::fit::CONTRADICTS_SD;
 use crate::ground::{Covariance, Motion, SHIFT, UNKNOWNS, slopes};
+
+/// Evidence that is further away, in standard deviations, contradicts other evidence; in a mean it counts less than half.
+pub const CONTRADICTS_SD: f64 = 3.0;
 
 /// A camera's direction and focal length, with their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -94,9 +94,10 @@ impl NormalEquations {
     }
 }
 
-/// Robust fit of `value = row . unknowns` to points, each a row, a value and the scale of its error, and the standard deviation of the scaled
-/// residuals, at least a minimum. A residual of two deviations gets half the weight (Cauchy). `ridge`: mean square of one, which keeps all
-/// unknowns but the first small where the points do not determine them. `None` if they do not and there is none, or if a number is not finite.
+/// Robust fit of `value = row . unknowns` to points, each a row, a value and the scale of its error. Returns the unknowns, and the standard
+/// deviation of the scaled residuals, at least a minimum; a residual of two deviations gets half the weight (Cauchy). `ridge`, a mean
+/// square, keeps all unknowns but the first small where the points do not determine them. `None` if neither determines them, or if a number
+/// is not finite.
 pub fn robust_fit<const N: usize>(
     points: &[([f64; N], f64, f64)],
     ridge: f64,
