@@ -639,22 +639,22 @@ fn background_of<'a>(
 
 /// Training scenarios that differ in weather and time of day, as evenly chosen as possible among those with backgrounds.
 fn references(samples: &Samples) -> Result<Vec<(&ScenarioSummary, Vec<ViewBackground>)>> {
+    let rows_of = |of: &_| Alignment::default().rows_of(of, &samples.detections.hash);
     let mut conditions = BTreeMap::new();
     for scenario in samples.scenarios_of(Side::Train) {
         let condition = (scenario.time_of_day.as_str(), scenario.weather.as_str());
-        if let Entry::Vacant(place) = conditions.entry(condition) {
-            let rows = Alignment::default().rows_of(scenario, &samples.detections.hash)?;
-            if !rows.is_empty() {
-                place.insert((scenario, rows));
-            }
+        if let Entry::Vacant(place) = conditions.entry(condition)
+            && !rows_of(scenario)?.is_empty()
+        {
+            place.insert(scenario);
         }
     }
-    let count = conditions.len().min(MAX_REFERENCES);
-    let step = |index: usize| index * conditions.len() / count;
-    let steps: Vec<usize> = (0..count).map(step).collect();
-    let all = conditions.into_values().enumerate();
-    let chosen = all.filter(|(index, _)| steps.contains(index));
-    Ok(chosen.map(|(_, condition)| condition).collect())
+    let all: Vec<&ScenarioSummary> = conditions.into_values().collect();
+    let count = all.len().min(MAX_REFERENCES);
+    let chosen = (0..count).map(|i| all[i * all.len() / count]);
+    chosen
+        .map(|scenario| Ok((scenario, rows_of(scenario)?)))
+        .collect()
 }
 
 #[cfg(test)]
