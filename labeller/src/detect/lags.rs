@@ -19,7 +19,7 @@ use crate::view_health::view_lag::{CommonSighting, ViewRelation};
 const MAX_LAG_MS: f64 = 10_000.0;
 /// Minimum contradiction between the rows of views with different aircraft, px. Tilt by air leaves 0.2 to 0.4 px, air without tilt 0.05 px,
 /// and boxes scatter by 0.8 px.
-const INCONSISTENT_PX: f64 = 1.0;
+pub(super) const INCONSISTENT_PX: f64 = 1.0;
 /// Minimum contradiction in standard deviations of the flight.
 const INCONSISTENT_SD: f64 = 8.0;
 /// Minimum contradiction as a part of the aircraft's width, because the views see it from two sides.

@@ -27,7 +27,7 @@ impl NormalEquations {
     /// Adds an equation; `row` has a number for each unknown.
     #[inline]
     pub fn add(&mut self, row: &[f64], value: f64, weight: f64) {
-        // For rows of a fixed length, the compiler unrolls the loops over them, but not over the matrix.
+        // Loops over a row of fixed length are unrolled; loops over lines of the matrix would take twice as long.
         let unknowns = row.len();
         let matrix = &mut self.matrix[..unknowns * unknowns];
         let right = &mut self.right[..unknowns];
