@@ -21,22 +21,16 @@ pub enum Spread {
         /// Greatest value.
         max: f64,
     },
-    /// Normal: `{ mean = 10.0, sd = 0.05 }`; truncated at six standard deviations.
+    /// Normal, truncated at six standard deviations: `{ mean = 10.0, sd = 0.05 }`; or redrawn until it is within an interval:
+    /// `{ mean = 0.9, sd = 0.1, min = 0.5, max = 1 }`.
     Normal {
-        /// Middle.
-        mean: f64,
-        /// Standard deviation.
-        sd: f64,
-    },
-    /// Normal, redrawn until it is within an interval: `{ mean = 0.9, sd = 0.1, min = 0.5, max = 1 }`.
-    Truncated {
         /// Mean; within the interval.
         mean: f64,
         /// Standard deviation of the untruncated distribution.
         sd: f64,
-        /// Least value.
+        /// Least value; infinite without an interval.
         min: f64,
-        /// Greatest value.
+        /// Greatest value; infinite without an interval.
         max: f64,
     },
     /// Choice between values, all equally likely: `{ one_of = [5, 7.5, 10] }`.
@@ -68,8 +62,7 @@ impl Spread {
         match self {
             Self::Fixed(value) => *value,
             Self::Uniform { min, max } => min + (max - min) * unit(rng),
-            Self::Normal { mean, sd } => mean + sd * bell(rng),
-            Self::Truncated { mean, sd, min, max } => loop {
+            Self::Normal { mean, sd, min, max } => loop {
                 // The mean is within, and the interval is no narrower than 0.1 standard deviations: at worst one in 26 draws is accepted.
                 let value = mean + sd * bell(rng);
                 if (*min..=*max).contains(&value) {
@@ -90,11 +83,7 @@ impl Spread {
                 min: min + more,
                 max: max + more,
             },
-            Self::Normal { mean, sd } => Self::Normal {
-                mean: mean + more,
-                sd: *sd,
-            },
-            Self::Truncated { mean, sd, min, max } => Self::Truncated {
+            Self::Normal { mean, sd, min, max } => Self::Normal {
                 mean: mean + more,
                 sd: *sd,
                 min: min + more,
@@ -109,8 +98,7 @@ impl Spread {
         match self {
             Self::Fixed(value) => (*value, *value),
             Self::Uniform { min, max } => (*min, *max),
-            Self::Normal { mean, sd } => (mean - 6.0 * sd, mean + 6.0 * sd),
-            Self::Truncated { mean, sd, min, max } => {
+            Self::Normal { mean, sd, min, max } => {
                 (min.max(mean - 6.0 * sd), max.min(mean + 6.0 * sd))
             }
             Self::OneOf(values) => values.iter().fold(
@@ -127,13 +115,13 @@ impl fmt::Display for Spread {
         match self {
             Self::Fixed(value) => write!(f, "{value}"),
             Self::Uniform { min, max } => write!(f, "{{ min = {min}, max = {max} }}"),
-            Self::Normal { mean, sd } => write!(f, "{{ mean = {mean}, sd = {sd} }}"),
-            Self::Truncated { mean, sd, min, max } => {
-                write!(
-                    f,
-                    "{{ mean = {mean}, sd = {sd}, min = {min}, max = {max} }}"
-                )
+            Self::Normal { mean, sd, min, .. } if min.is_infinite() => {
+                write!(f, "{{ mean = {mean}, sd = {sd} }}")
             }
+            Self::Normal { mean, sd, min, max } => write!(
+                f,
+                "{{ mean = {mean}, sd = {sd}, min = {min}, max = {max} }}"
+            ),
             Self::OneOf(values) => write!(f, "{{ one_of = {values:?} }}"),
         }
     }
@@ -192,7 +180,8 @@ impl Table {
         match (min, max, mean, sd, one_of) {
             (Some(min), Some(max), None, None, None) => Ok(Spread::Uniform { min, max }),
             (None, None, Some(mean), Some(sd), None) if sd >= 0.0 => {
-                Ok(Spread::Normal { mean, sd })
+                let [min, max] = [f64::NEG_INFINITY, f64::INFINITY];
+                Ok(Spread::Normal { mean, sd, min, max })
             }
             (Some(min), Some(max), Some(mean), Some(sd), None) => {
                 if !(sd >= 0.0 && min <= mean && mean <= max) {
@@ -203,7 +192,7 @@ impl Table {
                         "min and max are less than {NARROWEST_TRUNCATION_SD} sd apart; expected a wider interval, or {{ min = {min}, max = {max} }} without mean and sd: over so little a bell is flat"
                     ));
                 }
-                Ok(Spread::Truncated { mean, sd, min, max })
+                Ok(Spread::Normal { mean, sd, min, max })
             }
             (None, None, None, None, Some(values)) if !values.is_empty() => {
                 Ok(Spread::OneOf(values))
@@ -328,12 +317,14 @@ mod tests {
             parse("{ mean = 10.0, sd = 0.5 }"),
             Ok(Spread::Normal {
                 mean: 10.0,
-                sd: 0.5
+                sd: 0.5,
+                min: f64::NEG_INFINITY,
+                max: f64::INFINITY
             })
         );
         assert_eq!(
             parse("{ mean = 0.9, sd = 0.1, min = 0.5, max = 1 }"),
-            Ok(Spread::Truncated {
+            Ok(Spread::Normal {
                 mean: 0.9,
                 sd: 0.1,
                 min: 0.5,
@@ -373,10 +364,7 @@ mod tests {
     #[test]
     fn draws_have_the_asked_mean_and_deviation_and_stay_in_range() {
         let mut rng = seed::generator(7);
-        let spread = Spread::Normal {
-            mean: 10.0,
-            sd: 2.0,
-        };
+        let spread = parse("{ mean = 10, sd = 2 }").unwrap();
         let draws: Vec<f64> = (0..20_000).map(|_| spread.draw(&mut rng)).collect();
         let [mean, sd] = mean_and_deviation(draws.into_iter());
         assert!(

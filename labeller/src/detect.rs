@@ -7,7 +7,6 @@
 //! are searched by a different process are left to it. Each worker holds one image and one session, and each scenario in work the
 //! surroundings of boxes whose other view is not decoded yet, so memory does not grow with the corpus.
 
-mod hidden_shakes;
 mod job;
 mod lags;
 mod live_view;

@@ -11,7 +11,7 @@ mod live;
 mod tests;
 
 use dataset::geometry::camera::Camera;
-use dataset::numbers::spread::{self, deviation_from_zero};
+use dataset::numbers::spread::{deviation_from_zero, median_of};
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::health::{CameraTurn, HealthState};
 use dataset::tables::pixel_box::PixelBox;
@@ -25,7 +25,7 @@ pub(crate) use frozen::Change;
 use live::LiveHealth;
 
 /// Version of the measurement; health of other versions is measured again.
-pub(crate) const METHOD: u32 = 9;
+pub(crate) const METHOD: u32 = 10;
 
 /// Ticks and seconds around a tick that decide about it.
 const AROUND_TICKS: usize = 5;
@@ -329,9 +329,5 @@ fn median(places: impl Iterator<Item = DVec2> + Clone) -> DVec2 {
 }
 
 fn median_or_zero(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    spread::median(&mut values)
+    median_of(values).unwrap_or_default()
 }

@@ -6,9 +6,7 @@ use std::time::Instant;
 use dataset::corpus::workshop::new_folder;
 use labeller::detector::{NumberInput, run_numbers};
 use serde::Serialize;
-use trainer::{
-    Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, RunFolder, TOLERANCE,
-};
+use trainer::{Agreement, ExportedModel, ExportedRun, Probes, RunFolder, TOLERANCE};
 
 use super::Outcome;
 use super::output::{Next, finish, print_json};
@@ -95,7 +93,7 @@ fn checked(
     let mut inputs = vec![input("boxes", &probes.boxes[..], 4)];
     if model.takes_registrations {
         let registrations = &probes.registrations[..];
-        inputs.push(input("registrations", registrations, REGISTRATION_NUMBERS));
+        inputs.push(input("registrations", registrations, 2));
     }
     let answers = run_numbers(Path::new(file), &model.onnx, &inputs, library)
         .map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;

@@ -9,24 +9,24 @@
 //! Focal length and horizon come from the planned cameras; the actual directions are not read.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fmt;
-use std::io::Cursor;
 use std::mem;
+use std::ops::Range;
 
 use dataset::corpus::calibration::CameraEntry;
-use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::geometry::camera::Camera;
-use dataset::numbers::spread::{deviation_from_zero, median};
+use dataset::numbers::limits::{self, Check};
+use dataset::numbers::spread::{deviation_from_zero, median_of};
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::work::watch::Watch;
 use glam::{DMat3, DVec2};
-use image::{GrayImage, ImageFormat};
 use serde::{Deserialize, Serialize};
 use sight::background::{self, Background};
 use sight::ground::{Motion, UNKNOWNS};
 use sight::references::{Placed, References};
-use sight::sight::Sight;
+use sight::sight::{CONTRADICTS_SD, Sight};
 
 use crate::error::Result;
 use crate::samples::camera_health::measured;
@@ -39,9 +39,8 @@ const MAX_REFERENCES: usize = 8;
 const ZOOM_SD: f64 = 2e-4;
 /// A camera whose standard deviation before the comparison is smaller stands still, pixels.
 const MIN_SD_PX: f64 = 1e-3;
-/// A camera has moved if it is off by so many pixels, and by so many standard deviations of the training's flights.
+/// A camera has moved if it is off by so many pixels, and contradicts the training's flights.
 const MOVED_PX: f64 = 2.0;
-const MOVED_SD: f64 = 3.0;
 
 /// References of all views.
 #[derive(Debug, Clone)]
@@ -51,16 +50,9 @@ pub(crate) struct Backgrounds {
 
 #[derive(Debug, Clone)]
 struct View {
-    name: String,
-    planned: CameraEntry,
-    /// How the camera of the first reference looked by its calibration, if cameras vary between flights.
-    known: Option<Aim>,
+    /// Its entry in `baselines.json`, without the references.
+    learned: StoredView,
     references: References,
-    /// The usual motion of the training's flights, pixels ([`Motion::to_px`]), and their standard deviations from it.
-    usual_px: [f64; UNKNOWNS],
-    spread_px: [f64; UNKNOWNS],
-    /// Standard deviations of a flight after the training, by the camera's stability alone.
-    stability_px: [f64; UNKNOWNS],
 }
 
 /// A camera's direction and focal length.
@@ -109,6 +101,15 @@ pub struct Alignment {
 }
 
 impl Alignment {
+    /// The backgrounds of a flight.
+    fn rows_of(&mut self, scenario: &ScenarioSummary, model: &str) -> Result<Vec<ViewBackground>> {
+        let rows = scenario.folder.open()?.backgrounds(model)?;
+        if rows.is_none() {
+            self.without_backgrounds.push(scenario.id.clone());
+        }
+        Ok(rows.unwrap_or_default())
+    }
+
     /// Takes what a view shows.
     fn take(&mut self, named: String, shown: Shown) {
         match shown {
@@ -175,18 +176,36 @@ impl fmt::Display for Alignment {
     }
 }
 
-/// `backgrounds` in `baselines.json`: description of the images in `backgrounds.png`, from top to bottom.
+/// `backgrounds` in `baselines.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StoredView {
     view: String,
     planned: CameraEntry,
+    /// How the camera of the first reference looked by its calibration, if cameras vary between flights.
     #[serde(skip_serializing_if = "Option::is_none")]
     known: Option<Aim>,
+    /// The usual motion of the training's flights, pixels ([`Motion::to_px`]), and their standard deviations from it.
     usual_px: [f64; UNKNOWNS],
     spread_px: [f64; UNKNOWNS],
+    /// Standard deviations of a flight after the training, by the camera's stability alone.
     stability_px: [f64; UNKNOWNS],
+    /// The images in `backgrounds.png`, from top to bottom.
     references: Vec<StoredReference>,
+}
+
+impl StoredView {
+    /// Checks the planned camera against the limits.
+    pub(crate) fn check(&self, check: &mut Check) {
+        self.planned.check(check);
+        if let Some(known) = &self.known {
+            check.number(
+                "known focal length",
+                known.focal_px,
+                limits::FOCAL_LENGTH_PX,
+            );
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -204,10 +223,11 @@ impl View {
     fn expected(&self, trains: bool) -> Sight {
         let stability = if trains { 0.0 } else { 1.0 };
         let mut expected = Sight::expected(std::array::from_fn(|unknown| {
-            let sd_px = self.spread_px[unknown].hypot(stability * self.stability_px[unknown]);
+            let of = &self.learned;
+            let sd_px = of.spread_px[unknown].hypot(stability * of.stability_px[unknown]);
             sd_px.max(MIN_SD_PX)
         }));
-        expected.motion = Motion::of_px(self.usual_px, self.references.camera());
+        expected.motion = Motion::of_px(self.learned.usual_px, self.references.camera());
         expected
     }
 
@@ -222,7 +242,8 @@ impl View {
     /// or a zoom in its corners.
     fn moved_px(&self, compared: &Sight) -> Option<DVec2> {
         let camera = self.references.camera();
-        let usual = Motion::of_px(self.usual_px, camera);
+        let usual = Motion::of_px(self.learned.usual_px, camera);
+        let [right_px, down_px, ..] = self.learned.spread_px;
         let size_px = DVec2::new(f64::from(camera.width_px), f64::from(camera.height_px));
         let parts = [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
         let displaced = parts.map(|(right, down)| {
@@ -231,60 +252,53 @@ impl View {
                 usual.usual_px(camera, place_px) - compared.motion.usual_px(camera, place_px);
             let own_px = compared.errors_px(camera, place_px).map(DVec2::length);
             let sd_px = own_px[0].hypot(own_px[1]);
-            (
-                off_px,
-                sd_px.hypot(self.spread_px[0].max(self.spread_px[1])),
-            )
+            (off_px, sd_px.hypot(right_px.max(down_px)))
         });
         let certain = displaced
             .into_iter()
-            .filter(|(off_px, sd_px)| off_px.length() > MOVED_PX.max(MOVED_SD * sd_px));
+            .filter(|(off_px, sd_px)| off_px.length() > MOVED_PX.max(CONTRADICTS_SD * sd_px));
         let largest = certain.max_by(|a, b| a.0.length().total_cmp(&b.0.length()));
         largest.map(|(off_px, _)| off_px)
     }
 }
 
 impl Backgrounds {
-    /// Learns references from the training side, and the usual direction from all its flights. `stability_arcsec`: standard deviation of
-    /// cameras' directions between flights, at least.
+    /// Learns references of views from the training side, and the usual direction from all its flights. `stability_arcsec`: standard
+    /// deviation of cameras' directions between flights, at least.
     pub(crate) fn learn(
         samples: &Samples,
+        views: Range<usize>,
         stability_arcsec: f64,
         watch: &dyn Watch,
     ) -> Result<Self> {
         let rig = &samples.rig;
-        let chosen = references(samples);
-        let mut found = vec![Vec::new(); samples.views.len()];
-        for scenario in &chosen {
-            let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
-            for (view, found) in samples.views.iter().zip(&mut found) {
-                let camera = rig.nominal[view].camera();
-                let background = background_of(&rows, view, &camera);
-                found.extend(background.map(|(_, of)| (scenario.id.clone(), of)));
-            }
-        }
-        let views = samples.views.iter().zip(found).enumerate();
-        let views = views.map(|(index, (name, found))| {
+        let chosen = references(samples)?;
+        let views = views.map(|index| {
+            let name = &samples.views[index];
             let planned = rig.nominal[name].clone();
             let camera = planned.camera();
+            let found = chosen.iter().filter_map(|(scenario, rows)| {
+                let (_, background) = background_of(rows, name, &camera)?;
+                Some((scenario.id.clone(), background))
+            });
             let half_px = f64::from(camera.width_px) / 2.0;
             let angle_rad = (stability_arcsec / 3600.0).to_radians();
             let turn_px = angle_rad * camera.focal_px;
             let zoom_sd = if stability_arcsec > 0.0 { ZOOM_SD } else { 0.0 };
-            let references = References::learn(&camera, found, rig.cameras_vary);
+            let references = References::learn(&camera, found.collect(), rig.cameras_vary);
             let first = references.all().first().map(|first| first.name.clone());
             let first = samples
                 .scenarios
                 .iter()
                 .find(|of| Some(&of.id) == first.as_ref());
-            View {
-                name: name.clone(),
+            let learned = StoredView {
+                view: name.clone(),
                 known: first.filter(|_| rig.cameras_vary).map(|of| Aim {
                     ecef_from_camera: of.cameras[index].ecef_from_camera,
                     focal_px: of.cameras[index].focal_px,
                 }),
                 planned,
-                references,
+                references: Vec::new(),
                 usual_px: [0.0; UNKNOWNS],
                 spread_px: [0.0; UNKNOWNS],
                 stability_px: [
@@ -294,6 +308,10 @@ impl Backgrounds {
                     zoom_sd * half_px,
                     0.0,
                 ],
+            };
+            View {
+                learned,
+                references,
             }
         });
         let mut learned = Self {
@@ -305,48 +323,44 @@ impl Backgrounds {
 
     /// Learns where the cameras usually look in the training's flights, and how much that differs from flight to flight.
     fn learn_spread(&mut self, samples: &Samples, watch: &dyn Watch) -> Result<()> {
-        let mut found: Vec<Vec<([f64; UNKNOWNS], Sight)>> = vec![Vec::new(); self.views.len()];
+        let mut found: Vec<Vec<Sight>> = vec![Vec::new(); self.views.len()];
         watch.begin("backgrounds", samples.scenario_count(Side::Train) as u64);
         for (done, scenario) in samples.scenarios_of(Side::Train).enumerate() {
             watch.check()?;
-            let rows = rows_of(&scenario.folder.open()?, &samples.detections.hash)?;
+            let rows = Alignment::default().rows_of(scenario, &samples.detections.hash)?;
             for (view, found) in self.views.iter().zip(&mut found) {
                 let camera = view.references.camera();
-                let row = background_of(&rows, &view.name, camera);
-                let sight = row.and_then(|(row, background)| view.compared(row, &background));
-                found.extend(sight.map(|sight| (sight.motion.to_px(camera), sight)));
+                let row = background_of(&rows, &view.learned.view, camera);
+                found.extend(row.and_then(|(row, background)| view.compared(row, &background)));
             }
             watch.advance(done as u64 + 1, &scenario.id);
         }
         for (view, found) in self.views.iter_mut().zip(found) {
+            let camera = *view.references.camera();
             for unknown in 0..UNKNOWNS {
-                let mut numbers: Vec<f64> = found.iter().map(|(all, _)| all[unknown]).collect();
-                if numbers.is_empty() {
+                let numbers = || found.iter().map(|of| of.motion.to_px(&camera)[unknown]);
+                let of_fits = found.iter().map(|of| of.covariance_px2[unknown][unknown]);
+                let (Some(usual_px), Some(of_fits)) = (median_of(numbers()), median_of(of_fits))
+                else {
                     continue;
-                }
-                let usual_px = median(&mut numbers);
-                let spread_px = deviation_from_zero(numbers.iter().map(|of| of - usual_px));
-                let of_fits = found
-                    .iter()
-                    .map(|(_, sight)| sight.covariance_px2[unknown][unknown]);
-                let of_fits = median(&mut of_fits.collect::<Vec<_>>());
-                let own_px = (spread_px.powi(2) - of_fits).max(0.0).sqrt();
-                (view.usual_px[unknown], view.spread_px[unknown]) = (usual_px, own_px);
+                };
+                let spread_px = deviation_from_zero(numbers().map(|of| of - usual_px));
+                view.learned.usual_px[unknown] = usual_px;
+                view.learned.spread_px[unknown] = (spread_px.powi(2) - of_fits).max(0.0).sqrt();
             }
             // A reference in fog shows little of its own direction.
             let expected = view.expected(true);
-            let camera = *view.references.camera();
             let placed = |measured: &Sight| measured.expected_at(&expected, &camera);
             let first = view.references.place(placed);
-            view.usual_px = expected.motion.after(first.back()).to_px(&camera);
+            view.learned.usual_px = expected.motion.after(first.back()).to_px(&camera);
         }
         Ok(())
     }
 
-    /// Copy with a view of other backgrounds.
-    pub(crate) fn with_view_of(&self, view: usize, mut other: Self) -> Self {
+    /// Copy with another background of a view.
+    pub(crate) fn with_view_of(&self, view: usize, other: Self) -> Self {
         let mut views = self.views.clone();
-        views[view] = other.views.swap_remove(view);
+        views.splice(view..=view, other.views);
         Self { views }
     }
 
@@ -354,7 +368,7 @@ impl Backgrounds {
     pub(crate) fn elsewhere(mut self) -> Self {
         for view in &mut self.views {
             view.references = References::of(view.references.camera(), Vec::new(), false);
-            view.known = None;
+            view.learned.known = None;
         }
         self
     }
@@ -398,9 +412,10 @@ impl Backgrounds {
         if !of_view.references.is_elsewhere(background) {
             return (Shown::Unknown, Some(expected));
         }
-        let mut others = self.views.iter().filter(|other| other.name != of_view.name);
-        match others.find(|other| other.references.compare(background).is_some()) {
-            Some(other) => (Shown::OtherView(other.name.clone()), None),
+        let others = self.views.iter().enumerate();
+        let mut others = others.filter(|(other, _)| *other != view);
+        match others.find(|(_, other)| other.references.compare(background).is_some()) {
+            Some((_, other)) => (Shown::OtherView(other.learned.view.clone()), None),
             None => (Shown::Elsewhere, None),
         }
     }
@@ -413,17 +428,10 @@ impl Backgrounds {
         alignment: &mut Alignment,
     ) -> Result<Vec<Observation>> {
         let scenario = &samples.scenarios[flight[0].scenario];
-        let rows = scenario
-            .folder
-            .open()?
-            .backgrounds(&samples.detections.hash)?;
-        if rows.is_none() {
-            alignment.without_backgrounds.push(scenario.id.clone());
-        }
-        let rows = rows.unwrap_or_default();
+        let rows = alignment.rows_of(scenario, &samples.detections.hash)?;
         let views = self.views.iter().enumerate();
         let complete = views.filter_map(|(index, view)| {
-            let (row, of) = background_of(&rows, &view.name, view.references.camera())?;
+            let (row, of) = background_of(&rows, &view.learned.view, view.references.camera())?;
             (row.images >= background::IMAGES).then_some((row.tick, index, of))
         });
         let mut complete: Vec<_> = complete.collect();
@@ -436,7 +444,7 @@ impl Backgrounds {
             {
                 let shown = self.show(&mut sights, view, &background);
                 alignment.aligned += usize::from(matches!(shown, Shown::Usual | Shown::Moved(_)));
-                let named = format!("{} {}", scenario.id, self.views[view].name);
+                let named = format!("{} {}", scenario.id, self.views[view].learned.view);
                 alignment.take(named, shown);
             }
             self.corrected(observed, &sights)
@@ -481,16 +489,12 @@ impl Backgrounds {
                 sights.push(of_views);
                 continue;
             }
-            let rows = scenario.folder.open()?.backgrounds(model)?;
-            if rows.is_none() {
-                alignment.without_backgrounds.push(scenario.id.clone());
-            }
-            let rows = rows.unwrap_or_default();
+            let rows = alignment.rows_of(scenario, model)?;
             for (index, view) in self.views.iter().enumerate() {
-                let named = format!("{} {}", scenario.id, view.name);
-                let row = background_of(&rows, &view.name, view.references.camera());
+                let named = format!("{} {}", scenario.id, view.learned.view);
+                let row = background_of(&rows, &view.learned.view, view.references.camera());
                 // Boxes are moved to the direction of the first reference.
-                if let Some(known) = &view.known {
+                if let Some(known) = &view.learned.known {
                     let camera = &mut scenario.cameras[index];
                     camera.ecef_from_camera = known.ecef_from_camera;
                     camera.focal_px = known.focal_px;
@@ -517,7 +521,7 @@ impl Backgrounds {
             *observed = self.corrected(observed, &sights[observed.scenario]);
         }
         alignment.aligned = sds_px.len();
-        alignment.median_sd_px = (!sds_px.is_empty()).then(|| median(&mut sds_px));
+        alignment.median_sd_px = median_of(sds_px);
         Ok(alignment)
     }
 
@@ -554,12 +558,6 @@ impl Backgrounds {
             let camera = view.references.camera();
             let all = view.references.all();
             StoredView {
-                view: view.name.clone(),
-                planned: view.planned.clone(),
-                known: view.known,
-                usual_px: view.usual_px,
-                spread_px: view.spread_px,
-                stability_px: view.stability_px,
                 references: (all.iter())
                     .map(|placed| StoredReference {
                         scenario: placed.name.clone(),
@@ -569,6 +567,7 @@ impl Backgrounds {
                         sd_px: placed.sd_px,
                     })
                     .collect(),
+                ..view.learned.clone()
             }
         };
         self.views.iter().map(stored).collect()
@@ -576,78 +575,53 @@ impl Backgrounds {
 
     /// Reference images, one below the other.
     pub(crate) fn png(&self) -> Vec<u8> {
-        let all = || self.views.iter().flat_map(|view| view.references.all());
-        let width = all().map(|of| of.background.width_px).max().unwrap_or(1);
-        let mut levels: Vec<u8> = Vec::new();
-        for placed in all() {
-            for row in placed
-                .background
-                .levels
-                .chunks_exact(placed.background.width_px)
-            {
-                levels.extend(row);
-                levels.resize(levels.len() + width - row.len(), 0);
-            }
-        }
-        levels.resize(levels.len().max(width), 0);
-        let height = levels.len() / width;
-        let picture = GrayImage::from_raw(width as u32, height as u32, levels);
-        let picture = picture.expect("as many levels as pixels");
-        let mut png = Cursor::new(Vec::new());
-        picture
-            .write_to(&mut png, ImageFormat::Png)
-            .expect("memory takes any image");
-        png.into_inner()
+        let all = self.views.iter().flat_map(|view| view.references.all());
+        let levels = all.flat_map(|placed| &placed.background.levels);
+        let mut levels: Vec<u8> = levels.copied().collect();
+        let width_px = self.views[0].references.camera().width_px as usize;
+        // At least a row, and whole ones if views have images of other widths.
+        levels.resize(levels.len().max(1).next_multiple_of(width_px), 0);
+        background::png_of(levels, width_px)
     }
 
     /// Restores stored references; `None` if the images do not match.
     pub(crate) fn of(stored: &[StoredView], png: &[u8]) -> Option<Self> {
-        let picture = image::load_from_memory_with_format(png, ImageFormat::Png);
-        let picture = picture.ok()?.into_luma8();
-        let width = picture.width() as usize;
-        let mut rows = picture.as_raw().chunks_exact(width.max(1));
+        let mut levels = background::levels_of_png(png, |_| true)?.into_iter();
         let mut views = Vec::new();
         for view in stored {
             let camera = view.planned.camera();
             let width_px = camera.width_px as usize;
-            if width_px == 0 || width_px > width && !view.references.is_empty() {
-                return None;
-            }
             let mut all = Vec::new();
             for placed in &view.references {
-                let count = (camera.height_px as usize).checked_sub(placed.top_px)?;
-                let rows = rows.by_ref().take(count);
-                let levels: Vec<u8> = rows.flat_map(|row| &row[..width_px]).copied().collect();
-                if levels.len() != count * width_px {
-                    return None;
-                }
+                let rows = (camera.height_px as usize).checked_sub(placed.top_px)?;
                 let background = Background {
                     width_px,
                     top_px: placed.top_px,
-                    levels,
+                    levels: levels.by_ref().take(rows * width_px).collect(),
                     images: placed.images,
                     turn: Motion::default(),
                 };
+                if background.levels.len() < rows * width_px {
+                    return None;
+                }
                 let at = (Motion::of_px(placed.motion_px, &camera), placed.sd_px);
-                all.push(Placed::at(placed.scenario.clone(), background, at, &camera));
+                all.push(Placed::at(
+                    placed.scenario.clone(),
+                    background,
+                    at,
+                    &camera,
+                )?);
             }
             views.push(View {
-                name: view.view.clone(),
-                known: view.known,
-                planned: view.planned.clone(),
                 references: References::of(&camera, all, view.known.is_some()),
-                usual_px: view.usual_px,
-                spread_px: view.spread_px,
-                stability_px: view.stability_px,
+                learned: StoredView {
+                    references: Vec::new(),
+                    ..view.clone()
+                },
             });
         }
         Some(Self { views })
     }
-}
-
-/// A flight's backgrounds; empty if `dtd detect` did not keep them.
-fn rows_of(scenario: &OpenScenario, model: &str) -> Result<Vec<ViewBackground>> {
-    Ok(scenario.backgrounds(model)?.unwrap_or_default())
 }
 
 /// The background of a view, with its row.
@@ -663,16 +637,24 @@ fn background_of<'a>(
     ))
 }
 
-/// Training scenarios that differ in weather and time of day, as evenly chosen as possible.
-fn references(samples: &Samples) -> Vec<&ScenarioSummary> {
-    let mut conditions: BTreeMap<(&str, &str), &ScenarioSummary> = BTreeMap::new();
+/// Training scenarios that differ in weather and time of day, as evenly chosen as possible among those with backgrounds.
+fn references(samples: &Samples) -> Result<Vec<(&ScenarioSummary, Vec<ViewBackground>)>> {
+    let rows_of = |of: &_| Alignment::default().rows_of(of, &samples.detections.hash);
+    let mut conditions = BTreeMap::new();
     for scenario in samples.scenarios_of(Side::Train) {
         let condition = (scenario.time_of_day.as_str(), scenario.weather.as_str());
-        conditions.entry(condition).or_insert(scenario);
+        if let Entry::Vacant(place) = conditions.entry(condition)
+            && !rows_of(scenario)?.is_empty()
+        {
+            place.insert(scenario);
+        }
     }
     let all: Vec<&ScenarioSummary> = conditions.into_values().collect();
     let count = all.len().min(MAX_REFERENCES);
-    (0..count).map(|i| all[i * all.len() / count]).collect()
+    let chosen = (0..count).map(|i| all[i * all.len() / count]);
+    chosen
+        .map(|scenario| Ok((scenario, rows_of(scenario)?)))
+        .collect()
 }
 
 #[cfg(test)]

@@ -18,11 +18,8 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
-use crate::networks::estimator_graph::{REGISTRATION_COLUMNS, REGISTRATIONS};
+use crate::networks::estimator_graph::REGISTRATIONS;
 pub use probes::Probes;
-
-/// Number of values per registration.
-pub const REGISTRATION_NUMBERS: usize = REGISTRATION_COLUMNS.len();
 
 /// Maximum difference between a runtime's answers and ours, relative to the distance, at least a nautical mile: the rounding
 /// errors of networks do not shrink with the distance.

@@ -48,9 +48,7 @@ pub use evaluation::metrics::{
 pub use evaluation::prediction::{Predicted, predict};
 pub use evaluation::rules::EvaluationRules;
 pub use evaluation::{EvaluationConfig, evaluate};
-pub use export::{
-    Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, TOLERANCE, export,
-};
+pub use export::{Agreement, ExportedModel, ExportedRun, Probes, TOLERANCE, export};
 pub use networks::stage::EndedBy;
 pub use run::choice::Choice;
 pub use run::fitted_cameras::fitted_cameras;

@@ -37,30 +37,16 @@ pub struct Background {
 impl Background {
     /// The levels as a PNG.
     pub fn png(&self) -> Vec<u8> {
-        let rows = self.levels.len() / self.width_px.max(1);
-        let image = GrayImage::from_raw(self.width_px as u32, rows as u32, self.levels.clone());
-        let mut png = Cursor::new(Vec::new());
-        let image = image.expect("as many levels as pixels");
-        image
-            .write_to(&mut png, ImageFormat::Png)
-            .expect("memory takes any image");
-        png.into_inner()
+        png_of(self.levels.clone(), self.width_px)
     }
 
     /// A background whose levels are a PNG; `None` unless it has the size of the camera's image below this row.
     pub fn of_png(png: &[u8], top_px: usize, images: u32, camera: &Camera) -> Option<Self> {
-        let reader = || ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
         let rows = camera.height_px.checked_sub(u32::try_from(top_px).ok()?)?;
-        let size_px = (camera.width_px, rows);
-        // Before anything is decoded.
-        if reader().into_dimensions().ok()? != size_px {
-            return None;
-        }
-        let image = reader().decode().ok()?.into_luma8();
-        (image.dimensions() == size_px).then(|| Self {
+        Some(Self {
             width_px: camera.width_px as usize,
             top_px,
-            levels: image.into_raw(),
+            levels: levels_of_png(png, |size_px| size_px == (camera.width_px, rows))?,
             images,
             turn: Motion::default(),
         })
@@ -78,6 +64,27 @@ impl Background {
         let above = first.cycle().take(self.top_px * self.width_px);
         above.chain(&self.levels).copied().collect()
     }
+}
+
+/// Grey levels, row after row, as a PNG of this width.
+pub fn png_of(levels: Vec<u8>, width_px: usize) -> Vec<u8> {
+    let rows = levels.len() / width_px.max(1);
+    let image = GrayImage::from_raw(width_px as u32, rows as u32, levels);
+    let mut png = Cursor::new(Vec::new());
+    let image = image.expect("as many levels as pixels");
+    image
+        .write_to(&mut png, ImageFormat::Png)
+        .expect("memory takes any image");
+    png.into_inner()
+}
+
+/// Grey levels of a PNG with an allowed width and height.
+pub fn levels_of_png(png: &[u8], is_allowed: impl Fn((u32, u32)) -> bool) -> Option<Vec<u8>> {
+    let reader = || ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
+    // Before anything is decoded.
+    let is_allowed = is_allowed(reader().into_dimensions().ok()?);
+    let image = is_allowed.then(|| reader().decode().ok()).flatten()?;
+    Some(image.into_luma8().into_raw())
 }
 
 /// Collects the images of a background.

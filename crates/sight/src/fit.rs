@@ -8,18 +8,19 @@
 mod coarse;
 mod tile;
 
+use std::cell::OnceCell;
+
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::video::Luma;
 use glam::DVec2;
 
-use crate::ground::{Covariance, Ground, Motion, UNKNOWNS, shift_sd_px};
-use crate::least_squares::Normal;
-use coarse::Coarse;
+use crate::ground::{Ground, Motion, SHIFT, UNKNOWNS};
+use crate::sight::{CONTRADICTS_SD, Sight};
+pub(crate) use coarse::Coarse;
 use tile::{Tile, tiles_of};
 
 /// Tiles that must agree.
 const MIN_TILES: usize = 8;
-/// A tile or a comparison further from the common motion, in its standard deviations, counts less than half.
-pub(crate) const TOLERATED: f64 = 3.0;
 /// Agreeing tiles with less than this part of the usual information about one axis show that the reference fades. With less than half of
 /// that they do not show the direction: in haze, the rest of the ground may look alike wherever the camera looks.
 const FADED: f64 = 0.6;
@@ -59,18 +60,9 @@ pub struct Reference {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
     /// The motion.
-    pub motion: Motion,
-    /// Its covariance, square pixels ([`Motion::to_px`]).
-    pub covariance_px2: Covariance,
+    pub sight: Sight,
     /// Information of agreeing tiles about both axes.
     tells: DVec2,
-}
-
-impl Fit {
-    /// Standard deviation of the shift, the larger one of both axes, pixels.
-    pub fn sd_px(&self) -> f64 {
-        shift_sd_px(&self.covariance_px2).max(MIN_SD_PX)
-    }
 }
 
 impl Reference {
@@ -96,19 +88,25 @@ impl Reference {
         self.usual = self.usual.max(fit.tells);
     }
 
-    /// Motion near an expected one, or else anywhere.
-    pub fn find(&self, image: &Luma<'_>, expected: Motion, freedom: &Freedom) -> Option<Fit> {
+    /// Motion near an expected one, or else anywhere. `shrunk`: the image for all references of its camera.
+    pub(crate) fn find(
+        &self,
+        image: &Luma<'_>,
+        shrunk: &OnceCell<Coarse>,
+        expected: Motion,
+        freedom: &Freedom,
+    ) -> Option<Fit> {
         let near = self.near(image, expected, freedom);
         match near {
             Some(fit) if !self.is_faded_in(&fit) => Some(fit),
-            near => self.anywhere(image, near, expected, freedom),
+            near => self.anywhere(image, shrunk, near, (expected, freedom)),
         }
     }
 
     /// Correlation of the edges of the ground with another image's, at the shift that fits best; 0 without any edge.
-    pub fn resemblance(&self, image: &Luma<'_>) -> f64 {
-        let other = Coarse::of(image, self.ground.top);
-        let best = self.coarse.best_shift(&other, DVec2::ZERO);
+    pub(crate) fn resemblance(&self, image: &Luma<'_>, shrunk: &OnceCell<Coarse>) -> f64 {
+        let other = shrunk.get_or_init(|| Coarse::of(image, self.ground.top));
+        let best = self.coarse.best_shift(other, DVec2::ZERO);
         best.map_or(0.0, |(_, correlation)| correlation)
     }
 
@@ -116,18 +114,18 @@ impl Reference {
     pub(crate) fn anywhere(
         &self,
         image: &Luma<'_>,
+        shrunk: &OnceCell<Coarse>,
         near: Option<Fit>,
-        expected: Motion,
-        freedom: &Freedom,
+        (expected, freedom): (Motion, &Freedom),
     ) -> Option<Fit> {
-        let other = Coarse::of(image, self.ground.top);
-        let shift_px = self.coarse.shift_to(&other, expected.shift_px)?;
+        let other = shrunk.get_or_init(|| Coarse::of(image, self.ground.top));
+        let shift_px = self.coarse.shift_to(other, expected.shift_px)?;
         let from = Motion {
             shift_px,
             ..expected
         };
         let far = self.near(image, from, freedom);
-        let is_near = |fit: &Fit| shift_px.distance(fit.motion.shift_px) <= COARSE_PX;
+        let is_near = |fit: &Fit| shift_px.distance(fit.sight.motion.shift_px) <= COARSE_PX;
         let fits = [near, far].into_iter().flatten().filter(is_near);
         fits.max_by(|a, b| self.share(a).total_cmp(&self.share(b)))
     }
@@ -163,7 +161,7 @@ impl Reference {
             let mut step = [0.0; UNKNOWNS];
             let mut covariance_px2 = [[0.0; UNKNOWNS]; UNKNOWNS];
             for _ in 0..10 {
-                let mut equations = Normal::<UNKNOWNS>::new();
+                let mut equations = NormalEquations::new(UNKNOWNS);
                 for (unknown, sd_px) in freedom.0.iter().enumerate() {
                     let mut row = [0.0; UNKNOWNS];
                     row[unknown] = 1.0;
@@ -171,22 +169,22 @@ impl Reference {
                 }
                 let (mut squares, mut weights) = (0.0, 0.0);
                 for ((tile, told), misfit) in told.iter().zip(&misfits) {
-                    let weight = 1.0 / (1.0 + f64::powi(misfit / TOLERATED, 2));
+                    let weight = 1.0 / (1.0 + f64::powi(misfit / CONTRADICTS_SD, 2));
                     squares += weight * misfit * misfit;
                     weights += 2.0 * weight;
                     for (row, value, certainty) in told.equations(&tile.slopes) {
                         equations.add(&row, value, weight * certainty);
                     }
                 }
-                step = equations.solve()?;
+                step = equations.solve_for()?;
                 for ((tile, told), misfit) in told.iter().zip(&mut misfits) {
                     *misfit = told.misfit(&tile.slopes, &step);
                 }
                 let spread = (squares / weights).max(1.0);
-                covariance_px2 = (equations.inverse()?).map(|row| row.map(|of| of * spread));
+                covariance_px2 = (equations.inverse_for()?).map(|row| row.map(|of| of * spread));
             }
             let agreeing = told.iter().zip(&misfits);
-            let agreeing = agreeing.filter(|(_, misfit)| **misfit < TOLERATED);
+            let agreeing = agreeing.filter(|(_, misfit)| **misfit < CONTRADICTS_SD);
             let tells: DVec2 = agreeing.clone().map(|((tile, _), _)| tile.tells).sum();
             let longest = step.iter().fold(0.0_f64, |most, step| most.max(step.abs()));
             for (number, step) in numbers.iter_mut().zip(step) {
@@ -194,11 +192,15 @@ impl Reference {
                 *number += step.clamp(-3.0, 3.0);
             }
             if longest < MIN_SD_PX {
-                let fit = Fit {
+                for axis in SHIFT {
+                    let variance_px2 = &mut covariance_px2[axis][axis];
+                    *variance_px2 = variance_px2.max(MIN_SD_PX * MIN_SD_PX);
+                }
+                let sight = Sight {
                     motion: Motion::of_px(numbers, camera),
                     covariance_px2,
-                    tells,
                 };
+                let fit = Fit { sight, tells };
                 let enough = agreeing.count() >= MIN_TILES.max(told.len() / 2);
                 return (enough && self.share(&fit) >= FADED / 2.0).then_some(fit);
             }
@@ -262,8 +264,13 @@ mod tests {
             };
             let levels = image(expected, evening);
             let image = Luma::of(&levels, WIDTH);
-            let found = reference.find(&image, Motion::default(), &Freedom::TURN_AND_ZOOM);
-            let found = found.expect("the ground shows the motion");
+            let found = reference.find(
+                &image,
+                &OnceCell::new(),
+                Motion::default(),
+                &Freedom::TURN_AND_ZOOM,
+            );
+            let found = found.expect("the ground shows the motion").sight;
             let wanted_px = expected.to_px(&camera);
             for (found_px, wanted_px) in found.motion.to_px(&camera).iter().zip(wanted_px) {
                 let error_px = (found_px - wanted_px).abs();

@@ -13,10 +13,15 @@ pub const SHIFT: std::ops::Range<usize> = 0..2;
 /// Square pixels, for the unknowns of [`Motion::to_px`].
 pub type Covariance = [[f64; UNKNOWNS]; UNKNOWNS];
 
-/// Standard deviation of the shift, the larger one of both axes, pixels.
-pub(crate) fn shift_sd_px(covariance_px2: &Covariance) -> f64 {
-    let variances = SHIFT.map(|axis| covariance_px2[axis][axis]);
-    variances.fold(0.0, f64::max).sqrt()
+/// Change of a place with each unknown, at no motion.
+pub(crate) fn slopes(camera: &Camera, place_px: impl Fn(Motion) -> DVec2) -> [DVec2; UNKNOWNS] {
+    const SMALL_PX: f64 = 1e-3;
+    let here_px = place_px(Motion::default());
+    std::array::from_fn(|unknown| {
+        let mut step = [0.0; UNKNOWNS];
+        step[unknown] = SMALL_PX;
+        (place_px(Motion::of_px(step, camera)) - here_px) / SMALL_PX
+    })
 }
 
 /// Motion of the ground between two images.

@@ -15,7 +15,6 @@ pub mod background;
 pub mod fit;
 pub mod ground;
 pub mod lag;
-pub mod least_squares;
 pub mod references;
 pub mod sight;
 pub mod walk;

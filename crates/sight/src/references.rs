@@ -1,12 +1,14 @@
 //! The ground before a camera in some flights of a training, in several lights and weathers.
 
+use std::cell::OnceCell;
+
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
 use crate::background::Background;
-use crate::fit::{Freedom, MIN_SD_PX, Reference, TOLERATED};
+use crate::fit::{Coarse, Freedom, MIN_SD_PX, Reference};
 use crate::ground::{Ground, Motion, UNKNOWNS};
-use crate::sight::Sight;
+use crate::sight::{CONTRADICTS_SD, Sight};
 
 /// Maximum resemblance of other surroundings ([`Reference::resemblance`]). In 16 flights at four times of day and in four weathers, also by
 /// night and in fog, the same surroundings have at least 0.47, another view's at most 0.07, and mirrored ones at most 0.22.
@@ -35,38 +37,39 @@ pub struct Placed {
     pub motion: Motion,
     /// Standard deviation of its shift, pixels.
     pub sd_px: f64,
-    reference: Option<Reference>,
+    reference: Reference,
 }
 
 impl Placed {
-    /// A reference at its motion.
+    /// A reference at its motion; `None` if its background shows too little.
     pub fn at(
         name: String,
         background: Background,
         (motion, sd_px): (Motion, f64),
         camera: &Camera,
-    ) -> Self {
+    ) -> Option<Self> {
         let levels = background.whole();
         let image = Luma::of(&levels, background.width_px);
-        Self {
-            reference: Reference::of(&image, &Ground::of(camera), background.noise_levels()),
+        Some(Self {
+            reference: Reference::of(&image, &Ground::of(camera), background.noise_levels())?,
             name,
             background,
             motion,
             sd_px,
-        }
-    }
-
-    fn information(&self) -> f64 {
-        let reference = self.reference.as_ref();
-        reference.map_or(0.0, Reference::information)
+        })
     }
 
     /// The camera's motion in an image from the first reference.
-    fn compared(&self, image: &Luma<'_>, freedom: &Freedom) -> Option<Sight> {
-        let expected = Motion::default();
-        let fit = self.reference.as_ref()?.find(image, expected, freedom)?;
-        let mut found = Sight::of_fit(&fit);
+    fn compared(
+        &self,
+        image: &Luma<'_>,
+        shrunk: &OnceCell<Coarse>,
+        freedom: &Freedom,
+    ) -> Option<Sight> {
+        let fit = self
+            .reference
+            .find(image, shrunk, Motion::default(), freedom)?;
+        let mut found = fit.sight;
         found.motion = found.motion.after(self.motion);
         // All but the lift of the reference are as uncertain as its shift.
         for unknown in 0..UNKNOWNS - 1 {
@@ -96,16 +99,19 @@ impl References {
         backgrounds: Vec<(String, Background)>,
         can_stand_elsewhere: bool,
     ) -> Self {
-        let placed = backgrounds.into_iter().map(|(name, background)| {
+        let placed = backgrounds.into_iter().filter_map(|(name, background)| {
             Placed::at(name, background, (Motion::default(), 0.0), camera)
         });
-        let mut left: Vec<Placed> = placed.filter(|of| of.reference.is_some()).collect();
+        let mut left: Vec<Placed> = placed.collect();
         let mut known = Self::of(camera, Vec::new(), can_stand_elsewhere);
         if left.is_empty() {
             return known;
         }
         // First the one that shows most, then the most certain one next.
-        left.sort_by(|a, b| b.information().total_cmp(&a.information()));
+        left.sort_by(|a, b| {
+            let [a, b] = [a, b].map(|of| of.reference.information());
+            b.total_cmp(&a)
+        });
         known.all.push(left.remove(0));
         loop {
             let located = left.iter().enumerate();
@@ -154,25 +160,22 @@ impl References {
         let image = Luma::of(&levels, background.width_px);
         let own = Reference::of(&image, &Ground::of(&self.camera), background.noise_levels());
         let own = own.map_or(0.0, |own| own.information());
-        let telling = self.all.iter().filter(|placed| placed.information() > 0.0);
-        let mut all = telling
-            .filter_map(|placed| placed.reference.as_ref())
-            .peekable();
-        own > 0.0
-            && all.peek().is_some()
-            && all.all(|reference| {
-                reference.resemblance(&image) < MAX_OTHER_RESEMBLANCE
-                    && own >= MIN_INFORMATION_PART * reference.information()
-            })
+        let shrunk = OnceCell::new();
+        let is_other = |Placed { reference, .. }: &Placed| {
+            reference.resemblance(&image, &shrunk) < MAX_OTHER_RESEMBLANCE
+                && own >= MIN_INFORMATION_PART * reference.information()
+        };
+        !self.all.is_empty() && self.all.iter().all(is_other)
     }
 
     /// The camera's motion since the training; `None` if the background resembles none of the references.
     pub fn compare(&self, background: &Background) -> Option<Sight> {
         let levels = background.whole();
         let image = Luma::of(&levels, background.width_px);
+        let shrunk = OnceCell::new();
         let compared = self.all.iter();
         let compared: Vec<Sight> = compared
-            .filter_map(|placed| placed.compared(&image, &self.freedom))
+            .filter_map(|placed| placed.compared(&image, &shrunk, &self.freedom))
             .collect();
         let surest = compared
             .iter()
@@ -185,7 +188,7 @@ impl References {
                 .iter()
                 .map(|one| {
                     let away = one.motion.shift_px.distance(found.motion.shift_px) / one.sd_px();
-                    one.sd_px().powi(-2) / (1.0 + (away / TOLERATED).powi(2))
+                    one.sd_px().powi(-2) / (1.0 + (away / CONTRADICTS_SD).powi(2))
                 })
                 .collect();
             let sum: f64 = weights.iter().sum();

@@ -1,14 +1,13 @@
 //! A camera's direction and focal length in a flight, relative to those in the training.
 
 use dataset::geometry::camera::Camera;
+use dataset::numbers::least_squares::{NormalEquations, inverse};
 use glam::{DMat2, DVec2};
 
-use crate::fit::{Fit, MIN_SD_PX};
-use crate::ground::{Covariance, Motion, SHIFT, UNKNOWNS, shift_sd_px};
-use crate::least_squares::{Normal, inverse};
+use crate::ground::{Covariance, Motion, SHIFT, UNKNOWNS, slopes};
 
-/// Evidence contradicts what is expected if they are further apart, in joint standard deviations.
-const CONTRADICTS_SD: f64 = 3.0;
+/// Evidence that is further away, in standard deviations, contradicts other evidence; in a mean it counts less than half.
+pub const CONTRADICTS_SD: f64 = 3.0;
 
 /// A camera's direction and focal length, with their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,33 +31,24 @@ impl Sight {
         }
     }
 
-    /// The motion by a fit.
-    pub(crate) fn of_fit(fit: &Fit) -> Self {
-        let mut covariance_px2 = fit.covariance_px2;
-        SHIFT.for_each(|axis| covariance_px2[axis][axis] += MIN_SD_PX * MIN_SD_PX);
-        Self {
-            motion: fit.motion,
-            covariance_px2,
-        }
-    }
-
     /// Standard deviation of the shift, the larger one of both axes, pixels.
     pub fn sd_px(&self) -> f64 {
-        shift_sd_px(&self.covariance_px2)
+        let variances = SHIFT.map(|axis| self.covariance_px2[axis][axis]);
+        variances.fold(0.0, f64::max).sqrt()
     }
 
     /// Both pieces of evidence together; `None` if a covariance is singular.
     #[must_use]
     pub fn with(&self, other: &Self, camera: &Camera) -> Option<Self> {
-        let mut equations = Normal::<UNKNOWNS>::new();
+        let mut equations = NormalEquations::new(UNKNOWNS);
         for one in [self, other] {
             let values = one.motion.to_px(camera);
-            let information = inverse(one.covariance_px2)?;
+            let information = inverse(&one.covariance_px2)?;
             equations.add_information(&information, &values);
         }
         Some(Self {
-            motion: Motion::of_px(equations.solve()?, camera),
-            covariance_px2: equations.inverse()?,
+            motion: Motion::of_px(equations.solve_for()?, camera),
+            covariance_px2: equations.inverse_for()?,
         })
     }
 
@@ -95,13 +85,8 @@ impl Sight {
 
     /// Displacements of a place in the image by one standard deviation, two independent ones.
     pub fn errors_px(&self, camera: &Camera, place_px: DVec2) -> [DVec2; 2] {
-        const SMALL_PX: f64 = 1e-3;
-        let here_px = self.motion.usual_px(camera, place_px);
-        let slopes: [DVec2; UNKNOWNS] = std::array::from_fn(|unknown| {
-            let mut step = [0.0; UNKNOWNS];
-            step[unknown] = SMALL_PX;
-            let moved = Motion::of_px(step, camera).after(self.motion);
-            (moved.usual_px(camera, place_px) - here_px) / SMALL_PX
+        let slopes = slopes(camera, |step| {
+            step.after(self.motion).usual_px(camera, place_px)
         });
         let mut covariance = DMat2::ZERO;
         for (slope, row) in slopes.iter().zip(self.covariance_px2) {

@@ -4,6 +4,8 @@
 //! the turn of each image from the first one, with its standard deviation, or none where the ground shows too little. When the light has
 //! changed so much that few tiles still resemble the reference, the image becomes the new reference, at its measured turn.
 
+use std::cell::OnceCell;
+
 use dataset::geometry::camera::Camera;
 use dataset::video::Luma;
 
@@ -79,8 +81,8 @@ impl Watched {
         let placed = self.reference.as_mut()?;
         placed.reference.take(&fit);
         let faded = placed.reference.is_faded_in(&fit);
-        let turn = fit.motion.after(placed.turn);
-        let sd_px = fit.sd_px().hypot(placed.sd_px);
+        let turn = fit.sight.motion.after(placed.turn);
+        let sd_px = fit.sight.sd_px().hypot(placed.sd_px);
         self.last = turn;
         if faded {
             // A worse one is not taken.
@@ -115,7 +117,7 @@ impl Watched {
             return None;
         }
         let reference = &self.reference.as_ref()?.reference;
-        let fit = reference.anywhere(image, near, begin, &Freedom::TURN);
+        let fit = reference.anywhere(image, &OnceCell::new(), near, (begin, &Freedom::TURN));
         self.searched(fit.is_some());
         fit
     }

@@ -16,7 +16,7 @@ use dataset::corpus::open_scenario::{OpenScenario, RowFault, fault_of, fault_of_
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::files::json_file::read_json;
 use dataset::files::own_path::own_path;
-use dataset::numbers::limits::{self, MAX_PICTURES, MAX_VIEWS};
+use dataset::numbers::limits::{self, MAX_PICTURES};
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::health::ViewHealth;
 use dataset::tables::image_rows::ImageRow;
@@ -118,9 +118,7 @@ impl OfModel<'_> {
     }
 
     fn check_registrations(&self, faults: &mut Faults) -> Option<Vec<Registration>> {
-        let (file, path) = self.table(detections::REGISTRATIONS, faults)?;
-        let read = Registration::read_with_faults(&path, self.pictures);
-        let rows = faults.keep_table(&file, read)?;
+        let (file, rows) = self.rows(detections::REGISTRATIONS, faults)?;
         let keys = rows.iter().map(|row| {
             let fault = self
                 .record
@@ -132,10 +130,7 @@ impl OfModel<'_> {
     }
 
     fn check_health(&self, faults: &mut Faults) {
-        if let Some((file, path)) = self.table(detections::HEALTH, faults)
-            && let Some(rows) =
-                faults.keep_table(&file, ViewHealth::read_with_faults(&path, self.pictures))
-        {
+        if let Some((file, rows)) = self.rows::<ViewHealth>(detections::HEALTH, faults) {
             let keys = rows.iter().map(|row| {
                 let fault = self
                     .record
@@ -147,12 +142,7 @@ impl OfModel<'_> {
     }
 
     fn check_backgrounds(&self, faults: &mut Faults) {
-        if let Some((file, path)) = self.table(detections::BACKGROUNDS, faults)
-            && let Some(rows) = faults.keep_table(
-                &file,
-                ViewBackground::read_with_faults(&path, MAX_VIEWS as u64),
-            )
-        {
+        if let Some((file, rows)) = self.rows::<ViewBackground>(detections::BACKGROUNDS, faults) {
             let mut views = BTreeSet::new();
             for (number, row) in rows.iter().enumerate() {
                 let fault = self
@@ -166,6 +156,13 @@ impl OfModel<'_> {
                 }
             }
         }
+    }
+
+    /// Name and rows of a table that the record of the detections names.
+    fn rows<R: ImageRow>(&self, parent: &str, faults: &mut Faults) -> Option<(String, Vec<R>)> {
+        let (file, path) = self.table(parent, faults)?;
+        let rows = faults.keep_table(&file, R::read_with_faults(&path, self.pictures))?;
+        Some((file, rows))
     }
 
     /// Name and path of the table that the record of the detections names.

@@ -11,7 +11,7 @@ use std::fmt;
 use dataset::geometry::geodesy::{Geodetic, LatLon};
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
-use dataset::numbers::spread::median;
+use dataset::numbers::spread::median_of;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -241,13 +241,8 @@ impl<'a> ApproachPath<'a> {
     fn rolling_height_m(&self) -> Option<f64> {
         let near = self.states.iter().zip(&self.places);
         let rolling = near.filter(|(state, place)| state.on_ground && place.dtd_m < ROLL_M);
-        let mut heights: Vec<f64> = rolling
-            .map(|(_, place)| place.height_over_target_m)
-            .collect();
-        if heights.is_empty() {
-            return None;
-        }
-        Some(median(&mut heights)).filter(|height_m| height_m.abs() > ROLLING_HEIGHT_M)
+        let height_m = median_of(rolling.map(|(_, place)| place.height_over_target_m));
+        height_m.filter(|height_m| height_m.abs() > ROLLING_HEIGHT_M)
     }
 
     fn range(&self) -> std::ops::Range<usize> {

@@ -6,7 +6,7 @@
 //! explain remain undetected.
 
 use dataset::geometry::runway::Runway;
-use dataset::numbers::spread::median;
+use dataset::numbers::spread::median_of;
 
 use super::arrival::{ArrivalFix, NoArrival};
 
@@ -157,15 +157,10 @@ pub(super) fn line_through_medians(points: &[(f64, f64)]) -> (f64, f64) {
         .iter()
         .zip(further)
         .filter(|(near, far)| far.0 > near.0);
-    let mut slopes: Vec<f64> = pairs
-        .map(|(near, far)| (far.1 - near.1) / (far.0 - near.0))
-        .collect();
-    if slopes.is_empty() {
-        return (0.0, 0.0);
-    }
-    let slope = median(&mut slopes);
-    let mut at_zero: Vec<f64> = sorted.iter().map(|(x, y)| y - slope * x).collect();
-    (median(&mut at_zero), slope)
+    let slopes = pairs.map(|(near, far)| (far.1 - near.1) / (far.0 - near.0));
+    let slope = median_of(slopes).unwrap_or_default();
+    let at_zero = median_of(sorted.iter().map(|(x, y)| y - slope * x));
+    (at_zero.unwrap_or_default(), slope)
 }
 
 impl Line {

@@ -15,7 +15,6 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::geometry::camera::Camera;
 use dataset::work::watch::Watch;
 
-use super::hidden_shakes::add_hidden_shakes;
 use super::lags::add_lags;
 use super::mode::Mode;
 use super::pairs::fitted_cameras::FittedCameras;
@@ -271,7 +270,7 @@ impl ScenarioJob {
         } = ViewFindings::together(views);
         let registered =
             registered.map(|(reference, done)| (reference, done.without_boxes(&detections)));
-        if let Some((reference, done)) = &registered {
+        if let Some((_, done)) = &registered {
             let registrations = &done.registrations;
             add_lags(
                 &self.views,
@@ -280,7 +279,6 @@ impl ScenarioJob {
                 registrations,
                 &mut health,
             );
-            add_hidden_shakes(&self.views, reference, &detections, &mut health);
         }
         let registration = registered
             .as_ref()

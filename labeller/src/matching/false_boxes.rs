@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use dataset::corpus::detections::Detection;
-use dataset::numbers::spread::median;
+use dataset::numbers::spread::median_of;
 use dataset::tables::pixel_box::PixelBox;
 use serde::Serialize;
 
@@ -54,11 +54,7 @@ impl FalseBoxes {
         let of_view = |(view, tracks): (&str, BTreeMap<_, Vec<&Detection>>)| {
             let largest = tracks.values().max_by_key(|boxes| boxes.len())?;
             let middle_px = |centre: fn(&PixelBox) -> f64| {
-                let mut centres: Vec<_> = largest
-                    .iter()
-                    .map(|found| centre(&found.pixel_box))
-                    .collect();
-                median(&mut centres)
+                median_of(largest.iter().map(|found| centre(&found.pixel_box)))
             };
             Some(Self {
                 scenario: scenario.to_owned(),
@@ -66,8 +62,8 @@ impl FalseBoxes {
                 boxes: tracks.values().map(|boxes| boxes.len() as u64).sum(),
                 tracks: tracks.len(),
                 tick: largest.iter().map(|found| found.tick).min()?,
-                cx_px: middle_px(|seen| seen.cx_px),
-                cy_px: middle_px(|seen| seen.cy_px),
+                cx_px: middle_px(|seen| seen.cx_px)?,
+                cy_px: middle_px(|seen| seen.cy_px)?,
             })
         };
         views.into_iter().filter_map(of_view).collect()

@@ -1,9 +1,9 @@
 //! The shift that fits best, and how certain it is.
 
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::registrations::NoShift;
 use glam::{DMat2, DVec2};
-use sight::least_squares::{Normal, inverse};
 
 use super::patch::Cleaned;
 use super::{MARGIN_PX, SEARCH_PX};
@@ -143,11 +143,11 @@ pub(super) fn fit(
             (gain, offset) = level(&pairs).ok_or(NoShift::Different)?;
         }
         weigh(&pairs, gain, offset, &mut weights);
-        let mut normal = Normal::<UNKNOWNS>::new();
+        let mut normal = NormalEquations::new(UNKNOWNS);
         for (pair, weight) in pairs.iter().zip(&weights) {
             normal.add(&derivatives(pair), pair.residual(gain, offset), *weight);
         }
-        let step = normal.solve().ok_or(NoShift::Different)?;
+        let step: [f64; UNKNOWNS] = normal.solve_for().ok_or(NoShift::Different)?;
         let moved = DVec2::new(-step[0], -step[1]);
         if !moved.is_finite() {
             return Err(NoShift::Lost);
@@ -295,11 +295,11 @@ fn derivatives(pair: &Pair) -> [f64; UNKNOWNS] {
 
 /// Contrast and brightness that fit best without a shift.
 fn level(pairs: &[Pair]) -> Option<(f64, f64)> {
-    let mut normal = Normal::<2>::new();
+    let mut normal = NormalEquations::new(2);
     for pair in pairs {
         normal.add(&[pair.template, 1.0], pair.view, 1.0);
     }
-    let [gain, offset] = normal.solve()?;
+    let [gain, offset] = normal.solve_for()?;
     Some((gain, offset))
 }
 
@@ -320,7 +320,7 @@ fn scatter(
     offset: f64,
 ) -> Option<DVec2> {
     let width = template.columns.len();
-    let mut normal = Normal::<UNKNOWNS>::new();
+    let mut normal = NormalEquations::new(UNKNOWNS);
     let mut scores = Vec::with_capacity(pairs.len());
     for (pair, weight) in pairs.iter().zip(weights) {
         let row = derivatives(pair);
@@ -328,7 +328,7 @@ fn scatter(
         normal.add(&row, residual, *weight);
         scores.push(row.map(|derivative| weight * residual * derivative));
     }
-    let inverse = inverse(normal.matrix())?;
+    let inverse = normal.inverse()?;
     // Only the first two rows are needed: the influence of each pixel on the shift.
     let influence: Vec<DVec2> = scores
         .iter()
@@ -372,7 +372,7 @@ fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
 
 /// Relative growth of the aircraft in the view beyond the scale given by the cameras; fitted after the shift, which it does not change.
 fn growth(pairs: &[Pair], weights: &[f64], gain: f64, offset: f64) -> f64 {
-    let mut normal = Normal::<5>::new();
+    let mut normal = NormalEquations::new(5);
     for (pair, weight) in pairs.iter().zip(weights) {
         let [dx, dy, contrast, brightness] = derivatives(pair);
         let row = [dx, dy, contrast, brightness, pair.slope.dot(pair.offset)];

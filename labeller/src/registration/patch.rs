@@ -2,12 +2,12 @@
 
 use std::iter::repeat_n;
 
+use dataset::numbers::least_squares::robust_fit;
 use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
 use dataset::video::PicturePart;
 use glam::DVec2;
-use sight::least_squares::Normal;
 
 use super::{MIN_CONTRAST, SEARCH_PART};
 use crate::detector::PictureView;
@@ -246,21 +246,9 @@ impl Cleaned {
         };
         let shown: Vec<_> = ring
             .iter()
-            .map(|index| (terms(*index), self.values[*index]))
+            .map(|index| (terms(*index), self.values[*index], 1.0))
             .collect();
-        let mut fitted = [0.0; 6];
-        let mut sd = f64::INFINITY;
-        for _ in 0..ROUNDS {
-            let mut normal = Normal::<6>::new();
-            for (row, shown) in &shown {
-                let misfit = (shown - value(*row, &fitted)) / (2.0 * sd);
-                normal.add(row, *shown, 1.0 / (1.0 + misfit * misfit));
-            }
-            fitted = normal.solve().ok_or(NoShift::Edge)?;
-            let misfits = shown.iter();
-            sd = deviation_from_zero(misfits.map(|(row, shown)| shown - value(*row, &fitted)))
-                .max(MIN_NOISE);
-        }
+        let (fitted, _) = robust_fit(&shown, 0.0, MIN_NOISE, ROUNDS).ok_or(NoShift::Edge)?;
         let clean: Vec<f64> = (0..self.values.len())
             .map(|index| self.values[index] - value(terms(index), &fitted))
             .collect();

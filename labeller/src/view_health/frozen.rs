@@ -4,6 +4,7 @@
 //! The change that the aircraft's motion should make must be several times the measured one or, with seconds between the images, all images
 //! around must have changed far more: haze moves too.
 
+use dataset::numbers::spread::median_slope;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
@@ -203,7 +204,8 @@ fn moves(
         .filter_map(|tick| Some((looks[tick].time_s, confirmed[tick]?)))
         .collect();
     let rate = |value: fn(&PixelBox) -> f64| {
-        slope(boxes.iter().map(|(time_s, seen)| (*time_s, value(seen))))
+        let values = boxes.iter().map(|(time_s, seen)| (*time_s, value(seen)));
+        median_slope(values).unwrap_or_default()
     };
     let moved_px_s = DVec2::new(rate(|seen| seen.cx_px), rate(|seen| seen.cy_px));
     let grown_s = rate(|seen| seen.width_px.max(1.0).ln());
@@ -218,12 +220,4 @@ fn moves(
         expected = expected.max(whole);
     }
     expected >= MIN_EXPECTED_LEVELS && expected >= MIN_RATIO * levels
-}
-
-/// Slope of values over time: the median over pairs (Theil and Sen).
-pub(super) fn slope(values: impl Iterator<Item = (f64, f64)>) -> f64 {
-    let values: Vec<_> = values.collect();
-    let pairs = (0..values.len()).flat_map(|i| (0..i).map(move |k| (i, k)));
-    let slopes = pairs.map(|(i, k)| (values[i].1 - values[k].1) / (values[i].0 - values[k].0));
-    median_or_zero(slopes.filter(|slope| slope.is_finite()))
 }

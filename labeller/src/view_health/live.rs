@@ -5,13 +5,14 @@
 
 use std::collections::VecDeque;
 
+use dataset::numbers::spread::median_slope;
 use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use sight::ground::Motion;
 use sight::watched::Measured;
 
-use super::frozen::{MIN_RATIO, ROW_STEP, slope};
+use super::frozen::{MIN_RATIO, ROW_STEP};
 use super::{AROUND_S, AROUND_TICKS, Look, direction_at, median, median_or_zero, off_from};
 
 /// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
@@ -186,7 +187,8 @@ impl ExpectedMotion {
             return None;
         }
         let rate = |value: fn(&PixelBox) -> f64| {
-            slope(before.iter().map(|(at_s, seen)| (*at_s, value(seen))))
+            let values = before.iter().map(|(at_s, seen)| (*at_s, value(seen)));
+            median_slope(values).unwrap_or_default()
         };
         let moved = |right: f64, down: f64, wider: f64| right.hypot(down).hypot(wider / 2.0);
         let expected_px_s = moved(

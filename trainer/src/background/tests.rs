@@ -82,14 +82,18 @@ fn elsewhere(place: DVec2) -> f64 {
 fn view(name: &str, backgrounds: Vec<Background>) -> View {
     let named = backgrounds.into_iter().enumerate();
     let named = named.map(|(index, background)| (format!("flight {index}"), background));
-    View {
-        name: name.into(),
+    let learned = StoredView {
+        view: name.into(),
         planned: planned(),
         known: None,
-        references: References::learn(&planned().camera(), named.collect(), false),
         usual_px: [0.0; UNKNOWNS],
         spread_px: [0.0; UNKNOWNS],
         stability_px: [STABILITY_PX, STABILITY_PX, 0.04, 0.08, 0.0],
+        references: Vec::new(),
+    };
+    View {
+        learned,
+        references: References::learn(&planned().camera(), named.collect(), false),
     }
 }
 

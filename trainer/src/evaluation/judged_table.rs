@@ -16,7 +16,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::corpus::splits::Side;
 use dataset::files::json_file::write_json_unsynced;
-use dataset::numbers::spread::median;
+use dataset::numbers::spread::median_of;
 use dataset::tables::columns::TableWriter;
 use dataset::work::watch::Watch;
 use serde::{Deserialize, Serialize};
@@ -194,11 +194,9 @@ fn refuse_other_unit(
 ) -> std::result::Result<(), String> {
     let ticks = predicted.distances_m.iter().zip(judged);
     let ratios = ticks.filter_map(|(distance_m, sample)| Some((*distance_m)? / sample.dtd_m));
-    let mut ratios: Vec<f64> = ratios.collect();
-    if ratios.is_empty() {
+    let Some(median_ratio) = median_of(ratios) else {
         return Ok(());
-    }
-    let median_ratio = median(&mut ratios);
+    };
     let name = &predicted.name;
     // Hardly trained estimators may answer below zero, but not by this factor.
     if (median_ratio + 1.0).abs() <= TOLERANCE {

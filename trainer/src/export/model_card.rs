@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::evaluation::metrics::{ErrorFigures, Metrics};
-use crate::export::{ExportedModel, REGISTRATION_COLUMNS, TOLERANCE};
+use crate::export::{ExportedModel, TOLERANCE};
 use crate::run::estimator::{Description, Estimator};
 use crate::run::trained::TrainedRun;
 
@@ -71,9 +71,9 @@ fn inputs(card: &mut String, run: &TrainedRun) {
          - `boxes` `[batch, {views}, 4]`: the aircraft's box in each view, in this order: {}. Centre right, centre down, width, height in \
          pixels of the full image; pixel (0, 0) is the centre of the top-left pixel. A box that the edge of the image cuts off is no \
          measurement: leave it out.\n\
-         - `registrations` `[batch, {views}, {}]`, for `inverse_range.onnx` only: {} of `registrations/*.parquet`, the first two of them \
+         - `registrations` `[batch, {views}, 2]`, for `inverse_range.onnx` only: `dx_px` and `dy_px` of `registrations/*.parquet`, \
          where the aircraft of a view is, right and down of where it is in the reference view, in pixels. 0, 0 for the reference view \
-         itself, whose other columns are ignored. Give only registrations of the object in the boxes.\n\
+         itself. Give only registrations of the object in the boxes.\n\
          - `distance_m` `[batch]`: distance to touchdown in metres.\n\n\
          A view that saw nothing has four NaN in `boxes`; a view that is not registered has NaN in `registrations`. A missing view is not \
          guessed: `paper_lstm` leaves it out of its sequence, the monoscopic estimators average over the others, and `inverse_range` \
@@ -82,11 +82,7 @@ fn inputs(card: &mut String, run: &TrainedRun) {
          Boxes unlike those of the training side count as missing, as in `dtd evaluate`, which also compares the views \
          over time and corrects cameras that moved or shook:\n\n\
          | view | image | centre right | centre down | width | height |\n|---|---|---|---|---|---|\n",
-        normalisation.views.join(", "),
-        REGISTRATION_COLUMNS.len(),
-        REGISTRATION_COLUMNS
-            .map(|column| format!("`{column}`"))
-            .join(", ")
+        normalisation.views.join(", ")
     );
     for (view, name) in normalisation.views.iter().enumerate() {
         let picture = run.summary.cameras.get(name).map_or("–".into(), |camera| {

@@ -11,7 +11,7 @@ use crate::samples::view_shift::ViewShift;
 use crate::samples::{Look, Observation};
 
 const TICKS: usize = 500;
-/// Share of empty views, of false boxes, and of missing shifts and correlations.
+/// Share of empty views, of false boxes, and of missing shifts.
 const SPOILT: f64 = 0.2;
 /// Maximum deviation of the shifts from the difference between the boxes, pixels.
 const APART_PX: f64 = 2.0;
@@ -25,7 +25,7 @@ pub struct Probes {
     pub views: usize,
     /// `[ticks, views, 4]`.
     pub boxes: Vec<f64>,
-    /// `[ticks, views, 7]`.
+    /// `[ticks, views, 2]`.
     pub registrations: Vec<f64>,
 }
 
@@ -56,18 +56,10 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
                 (registered && view > 0).then(|| ViewShift {
                     reference: 0,
                     shift_px: centre(seen) - centre(reference) + apart,
-                    sd_px: DVec2::new(
-                        random.random_range(0.02..0.2),
-                        random.random_range(0.02..0.2),
-                    ),
-                    scale: random.random_range(0.95..1.05),
-                    gain: random.random_range(0.7..1.4),
-                    // A shift may come without the rest.
-                    correlation: if random.random_bool(SPOILT) {
-                        f64::NAN
-                    } else {
-                        random.random_range(0.8..1.0)
-                    },
+                    sd_px: DVec2::splat(0.1),
+                    scale: 1.0,
+                    gain: 1.0,
+                    correlation: 1.0,
                 })
             })
             .collect();
@@ -75,17 +67,12 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             probes.boxes.extend(seen.map_or([f64::NAN; 4], |b| {
                 [b.cx_px, b.cy_px, b.width_px, b.height_px]
             }));
-            let (shift_px, quality) = match shift {
-                None if view == 0 => (DVec2::ZERO, [f64::NAN; 5]),
-                None => (DVec2::NAN, [f64::NAN; 5]),
-                Some(shift) => {
-                    let DVec2 { x, y } = shift.sd_px;
-                    let quality = [x, y, shift.scale, shift.gain, shift.correlation];
-                    (shift.shift_px, quality)
-                }
+            let shift_px = match shift {
+                None if view == 0 => DVec2::ZERO,
+                None => DVec2::NAN,
+                Some(shift) => shift.shift_px,
             };
             probes.registrations.extend(shift_px.to_array());
-            probes.registrations.extend(quality);
         }
         let observed = Observation {
             scenario: 0,

@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 
 use dataset::geometry::camera::Camera;
-use dataset::numbers::spread::{Spread, median};
+use dataset::numbers::spread::{Spread, median_of, median_slope};
 use glam::DVec2;
 
 use super::cameras_of;
@@ -164,10 +164,9 @@ fn climb_mps(seen: &[&TrackPoint], closing: Slope) -> Option<(f64, f64)> {
             .collect()
     };
     let elevations = (0..views).map(of_view).max_by_key(Vec::len)?;
-    let mut angles: Vec<f64> = elevations.iter().map(|(_, angle)| *angle).collect();
+    let elevation = median_of(elevations.iter().map(|(_, angle)| *angle))?;
     let slope = Slope::of(elevations, MIN_ELEVATION_SD)?;
-    let mut ranges_m: Vec<f64> = seen.iter().map(|seen| seen.range_m).collect();
-    let (elevation, range_m) = (median(&mut angles), median(&mut ranges_m));
+    let range_m = median_of(seen.iter().map(|seen| seen.range_m))?;
     let climb_mps = closing.per_s * elevation.sin() + range_m * slope.per_s * elevation.cos();
     let sd_mps = (closing.sd * elevation.sin()).hypot(range_m * slope.sd);
     Some((climb_mps, sd_mps))
@@ -210,16 +209,7 @@ impl Slope {
         if numbers.len() < MIN_COUNT {
             return None;
         }
-        let pairs =
-            (0..numbers.len()).flat_map(|later| (0..later).map(move |first| [first, later]));
-        let mut slopes: Vec<f64> = pairs
-            .map(|[first, later]| {
-                let [(first_s, first), (later_s, later)] = [numbers[first], numbers[later]];
-                (later - first) / (later_s - first_s)
-            })
-            .filter(|slope| slope.is_finite())
-            .collect();
-        let per_s = median(&mut slopes);
+        let per_s = median_slope(numbers.iter().copied())?;
         let residuals = numbers.iter().map(|(at_s, number)| number - per_s * at_s);
         let spread = Spread::of(residuals.collect())?;
         let independent = (numbers.len() as f64 / ALIKE).max(1.0);

@@ -12,19 +12,9 @@ use crate::networks::normalisation::{BOX_FEATURES, Normalisation};
 
 /// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN for an empty view.
 pub(crate) const BOXES: &str = "boxes";
-/// Input: `[batch, views, 7]`, [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` for a view. The shift of the reference view to itself
-/// is 0; NaN marks a missing registration. If only the shift is given, no network corrects the formula.
+/// Input: `[batch, views, 2]`, `dx_px` and `dy_px` of `registrations/*.parquet` for a view. The shift of the reference view to itself is 0;
+/// NaN marks a missing registration.
 pub(crate) const REGISTRATIONS: &str = "registrations";
-/// Registration columns.
-pub(crate) const REGISTRATION_COLUMNS: [&str; 7] = [
-    "dx_px",
-    "dy_px",
-    "sd_x_px",
-    "sd_y_px",
-    "scale",
-    "gain",
-    "correlation",
-];
 /// Output: `[batch]`, metres; NaN for no answer.
 const DISTANCE: &str = "distance_m";
 
@@ -183,7 +173,7 @@ impl<'a> EstimatorGraph<'a> {
         };
         let mut inputs = vec![input(BOXES, BOX_FEATURES as i64)];
         if self.takes_registrations {
-            inputs.push(input(REGISTRATIONS, REGISTRATION_COLUMNS.len() as i64));
+            inputs.push(input(REGISTRATIONS, 2));
         }
         let names = self.normalisation.views.join(",");
         let texts = ModelTexts {

@@ -259,6 +259,9 @@ fn check_numbers(
     if let Some(fitted) = &baselines.self_calibrated {
         check.part("self_calibrated", |check| fitted.check(check));
     }
+    for view in &baselines.backgrounds {
+        check.part("backgrounds", |check| view.check(check));
+    }
     if let Some(fault) = std::mem::take(check).first() {
         return Err(sealed.refused(RunFolder::BASELINES, format!("{fault}; train again")));
     }

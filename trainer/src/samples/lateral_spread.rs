@@ -1,6 +1,6 @@
 //! Lateral spread of training flights around their common path.
 
-use dataset::numbers::spread::{mean_and_deviation, median};
+use dataset::numbers::spread::{mean_and_deviation, median_of};
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::samples::Sample;
@@ -23,11 +23,7 @@ pub(crate) fn lateral_spread_m(samples: &[&Sample]) -> f64 {
     }
     let filled = bins.iter().filter(|bin| bin.len() >= MIN_TICKS);
     let deviations = filled.map(|bin| mean_and_deviation(bin.iter().copied())[1]);
-    let mut spreads: Vec<f64> = deviations.collect();
-    if spreads.is_empty() {
-        return 0.0;
-    }
-    median(&mut spreads)
+    median_of(deviations).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -27,10 +27,8 @@ use contradiction::contradictions_line;
 use dropped_boxes::TrainingDrops;
 pub(crate) use dropped_boxes::{DroppedBoxes, DroppedByView};
 
-/// Maximum number of boxes per view in a fit; more have little effect, ...
+/// Maximum number of boxes per view in a fit; more have little effect.
 const MAX_BOXES: usize = 2_000;
-/// ... but each scenario keeps enough for its offset.
-const MIN_BOXES_OF_SCENARIO: usize = 32;
 
 /// Fitted cameras, one per view.
 #[derive(Debug, Clone)]
@@ -57,12 +55,7 @@ impl TrainingCameras {
             });
             let boxes: Vec<LabelledBox> = boxes.collect();
             let step = boxes.len().div_ceil(MAX_BOXES).max(1);
-            let thinned = |flight: &[LabelledBox]| {
-                let step = step.min(flight.len() / MIN_BOXES_OF_SCENARIO).max(1);
-                flight.iter().step_by(step).copied().collect::<Vec<_>>()
-            };
-            let flights = boxes.chunk_by(|a, b| a.scenario == b.scenario);
-            CameraFit::of(&flights.flat_map(thinned).collect::<Vec<_>>())
+            CameraFit::of(&boxes.into_iter().step_by(step).collect::<Vec<_>>())
         };
         let views = samples.views.len();
         let mut cameras = Self {
@@ -128,6 +121,6 @@ impl TrainingCameras {
     /// Expected image position of the aircraft, pixels.
     fn place_px(&self, view: usize, sample: &Sample) -> Option<DVec2> {
         let camera = &self.stated[sample.scenario][view];
-        self.fits[view].place_px(sample.scenario, camera, sample.position.to_ecef())
+        self.fits[view].place_px(camera, sample.position.to_ecef())
     }
 }

@@ -146,7 +146,7 @@ impl Flights {
 
 /// Learns the camera directions, and corrects boxes and shifts on the training and validation sides.
 fn align(samples: &mut Samples, stability_arcsec: f64, watch: &dyn Watch) -> Result<Backgrounds> {
-    let backgrounds = Backgrounds::learn(samples, stability_arcsec, watch)?;
+    let backgrounds = Backgrounds::learn(samples, 0..samples.views.len(), stability_arcsec, watch)?;
     let alignment = backgrounds.align(samples, (&[Side::Train, Side::Validation], true), watch)?;
     alignment.report(watch);
     Ok(backgrounds)

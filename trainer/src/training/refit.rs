@@ -102,7 +102,7 @@ pub fn refit(
     samples.put_in_time(&[Side::Train], &[]);
     let mut after = before.clone();
     let stability_arcsec = before.config.camera_stability_arcsec;
-    let seen = Backgrounds::learn(&samples, stability_arcsec, watch)?;
+    let seen = Backgrounds::learn(&samples, view..view + 1, stability_arcsec, watch)?;
     after.backgrounds = before.backgrounds.with_view_of(view, seen);
     after.baselines.backgrounds = after.backgrounds.stored();
     let alignment = (after.backgrounds).align(&mut samples, (&[Side::Train], false), watch)?;

@@ -202,16 +202,7 @@ impl OpenScenario {
     /// # Errors
     /// They were made from other videos, or the table is not the one that was written.
     pub fn registrations(&self, model: &str) -> Result<Option<Vec<Registration>>> {
-        let Some((path, content)) = self.table(detections::REGISTRATIONS, model)? else {
-            return Ok(None);
-        };
-        let record = self.record()?;
-        let rows = Registration::parse(content, &path, record.pictures())?;
-        refuse_faults(
-            &path,
-            rows.iter().map(|row| fault_of_registration(row, &record)),
-        )?;
-        Ok(Some(rows))
+        self.rows(detections::REGISTRATIONS, model, fault_of_registration)
     }
 
     /// The condition of the cameras, tick by tick, from the images that a model's detections were made from; `None` if `dtd detect` was run
@@ -220,16 +211,8 @@ impl OpenScenario {
     /// # Errors
     /// It was measured in other videos, or the table is not the one that was written.
     pub fn health(&self, model: &str) -> Result<Option<Vec<ViewHealth>>> {
-        let Some((path, content)) = self.table(detections::HEALTH, model)? else {
-            return Ok(None);
-        };
-        let record = self.record()?;
-        let rows = ViewHealth::parse(content, &path, record.pictures())?;
-        let faults = rows
-            .iter()
-            .map(|row| fault_of(row.tick, &row.view, &record));
-        refuse_faults(&path, faults)?;
-        Ok(Some(rows))
+        let fault = |row: &ViewHealth, record: &_| fault_of(row.tick, &row.view, record);
+        self.rows(detections::HEALTH, model, fault)
     }
 
     /// The background of each camera in the images that a model's detections were made from; `None` if an earlier version of `dtd detect`
@@ -238,15 +221,23 @@ impl OpenScenario {
     /// # Errors
     /// It was made from other videos, or the table is not the one that was written.
     pub fn backgrounds(&self, model: &str) -> Result<Option<Vec<ViewBackground>>> {
-        let Some((path, content)) = self.table(detections::BACKGROUNDS, model)? else {
+        let fault = |row: &ViewBackground, record: &_| fault_of(row.tick, &row.view, record);
+        self.rows(detections::BACKGROUNDS, model, fault)
+    }
+
+    /// The rows of a table of the model's detections; `None` if their record names none.
+    fn rows<R: ImageRow>(
+        &self,
+        folder: &str,
+        model: &str,
+        fault: impl Fn(&R, &ScenarioRecord) -> Option<RowFault>,
+    ) -> Result<Option<Vec<R>>> {
+        let Some((path, content)) = self.table(folder, model)? else {
             return Ok(None);
         };
         let record = self.record()?;
-        let rows = ViewBackground::parse(content, &path, record.views.len() as u64)?;
-        let faults = rows
-            .iter()
-            .map(|row| fault_of(row.tick, &row.view, &record));
-        refuse_faults(&path, faults)?;
+        let rows = R::parse(content, &path, record.pictures())?;
+        refuse_faults(&path, rows.iter().map(|row| fault(row, &record)))?;
         Ok(Some(rows))
     }
 

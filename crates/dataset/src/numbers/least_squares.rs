@@ -1,7 +1,11 @@
-//! Weighted linear least squares with a few unknowns, by their normal equations.
+//! Weighted linear least squares with a few unknowns, by their normal equations, and robust ones, in which outliers count less.
+
+use crate::numbers::spread::deviation_from_zero;
 
 /// A pivot below this part of the diagonal element is pure rounding error: the unknown follows from the others.
 const SINGULAR: f64 = 1e-14;
+/// Residual with half the maximum weight in a robust fit, in standard deviations.
+const HALF_WEIGHT: f64 = 2.0;
 
 /// The normal equations of `value = row . unknowns`, filled row by row.
 #[derive(Debug, Clone)]
@@ -23,14 +27,30 @@ impl NormalEquations {
     /// Adds an equation; `row` has a number for each unknown.
     #[inline]
     pub fn add(&mut self, row: &[f64], value: f64, weight: f64) {
-        let unknowns = self.right.len();
-        let lines = self.matrix.chunks_exact_mut(unknowns.max(1));
-        for (i, ((line, right), &a)) in lines.zip(&mut self.right).zip(row).enumerate() {
+        // Loops over a row of fixed length are unrolled; loops over lines of the matrix would take twice as long.
+        let unknowns = row.len();
+        let matrix = &mut self.matrix[..unknowns * unknowns];
+        let right = &mut self.right[..unknowns];
+        for (j, a) in row.iter().enumerate() {
             let weighted = weight * a;
-            *right += weighted * value;
-            for (sum, &b) in line[i..].iter_mut().zip(&row[i..]) {
-                *sum += weighted * b;
+            right[j] += weighted * value;
+            for (i, b) in row.iter().enumerate().take(j + 1) {
+                matrix[i * unknowns + j] += weighted * b;
             }
+        }
+    }
+
+    /// Adds knowledge of all unknowns: their values, with an information matrix.
+    pub fn add_information<const N: usize>(
+        &mut self,
+        information: &[[f64; N]; N],
+        values: &[f64; N],
+    ) {
+        for (sum, part) in self.matrix.iter_mut().zip(information.as_flattened()) {
+            *sum += part;
+        }
+        for (right, row) in self.right.iter_mut().zip(information) {
+            *right += dot(row, values);
         }
     }
 
@@ -65,6 +85,60 @@ impl NormalEquations {
         };
         (0..unknowns).map(row).collect()
     }
+
+    /// Like [`Self::inverse`] for a known number of unknowns.
+    pub fn inverse_for<const N: usize>(&self) -> Option<[[f64; N]; N]> {
+        let inverse = self.inverse()?;
+        (inverse.len() == N)
+            .then(|| std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j])))
+    }
+}
+
+/// Robust fit of `value = row . unknowns` to points, each a row, a value and the scale of its error. Returns the unknowns, and the standard
+/// deviation of the scaled residuals, at least a minimum; a residual of two deviations gets half the weight (Cauchy). `ridge`, a mean
+/// square, keeps all unknowns but the first small where the points do not determine them. `None` if neither determines them, or if a number
+/// is not finite.
+pub fn robust_fit<const N: usize>(
+    points: &[([f64; N], f64, f64)],
+    ridge: f64,
+    min_deviation: f64,
+    rounds: usize,
+) -> Option<([f64; N], f64)> {
+    let mut weights = vec![1.0; points.len()];
+    let mut fitted = None;
+    for _ in 0..rounds {
+        let mut equations = NormalEquations::new(N);
+        let mut sum = 0.0;
+        for ((row, value, scale), weight) in points.iter().zip(&weights) {
+            let weight = weight / (scale * scale);
+            equations.add(row, *value, weight);
+            sum += weight;
+        }
+        for unknown in 1..N {
+            equations.matrix[unknown * (N + 1)] += ridge * sum;
+        }
+        let unknowns: [f64; N] = equations.solve_for()?;
+        let residual =
+            |(row, value, scale): &([f64; N], f64, f64)| (value - dot(row, &unknowns)) / scale;
+        let residuals: Vec<f64> = points.iter().map(residual).collect();
+        let deviation = deviation_from_zero(residuals.iter().copied()).max(min_deviation);
+        for (weight, residual) in weights.iter_mut().zip(residuals) {
+            *weight = (1.0 + (residual / (HALF_WEIGHT * deviation)).powi(2)).recip();
+        }
+        fitted = Some((unknowns, deviation));
+    }
+    fitted
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Inverse of a symmetric matrix; `None` if it is not positive definite.
+pub fn inverse<const N: usize>(matrix: &[[f64; N]; N]) -> Option<[[f64; N]; N]> {
+    let mut equations = NormalEquations::new(N);
+    equations.add_information(matrix, &[0.0; N]);
+    equations.inverse_for()
 }
 
 /// Cholesky's factor R of the matrix `R^T R`, in its upper triangle.
@@ -149,6 +223,31 @@ mod tests {
         assert!((a + 3.0 * b - 1.0).abs() < 1e-6, "{a} {b}");
         normal.add(&[f64::NAN, 1.0], 1.0, 1.0);
         assert_eq!(normal.solve(), None, "no number");
+    }
+
+    #[test]
+    fn outliers_do_not_bend_a_robust_line() {
+        let points: Vec<_> = (0..20)
+            .map(|step| {
+                let x = f64::from(step) / 10.0;
+                let off = if step % 5 == 3 {
+                    50.0
+                } else {
+                    0.01 * (f64::from(step) * 2.4).sin()
+                };
+                ([1.0, x], 2.0 - 3.0 * x + off, 1.0)
+            })
+            .collect();
+        let (found, deviation) = robust_fit(&points, 0.0, 1e-3, 30).unwrap();
+        assert!(
+            (found[0] - 2.0).abs() < 0.02 && (found[1] + 3.0).abs() < 0.02,
+            "{found:?}"
+        );
+        assert!((0.005..0.02).contains(&deviation), "{deviation}");
+        let alone = [points[0]; 3];
+        assert_eq!(robust_fit(&alone, 0.0, 1e-3, 30), None);
+        let (flat, _) = robust_fit(&alone, 1e-4, 1e-3, 30).unwrap();
+        assert!(flat[1].abs() < 1e-6, "{flat:?}");
     }
 
     #[test]

@@ -61,6 +61,16 @@ pub fn median_of(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     (!values.is_empty()).then(|| median(&mut values))
 }
 
+/// Median slope over all pairs of points (Theil 1950, Sen 1968); `None` without any.
+pub fn median_slope(points: impl IntoIterator<Item = (f64, f64)>) -> Option<f64> {
+    let points: Vec<(f64, f64)> = points.into_iter().collect();
+    let pairs = points.iter().enumerate();
+    let pairs =
+        pairs.flat_map(|(end, later)| points[..end].iter().map(move |first| (first, later)));
+    let slopes = pairs.map(|(first, later)| (later.1 - first.1) / (later.0 - first.0));
+    median_of(slopes.filter(|slope| slope.is_finite()))
+}
+
 /// The value that a share of the values does not exceed; reorders the values.
 ///
 /// # Panics

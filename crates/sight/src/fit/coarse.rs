@@ -14,7 +14,7 @@ const MIN_CORRELATION: f64 = 0.15;
 
 /// Edges of the ground in shrunk images, from the smallest on.
 #[derive(Debug, Clone)]
-pub(super) struct Coarse {
+pub(crate) struct Coarse {
     levels: Vec<Level>,
 }
 

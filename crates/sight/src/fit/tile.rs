@@ -3,7 +3,7 @@
 use dataset::video::Luma;
 use glam::{DVec2, DVec3};
 
-use crate::ground::{Ground, Motion, UNKNOWNS};
+use crate::ground::{self, Ground, UNKNOWNS};
 
 /// Tile size, px: wide, because distant objects on the ground are flat in the image.
 const WIDTH: usize = 32;
@@ -168,21 +168,14 @@ impl Tile {
             + DVec2::new(WIDTH as f64 - 1.0, HEIGHT as f64 - 1.0) / 2.0;
         let camera = &ground.camera;
         let direction = camera.image_of(middle_px).extend(1.0);
-        const SMALL_PX: f64 = 1e-3;
-        let mut slopes = [[0.0; UNKNOWNS]; 2];
-        for unknown in 0..UNKNOWNS {
-            let mut numbers = [0.0; UNKNOWNS];
-            numbers[unknown] = SMALL_PX;
-            let motion = Motion::of_px(numbers, camera);
-            let slope = (ground.place_px(direction, middle_px, &motion) - middle_px) / SMALL_PX;
-            (slopes[0][unknown], slopes[1][unknown]) = (slope.x, slope.y);
-        }
+        let place_px = |motion| ground.place_px(direction, middle_px, &motion);
+        let slopes = ground::slopes(camera, place_px);
         Some(Self {
             left,
             top,
             middle_px,
             direction,
-            slopes,
+            slopes: [slopes.map(|slope| slope.x), slopes.map(|slope| slope.y)],
             light,
             power,
             structure,

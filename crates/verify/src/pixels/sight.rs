@@ -3,9 +3,10 @@
 //! The background is a plane through the brightness of the pixels around the box: over so few pixels the brightness of the sky changes
 //! linearly. The residual of the pixels around the box is noise, that of those inside is the aircraft.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 use super::outline::Outline;
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::quantile;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::BYTES_PER_PIXEL;
@@ -235,13 +236,11 @@ struct Plane(DVec3);
 
 impl Plane {
     fn through(pixels: &[(DVec2, f64)]) -> Option<Self> {
-        let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+        let mut normal = NormalEquations::new(3);
         for (place, grey) in pixels {
-            let base = place.extend(1.0);
-            normal += DMat3::from_cols(base * base.x, base * base.y, base * base.z);
-            right += base * *grey;
+            normal.add(&place.extend(1.0).to_array(), *grey, 1.0);
         }
-        (normal.determinant().abs() > 1e-9).then(|| Self(normal.inverse() * right))
+        Some(Self(DVec3::from_array(normal.solve_for()?)))
     }
 
     /// A pixel's absolute residual.

@@ -7,10 +7,11 @@
 
 use std::ops::RangeInclusive;
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 use super::outline::ERROR_PX;
 use crate::faults::Faults;
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::median_of;
 
 /// Observation in an image.
@@ -157,7 +158,8 @@ impl Fit {
         if points.len() < MIN_POINTS {
             return None;
         }
-        let (mut normal, mut right, mut squares) = (DMat3::ZERO, DVec3::ZERO, 0.0);
+        let mut normal = NormalEquations::new(3);
+        let mut rows = Vec::with_capacity(2 * points.len());
         for (index, point) in points.iter().enumerate() {
             let error_px = ERROR_PX + OFFSET_ERROR * point.size_px.max_element();
             let weight = 1.0 / (error_px * error_px);
@@ -166,27 +168,24 @@ impl Fit {
             } else {
                 DVec2::ZERO
             };
-            let rows = [
-                (DVec3::new(way.x, point.size_px.x, 0.0), point.offset_px.x),
-                (DVec3::new(way.y, 0.0, point.size_px.y), point.offset_px.y),
-            ];
-            for (base, offset_px) in rows {
-                normal += DMat3::from_cols(base * base.x, base * base.y, base * base.z) * weight;
-                right += base * offset_px * weight;
-                squares += offset_px * offset_px * weight;
+            for (row, offset_px) in [
+                ([way.x, point.size_px.x, 0.0], point.offset_px.x),
+                ([way.y, 0.0, point.size_px.y], point.offset_px.y),
+            ] {
+                normal.add(&row, offset_px, weight);
+                rows.push((DVec3::from_array(row), offset_px, weight));
             }
         }
-        if normal.determinant().abs() < 1e-9 {
-            return None;
-        }
-        let inverse = normal.inverse();
-        let found = inverse * right;
-        let misfit = (squares - found.dot(right)).max(0.0);
+        let found = DVec3::from_array(normal.solve_for()?);
+        let misfits = rows.iter();
+        let misfit: f64 = misfits
+            .map(|(row, offset_px, weight)| weight * (offset_px - row.dot(found)).powi(2))
+            .sum();
         // If the offsets scatter more than expected, so does the time.
         let scatter = (misfit / (2.0 * points.len() as f64 - 3.0)).max(1.0);
         Some(Self {
             ahead_ticks: found.x,
-            error_ticks: (inverse.x_axis.x * scatter).sqrt(),
+            error_ticks: (normal.inverse()?[0][0] * scatter).sqrt(),
             misfit,
         })
     }

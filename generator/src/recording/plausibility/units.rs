@@ -1,7 +1,7 @@
 //! Units of the columns, compared with each other over the approach.
 
 use dataset::geometry::pose::FlightState;
-use dataset::numbers::spread::median;
+use dataset::numbers::spread::{median, median_of};
 use dataset::numbers::units::Degrees;
 
 use super::Implausible;
@@ -214,13 +214,10 @@ pub(super) fn airspeed(approach: &[FlightState]) -> Result<(), Implausible> {
     let moving = approach
         .iter()
         .filter(|state| ground_speed_mps(state) > MOVING_MPS);
-    let mut ratios: Vec<f64> = moving
-        .map(|state| state.true_airspeed_mps / ground_speed_mps(state))
-        .collect();
-    if ratios.is_empty() {
+    let ratios = moving.map(|state| state.true_airspeed_mps / ground_speed_mps(state));
+    let Some(ratio) = median_of(ratios) else {
         return Ok(());
-    }
-    let ratio = median(&mut ratios);
+    };
     if AIRSPEED_RATIOS.contains(&ratio) {
         return Ok(());
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use dataset::numbers::spread::median;
+use dataset::numbers::spread::median_of;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -105,12 +105,8 @@ fn alike_px(dropped: &[(Option<DVec2>, PixelBox)], of: usize) -> Option<DVec2> {
         Some((centre - (*place_px)?, size))
     });
     let off: Vec<(DVec2, DVec2)> = off.collect();
-    if off.is_empty() {
-        return None;
-    }
-    let middle =
-        |axis: usize| median(&mut off.iter().map(|(off, _)| off[axis]).collect::<Vec<_>>());
-    let middle = DVec2::new(middle(0), middle(1));
+    let middle = |axis: usize| median_of(off.iter().map(|(off, _)| off[axis]));
+    let middle = DVec2::new(middle(0)?, middle(1)?);
     let is_alike = |(off, size): &&(DVec2, DVec2)| (*off - middle).abs().cmple(*size).all();
     let alike = off.iter().filter(is_alike).count();
     (alike as f64 >= ALIKE_SHARE * dropped.len() as f64).then_some(middle)

@@ -108,28 +108,6 @@ fn the_same_boxes_contain_the_aircraft_whatever_the_calibration_says() {
     }
 }
 
-#[test]
-fn cameras_that_look_elsewhere_in_each_scenario_need_no_calibration_that_says_so() {
-    let mut samples = Samples::synthetic(
-        &SyntheticCorpus {
-            train: 6,
-            turned_deg: 0.3,
-            ..SyntheticCorpus::tiny()
-        },
-        0.0,
-    );
-    let truly = kept(&samples);
-    assert_eq!(boxes(&truly), {
-        let recorded = samples.of_side(Side::Train);
-        recorded.iter().map(|s| s.detections()).sum::<usize>()
-    });
-    let stated = samples.scenarios[0].cameras.clone();
-    for scenario in &mut samples.scenarios {
-        scenario.cameras.clone_from(&stated);
-    }
-    assert_eq!(kept(&samples), truly);
-}
-
 fn droppings(samples: &Samples) -> (TrainingCameras, TrainingDrops) {
     let training = samples.of_side(Side::Train);
     let cameras = TrainingCameras::of(samples, &training);
