@@ -46,6 +46,7 @@ FAULTS = {
     "exchanged": "source=0:1,source=1:0",
     "one-twice": "source=1:0",
     **{f"late-{seconds}s": f"late=1:{1000 * seconds:.0f}" for seconds in (0.2, 1, 5)},
+    "late-1s-after-2min": "late=1:1000:120",
 }
 
 

@@ -50,7 +50,7 @@ pub(crate) struct MockXplaneArgs {
     /// Faults, e.g. loss=0.1,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
     ///
     /// WHEN of freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N. Cameras, VIEW from 0:
-    /// late=VIEW:MS, shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S,
+    /// late=VIEW:MS[:AFTER_S], shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S,
     /// zoom=VIEW:PERCENT:AFTER_S (longer focal length), drift=VIEW:RIGHT_DEG:OVER_S (without end), source=VIEW:OTHER (shows what the camera
     /// of view OTHER sees).
     #[arg(

@@ -18,7 +18,7 @@ pub use cameras::{AimChange, CameraFault, CameraFaultKind};
 const DEFAULT_DOWN: Duration = Duration::from_secs(3);
 /// The syntax of the text form, for messages.
 const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S], restart=WHEN[:DOWN_S], \
-                        late=VIEW:MS, shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S, \
+                        late=VIEW:MS[:AFTER_S], shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S, \
                         zoom=VIEW:PERCENT:AFTER_S, drift=VIEW:RIGHT_DEG:OVER_S or source=VIEW:OTHER, where WHEN is seconds, frames:N or \
                         captures:N and views count from 0";
 
@@ -36,7 +36,7 @@ const FORMS: [(&str, &str); 14] = [
         "restart",
         "AFTER_S[:DOWN_S], frames:N[:DOWN_S] or captures:N[:DOWN_S]",
     ),
-    ("late", "VIEW:MS"),
+    ("late", "VIEW:MS[:AFTER_S]"),
     ("shake", "VIEW:RMS_PX:HZ"),
     ("stick", "VIEW:SHARE, a share from 0 to 1"),
     ("turn", "VIEW:RIGHT_DEG:AFTER_S"),
@@ -196,7 +196,10 @@ impl fmt::Display for CameraFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { view, kind } = self;
         match kind {
-            CameraFaultKind::Late(by) => write!(f, "late={view}:{}", by.as_secs_f64() * 1_000.0),
+            CameraFaultKind::Late { by, after } => {
+                let by_ms = by.as_secs_f64() * 1_000.0;
+                write!(f, "late={view}:{by_ms}:{}", after.as_secs_f64())
+            }
             CameraFaultKind::Shakes {
                 rms_px,
                 frequency_hz,
@@ -212,10 +215,12 @@ impl fmt::Display for CameraFault {
 
 fn camera_fault(key: &str, values: &[&str]) -> Option<CameraFaultKind> {
     Some(match (key, values) {
-        ("late", [by_ms]) => {
-            let by = Duration::try_from_secs_f64(positive(by_ms)? / 1e3);
-            CameraFaultKind::Late(by.ok()?)
-        }
+        ("late", [by_ms, after @ ..]) if after.len() <= 1 => CameraFaultKind::Late {
+            by: Duration::try_from_secs_f64(positive(by_ms)? / 1e3).ok()?,
+            after: after
+                .first()
+                .map_or(Some(Duration::ZERO), |after| seconds(after))?,
+        },
         ("shake", [rms_px, frequency_hz]) => CameraFaultKind::Shakes {
             rms_px: positive(rms_px)?,
             frequency_hz: positive(frequency_hz)?,
@@ -282,7 +287,7 @@ mod tests {
 
     #[test]
     fn every_fault_has_a_word_and_what_is_printed_reads_back() {
-        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120,tilt=1:0.01:0,zoom=1:0.02:60,drift=0:0.1:300,source=0:1";
+        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450:60,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120,tilt=1:0.01:0,zoom=1:0.02:60,drift=0:0.1:300,source=0:1";
         let faults = parse(text).unwrap();
         assert_eq!((faults.loss, faults.duplication), (0.1, 0.05));
         assert_eq!((faults.reordering, faults.seed), (0.02, 9));

@@ -33,8 +33,13 @@ pub struct CameraFault {
 /// Effect of a camera fault on images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CameraFaultKind {
-    /// Everything is shown where it was this long before. Images of the time before a flight do not show its aircraft.
-    Late(Duration),
+    /// Everything is shown where it was some time before. Images of the time before a flight do not show its aircraft.
+    Late {
+        /// The time by which images are late.
+        by: Duration,
+        /// The time since the first tick from which on they are.
+        after: Duration,
+    },
     /// The camera shakes about its two transverse axes. The finished image is displaced as a whole, because each direction needs a separate
     /// backdrop, which takes seconds. With ten degrees of view that differs from a rotation by less than one percent.
     Shakes {
@@ -271,8 +276,10 @@ impl View {
         let mut sticks = false;
         for fault in faults {
             match *fault {
-                CameraFaultKind::Late(by) => {
-                    drawn.request = self.past(nanoseconds(by));
+                CameraFaultKind::Late { by, after } => {
+                    if request.time_ns >= nanoseconds(after) {
+                        drawn.request = self.past(nanoseconds(by));
+                    }
                 }
                 CameraFaultKind::Shakes {
                     rms_px,
@@ -448,6 +455,10 @@ mod tests {
             .map(|tick| slow.drawn_for(&request(0, tick)).request)
             .collect();
         assert!((drawn[4].pose.altitude_msl_m - (900.0 - 8.0 * 2.5)).abs() < 1e-9);
+        // On time at first.
+        let mut later = self::cameras("late=0:3000:4");
+        let times_ns = [1, 2].map(|tick| later.drawn_for(&request(0, tick)).request.time_ns);
+        assert_eq!(times_ns, [2_000_000_000, 1_000_000_000]);
         // The next flight does not begin with the end of this one.
         slow.begin_flight();
         let drawn = slow.drawn_for(&request(0, 20)).request;
@@ -519,7 +530,7 @@ mod tests {
         }
         let message = cameras.fault_of_no_view(&request(0, 6)).unwrap();
         let words =
-            "fault late=2:450 is of view 2, but the cameras are views 0, 1: correct --faults";
+            "fault late=2:450:0 is of view 2, but the cameras are views 0, 1: correct --faults";
         assert_eq!(message, words);
         let mut exchanged = self::cameras("source=1:2");
         assert_eq!(exchanged.fault_of_no_view(&request(1, 0)), None);
