@@ -19,8 +19,8 @@ pub(crate) use follower::Follower;
 use follower::ObjectBoxes;
 use path::Path;
 use relation::{MIN_PAIRS, Relation};
-pub(crate) use sighting::MEMORY_S;
 use sighting::Sighting;
+pub(crate) use sighting::{MAX_GAP_S, MEMORY_S, STEP_S, STILL_GROWTH};
 
 /// Relations between views, and paths in each view.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -16,6 +16,7 @@ use super::forward::Tick;
 use super::gaussian::NEAR_DEVIATIONS;
 use super::labelled_flight::LabelledFlight;
 use crate::estimators::inverse_range::{InverseRange, Measurement};
+use crate::samples::paired_views::{MAX_GAP_S, STEP_S, STILL_GROWTH};
 use crate::samples::{Look, Observation};
 
 /// Duration of a contradiction, s.
@@ -23,15 +24,12 @@ const WINDOW_S: f64 = 20.0;
 /// Duration of a contradiction with the training's paths, s: gusts keep views of the bundled simulator's flights 4 standard deviations
 /// beside them for 20 s, but 1.8 for a minute; a camera that was turned by 20 px is 4 to 6 off.
 const PATHS_WINDOW_S: f64 = 60.0;
-/// Maximum gap within a window, s.
-const MAX_GAP_S: f64 = 30.0;
-/// Minimum time between remembered ticks, s, and minimum number of them in a window.
-const STEP_S: f64 = 1.0;
+/// Minimum number of ticks in a window.
 const MIN_TICKS: usize = 5;
 /// Share of outliers on either side: single wrong boxes.
 const OUTLIERS: f64 = 0.1;
-/// Limit relative to the largest residual that a training flight kept: flights in lights and winds that the training left out keep up to
-/// 1.1 times as much.
+/// Limit relative to the largest residual that a training flight kept. Beside paths, flights in lights that the training left out keep 0.7
+/// times as much, and flights with a camera that was turned by 20 px 2.2 to 3.2 times.
 const TIMES_OF_TRAINING: f64 = 2.0;
 /// Minimum number of flights that show what is usual.
 const MIN_FLIGHTS: usize = 4;
@@ -39,10 +37,8 @@ const MIN_FLIGHTS: usize = 4;
 const MAX_PLACED_SD_PX: f64 = 0.5;
 /// Minimum closing speed of an arrival, m/s: a light aircraft against the wind.
 pub(crate) const MIN_CLOSING_MPS: f64 = 25.0;
-/// Growth of boxes during half a window that their errors explain, relative to the width: at 10 NM any aircraft grows by twice as much.
-const STILL_GROWTH: f64 = 0.02;
-/// Minimum share of that growth that the distances have to explain. In front of an aircraft that comes out of fog they explain a tenth, but
-/// it closes.
+/// Share of the boxes' growth that the distances have to explain, unless they shrink as fast as in an arrival: an aircraft that comes out
+/// of fog grows ten times as fast as it approaches.
 const MIN_EXPLAINED: f64 = 0.5;
 
 /// Evidence for a contradiction.
@@ -63,9 +59,9 @@ pub struct Withheld {
     pub views: Vec<usize>,
     /// The cause.
     pub evidence: Evidence,
-    /// Residual that the views kept, and the limit, joint standard deviations.
+    /// Residual that the views kept, joint standard deviations.
     pub deviations: f64,
-    /// The limit.
+    /// Limit of that residual.
     pub limit: f64,
 }
 
