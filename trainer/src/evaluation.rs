@@ -14,6 +14,7 @@ pub(crate) mod report;
 pub(crate) mod rules;
 pub(crate) mod view_removal;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use dataset::corpus::Corpus;
@@ -24,6 +25,7 @@ use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::work::watch::Watch;
 
 use crate::error::{Error, Result};
+use crate::estimators::inverse_range::flight_filter::{Evidence, Withheld};
 use crate::evaluation::answers::{Answers, JudgedTicks};
 use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
@@ -37,10 +39,9 @@ use crate::run::estimator::{Answered, Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
-use crate::run::trained::{RunSummary, TrainedRun};
+use crate::run::trained::{Baselines, RunSummary, TrainedRun};
 use crate::samples::camera_health::Corrections;
 use crate::samples::camera_health::late_images::warn_of_lags;
-use crate::samples::paired_views::Aside;
 use crate::samples::rig::moved_rig::differences_elsewhere;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::sides::leave_out::LeftOut;
@@ -118,8 +119,8 @@ pub fn evaluate(
     }
     let recorded = || samples.ticks_of_side(Side::Test);
     let flights = samples.flights_of_side(Side::Test);
-    let flights = flights.map(|flight| flight.iter().map(|sample| &sample.observed).collect());
-    trained.warn_of_aside(flights, samples, watch)?;
+    let flights = flights.map(|flight| flight.iter().map(|s| s.observed.clone()).collect());
+    trained.warn_of_contradictions(flights, samples, watch)?;
     let is_seen = |sample: &Sample| rules.is_there(sample) && sample.detections() > 0;
     if !recorded().any(is_seen) {
         return Err(rules.nothing_to_judge(corpus));
@@ -253,48 +254,76 @@ impl TrainedRun {
         Ok(moved)
     }
 
-    /// Whole flights with boxes from one aircraft, without boxes that are unlike training.
+    /// Whole flights with boxes from one aircraft, without boxes that are unlike training and those of views that contradict each other.
     pub(crate) fn believed(
         &self,
         observations: &[Observation],
         samples: &Samples,
     ) -> Vec<Observation> {
-        let other_cameras = self.has_other_cameras(samples);
-        let usual: Vec<Observation> = (observations.iter())
-            .map(|observed| self.normalisation.without_outliers(observed, other_cameras))
-            .collect();
-        if other_cameras {
-            // Positions from varying cameras carry no information about the relation between views.
-            return usual;
-        }
-        self.baselines.paired_views.of_one_aircraft(&usual)
+        let flights = observations.chunk_by(|a, b| a.scenario == b.scenario);
+        let flights = flights.flat_map(|flight| self.without_contradictions(flight, samples).0);
+        flights.collect()
     }
 
-    /// Warns of flights beside the training's paths, separately for hidden and visible backgrounds.
-    pub(crate) fn warn_of_aside<'a>(
+    /// A flight as it is [`Self::believed`], and the contradictions in it.
+    fn without_contradictions(
         &self,
-        flights: impl Iterator<Item = Vec<&'a Observation>>,
+        flight: &[Observation],
+        samples: &Samples,
+    ) -> (Vec<Observation>, Vec<Withheld>) {
+        let other_cameras = self.has_other_cameras(samples);
+        let usual = flight.iter();
+        let usual = usual.map(|of| self.normalisation.without_outliers(of, other_cameras));
+        let usual: Vec<Observation> = usual.collect();
+        if other_cameras {
+            // Positions from varying cameras carry no information about the relation between views.
+            return (usual, Vec::new());
+        }
+        let Baselines {
+            paired_views,
+            flight_filter,
+            inverse_range,
+            ..
+        } = &self.baselines;
+        let followed = if paired_views.is_empty() {
+            usual
+                .into_iter()
+                .map(|observed| (Some(0), observed))
+                .collect()
+        } else {
+            paired_views.followed(&usual)
+        };
+        flight_filter.without_contradictions(inverse_range, followed)
+    }
+
+    /// Warns of flights with contradictions, by evidence.
+    pub(crate) fn warn_of_contradictions(
+        &self,
+        flights: impl Iterator<Item = Vec<Observation>>,
         samples: &Samples,
         watch: &dyn Watch,
     ) -> Result<()> {
-        if self.has_other_cameras(samples) {
-            return Ok(());
-        }
-        let mut found: [Vec<(String, Aside)>; 2] = Default::default();
+        let mut found: BTreeMap<Evidence, Vec<String>> = BTreeMap::new();
         for flight in flights {
             watch.check()?;
-            let usual: Vec<Observation> = (flight.iter())
-                .map(|observed| self.normalisation.without_outliers(observed, false))
-                .collect();
-            for aside in self.baselines.paired_views.aside_in(&usual) {
-                let scenario = samples.scenarios[flight[0].scenario].id.clone();
-                found[usize::from(aside.is_hidden)].push((scenario, aside));
+            for withheld in self.without_contradictions(&flight, samples).1 {
+                let views: Vec<_> = (withheld.views.iter())
+                    .map(|view| samples.views[*view].as_str())
+                    .collect();
+                let (id, views) = (
+                    &samples.scenarios[flight[0].scenario].id,
+                    views.join(" and "),
+                );
+                let line = format!("{id}: no distances from {views}: {withheld}");
+                found.entry(withheld.evidence).or_default().push(line);
             }
         }
-        for of_kind in &found {
-            if let Some(line) = Aside::line(&samples.views, of_kind) {
-                watch.warn(&line);
-            }
+        for lines in found.values() {
+            let others = match lines.len() {
+                1 => String::new(),
+                several => format!(" (and {} more)", several - 1),
+            };
+            watch.warn(&format!("{}{others}", lines[0]));
         }
         Ok(())
     }

@@ -32,8 +32,9 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
+pub use crate::estimators::inverse_range::flight_filter::{Evidence, Withheld};
 pub use crate::samples::Look;
-pub use answer::{Answer, Position, Stated, Withheld};
+pub use answer::{Answer, Position, Stated};
 pub(crate) use in_sight::{InSight, JudgedAircraft};
 pub use phase::Phase;
 pub use seen_tick::{Candidate, SeenTick, SeenView};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use trainer::live::{Answer, Withheld};
+use trainer::live::Answer;
 
 use crate::output::Event;
 
@@ -25,7 +25,7 @@ impl WithheldNews {
         });
         let events = withheld.map(|(track, withheld)| {
             let names = withheld.views.iter().map(|view| views[*view].clone());
-            let (views, why) = (names.collect(), why(withheld));
+            let (views, why) = (names.collect(), withheld.to_string());
             Event::Withheld {
                 time_s,
                 track,
@@ -37,23 +37,13 @@ impl WithheldNews {
     }
 }
 
-fn why(withheld: &Withheld) -> String {
-    let Withheld {
-        off_px, limit_px, ..
-    } = withheld;
-    format!(
-        "for a minute they have seen it {off_px:.0} px to the side of the training's paths (limit {limit_px:.0} px), and too little \
-         background is visible to exclude that a camera was turned: compare its images with earlier ones"
-    )
-}
-
 #[cfg(test)]
 mod tests {
-    use trainer::live::Phase;
+    use trainer::live::{Evidence, Phase, Withheld};
 
     use super::*;
 
-    fn seen(aircraft: u32, off_px: Option<f64>) -> Answer {
+    fn seen(aircraft: u32, deviations: Option<f64>) -> Answer {
         Answer {
             aircraft,
             phase: Phase::Arrival,
@@ -63,10 +53,11 @@ mod tests {
             ground_speed_mps: None,
             time_to_touchdown_s: None,
             position: None,
-            withheld: off_px.map(|off_px| Withheld {
+            withheld: deviations.map(|deviations| Withheld {
                 views: vec![1],
-                off_px,
-                limit_px: 9.0,
+                evidence: Evidence::Paths,
+                deviations,
+                limit: 9.0,
             }),
         }
     }
@@ -89,7 +80,10 @@ mod tests {
             panic!("{event:?}")
         };
         assert_eq!((time_s, track, named), (12.0, 3, vec!["right".to_owned()]));
-        assert!(why.contains("57 px") && why.contains("limit 9 px"), "{why}");
+        assert!(
+            why.contains("57.0 joint") && why.contains("limit 9.0"),
+            "{why}"
+        );
         assert_eq!(news.next(12.0, &[seen(3, Some(58.0))], &views).len(), 0);
         assert_eq!(news.next(12.0, &[seen(5, Some(58.0))], &views).len(), 1);
         // Out of sight and back under the same number.

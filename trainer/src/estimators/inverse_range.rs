@@ -34,7 +34,7 @@ pub(crate) use robust_fit::MIN_DEVIATION;
 use robust_fit::{
     ROUGHLY, Rows, Scales, Solution, coordinates, normalise, sensitivity_m, terms_of, write_terms,
 };
-use row_misfit::{RowRelation, row_misfit_px};
+use row_misfit::{RowRelation, row_misfits};
 
 /// Minimum number of ticks per coefficient.
 const TICKS_PER_COEFFICIENT: usize = 3;
@@ -194,9 +194,9 @@ impl InverseRange {
         .collect()
     }
 
-    /// Deviation of registered rows from their expected positions at a tick, pixels.
-    pub(crate) fn row_misfit_px(&self, observed: &Observation) -> Option<f64> {
-        row_misfit_px(&self.rows, observed)
+    /// Deviations of registered rows from their expected positions at a tick ([`row_misfits`]).
+    fn row_misfits(&self, observed: &Observation) -> Vec<([usize; 2], f64)> {
+        row_misfits(&self.rows, observed)
     }
 }
 

@@ -87,8 +87,7 @@ pub fn predict(
         watch.say(&line);
     }
     let each = flights.chunk_by(|a, b| a.scenario == b.scenario);
-    let each = each.map(|flight| flight.iter().collect());
-    trained.warn_of_aside(each, &corpus_read, watch)?;
+    trained.warn_of_contradictions(each.map(<[_]>::to_vec), &corpus_read, watch)?;
     let mut table = TableParts::new(out);
     let mut answered = Estimator::ALL.map(|estimator| (estimator.name(), 0));
     watch.begin("prediction", corpus_read.scenarios.len() as u64);

@@ -83,6 +83,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             boxes,
             shifts,
             common_errors: Vec::new(),
+            restarts: false,
             cut_off: 0,
             others: None,
         };

@@ -3,7 +3,7 @@
 use dataset::geometry::geodesy::Geodetic;
 
 use super::{JudgedAircraft, Phase};
-use crate::estimators::inverse_range::flight_filter::Estimated;
+use crate::estimators::inverse_range::flight_filter::{Estimated, Withheld};
 
 /// Aircraft state at a tick.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,17 +26,6 @@ pub struct Answer {
     pub position: Option<Position>,
     /// Views with boxes that are not used, and the cause.
     pub withheld: Option<Withheld>,
-}
-
-/// Views whose cameras may have been turned unnoticed: in fog they have seen the aircraft beside the training's paths for a minute.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Withheld {
-    /// View indices.
-    pub views: Vec<usize>,
-    /// Lateral distance from the paths, pixels.
-    pub off_px: f64,
-    /// Maximum distance on the paths, pixels.
-    pub limit_px: f64,
 }
 
 /// Position of the point at the centre of the boxes.

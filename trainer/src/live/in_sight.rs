@@ -1,11 +1,12 @@
 //! The aircraft in sight, each with its own filter.
 
-use super::answer::Withheld;
 use super::phase::{Phase, PhaseJudge};
-use crate::estimators::inverse_range::flight_filter::{Estimate, OnlineFilter};
+use crate::estimators::inverse_range::flight_filter::{
+    ContradictionWatch, Estimate, OnlineFilter, Withheld,
+};
 use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
-use crate::samples::paired_views::{AsideWatch, Follower, MEMORY_S, ObjectTick};
+use crate::samples::paired_views::{Follower, MEMORY_S, ObjectTick};
 
 #[derive(Default)]
 pub(crate) struct InSight {
@@ -18,8 +19,7 @@ struct Aircraft {
     number: usize,
     filter: OnlineFilter,
     phase: PhaseJudge,
-    /// Watch for turned cameras.
-    aside: AsideWatch,
+    contradictions: ContradictionWatch,
     /// Time of the last box, seconds.
     seen_s: f64,
 }
@@ -95,7 +95,7 @@ impl InSight {
                     number: of.number,
                     filter: run.baselines.flight_filter.online(),
                     phase: PhaseJudge::default(),
-                    aside: AsideWatch::default(),
+                    contradictions: ContradictionWatch::default(),
                     seen_s: 0.0,
                 });
                 self.aircraft.len() - 1
@@ -108,18 +108,15 @@ impl InSight {
         let baselines = &run.baselines;
         let (filter, fits) = (&baselines.flight_filter, &baselines.inverse_range);
         let mut observed = of.observed;
-        let aside = if other_cameras {
+        let found = if other_cameras {
             None
         } else {
-            aircraft
-                .aside
-                .next(&baselines.paired_views.relations, &observed)
+            filter.contradiction(&mut aircraft.contradictions, fits, &observed)
         };
-        let aside = aside.filter(|aside| aside.is_hidden);
-        if let Some(aside) = aside {
-            observed = observed.without_images(|view| aside.views.contains(&view));
-            if observed.detections() == 0 {
-                // Measurements in the last minute were wrong as well.
+        if let Some(found) = &found {
+            observed = observed.withheld(&found.withheld.views, found.begins);
+            if found.begins {
+                // Earlier measurements were wrong as well.
                 aircraft.filter = filter.online();
             }
         }
@@ -129,11 +126,7 @@ impl InSight {
             estimate: filter.next(&mut aircraft.filter, fits, &observed),
             phase: aircraft.phase.take(run, &observed),
             seen_s: aircraft.seen_s,
-            withheld: aside.map(|aside| Withheld {
-                views: aside.views.clone(),
-                off_px: aside.off_px,
-                limit_px: aside.limit_px,
-            }),
+            withheld: found.map(|found| found.withheld),
             observed,
         })
     }

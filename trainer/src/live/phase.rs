@@ -12,12 +12,11 @@ use dataset::numbers::spread::{Spread, median_of, median_slope};
 use glam::DVec2;
 
 use super::cameras_of;
+use crate::estimators::inverse_range::flight_filter::MIN_CLOSING_MPS;
 use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
 
-/// Minimum closing speed for an arrival, m/s: a light aircraft against the wind.
-const MIN_CLOSING_MPS: f64 = 25.0;
 /// Maximum climb for an arrival, and minimum descent that ends a climb, m/s.
 const MAX_CLIMB_MPS: f64 = 3.0;
 const MIN_DESCENT_MPS: f64 = 1.0;

@@ -29,6 +29,7 @@ impl TrainedRun {
             fitted.move_with(&motion);
         }
         self.backgrounds = self.backgrounds.elsewhere();
+        self.baselines.flight_filter = self.baselines.flight_filter.elsewhere();
         self.is_elsewhere = true;
         self
     }

@@ -3,29 +3,24 @@
 //! A detector's best box in a view may show a lamp, a bird or a second arrival, regardless of the other views. Here the views have to
 //! agree: a [`Relation`] per pair of views, learned from training boxes, tells which boxes can show the same aircraft, and a [`Follower`]
 //! keeps to one aircraft per flight. If views contradict each other, the aircraft that was followed before keeps its boxes, or none is
-//! used. An object in one view alone counts once it comes along the training's paths ([`Path`]), until views agree on something else. In
-//! fog a camera may be turned unnoticed: an aircraft that stays beside these paths gets no estimate ([`aside`]).
+//! used. An object in one view alone counts once it comes along the training's paths ([`Path`]), until views agree on something else.
 
 mod aircraft;
-mod aside;
 mod follower;
 mod path;
 mod relation;
 mod sighting;
 
-use std::collections::BTreeMap;
-
+use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Observation, Sample};
-use aside::Pair;
-pub(crate) use aside::{Aside, AsideWatch};
 pub(crate) use follower::Follower;
 use follower::ObjectBoxes;
 use path::Path;
 use relation::{MIN_PAIRS, Relation};
-pub(crate) use sighting::MEMORY_S;
 use sighting::Sighting;
+pub(crate) use sighting::{MAX_GAP_S, MEMORY_S, STEP_S, STILL_GROWTH};
 
 /// Relations between views, and paths in each view.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -61,17 +56,8 @@ impl PairedViews {
         }
     }
 
-    /// Lines for users about pairs of views without a relation, or without a watch for turned cameras. `views`: their names.
+    /// Lines for users about pairs of views without a relation. `views`: their names.
     pub(crate) fn unrelated(&self, views: &[String], true_boxes: &[&Sample]) -> Vec<String> {
-        let unwatched = self.relations.iter().filter(|of| of.columns.is_none());
-        let unwatched = unwatched.map(|relation| {
-            let [one, other] = relation.views.map(|view| &views[view]);
-            format!(
-                "views {one} and {other}: fewer than {} training flights were seen by both for a minute, so a camera that is turned in fog \
-                 will not be noticed",
-                aside::MIN_FLIGHTS
-            )
-        });
         pairs_among(views.len())
             .filter(|pair| !self.relations.iter().any(|relation| relation.views == *pair))
             .map(|pair| {
@@ -79,10 +65,9 @@ impl PairedViews {
                 format!(
                     "views {one} and {other} are not compared: both see the aircraft in {} ticks of the training side, expected at least \
                      {MIN_PAIRS}; the best box of each view counts, also if they are of different objects",
-                    pairs_of(pair, true_boxes).iter().flatten().count()
+                    pairs_of(pair, true_boxes).count()
                 )
             })
-            .chain(unwatched)
             .collect()
     }
 
@@ -127,24 +112,12 @@ impl PairedViews {
             return flights.to_vec();
         }
         let flights = flights.chunk_by(|a, b| a.scenario == b.scenario);
-        let chosen = flights.flat_map(|flight| {
-            let followed = self.followed(flight);
-            let aside = self.aside(&followed);
-            let placed = followed.into_iter().map(|(number, observed)| {
-                let time_s = observed.time_s();
-                let aside = number.and_then(|number| aside.get(&number));
-                match aside.filter(|aside| aside.is_hidden && time_s >= aside.since_s) {
-                    Some(aside) => observed.without_images(|view| aside.views.contains(&view)),
-                    None => observed,
-                }
-            });
-            placed.collect::<Vec<_>>()
-        });
-        chosen.collect()
+        let followed = flights.flat_map(|flight| self.followed(flight));
+        followed.map(|(_, observed)| observed).collect()
     }
 
     /// A flight with the boxes of the followed object, and its number.
-    fn followed(&self, flight: &[Observation]) -> Vec<(Option<usize>, Observation)> {
+    pub(crate) fn followed(&self, flight: &[Observation]) -> Vec<(Option<usize>, Observation)> {
         let mut follower = Follower::default();
         let ticks = flight.iter().map(|observed| {
             let in_sight = follower.step(self, observed);
@@ -153,26 +126,6 @@ impl PairedViews {
             (number, self.of_object(observed, followed.as_ref()))
         });
         ticks.collect()
-    }
-
-    /// Objects that were still beside the training's paths when they ended; one that returned was seen by unturned cameras.
-    fn aside(&self, followed: &[(Option<usize>, Observation)]) -> BTreeMap<usize, Aside> {
-        let mut watches: BTreeMap<usize, AsideWatch> = BTreeMap::new();
-        for (number, observed) in followed {
-            if let Some(number) = number {
-                let watch = watches.entry(*number).or_default();
-                watch.next(&self.relations, observed);
-            }
-        }
-        let ended = watches.into_iter();
-        ended
-            .filter_map(|(number, watch)| Some((number, watch.aside?)))
-            .collect()
-    }
-
-    /// Objects beside the paths in a flight, by number.
-    pub(crate) fn aside_in(&self, flight: &[Observation]) -> Vec<Aside> {
-        self.aside(&self.followed(flight)).into_values().collect()
     }
 
     /// The next live tick: boxes per remembered object, the followed one first.
@@ -228,32 +181,28 @@ fn pairs_among(views: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 fn fitted(views: [usize; 2], true_boxes: &[&Sample]) -> Option<Relation> {
-    Relation::fit(views, &pairs_of(views, true_boxes))
+    Relation::fit(views, &pairs_of(views, true_boxes).collect::<Vec<_>>())
 }
 
-/// Ticks at which both views saw the aircraft, flight by flight.
-fn pairs_of<'a>(views: [usize; 2], true_boxes: &[&'a Sample]) -> Vec<Vec<Pair<'a>>> {
-    by_flight(true_boxes, |sample| Pair::of(views, sample))
+/// Boxes of ticks at which both views saw the aircraft.
+fn pairs_of<'a>(
+    [first, second]: [usize; 2],
+    true_boxes: &[&'a Sample],
+) -> impl Iterator<Item = [&'a PixelBox; 2]> {
+    let boxes = true_boxes.iter().map(|sample| &sample.boxes);
+    boxes.filter_map(move |boxes| Some([boxes[first].as_ref()?, boxes[second].as_ref()?]))
 }
 
 fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {
-    let sighting = |sample: &Sample| {
+    let sighting = |sample: &&Sample| {
         Some(Sighting {
             time_s: sample.time_s(),
             pixel_box: sample.boxes[view]?,
         })
     };
-    Path::fit(view, &by_flight(true_boxes, sighting))
-}
-
-fn by_flight<'a, T>(
-    ticks: &[&'a Sample],
-    of_tick: impl Fn(&'a Sample) -> Option<T>,
-) -> Vec<Vec<T>> {
-    let flights = ticks.chunk_by(|a, b| a.scenario == b.scenario);
-    flights
-        .map(|flight| flight.iter().filter_map(|sample| of_tick(sample)).collect())
-        .collect()
+    let flights = true_boxes.chunk_by(|a, b| a.scenario == b.scenario);
+    let flights = flights.map(|flight| flight.iter().filter_map(sighting).collect());
+    Path::fit(view, &flights.collect::<Vec<_>>())
 }
 
 #[cfg(test)]

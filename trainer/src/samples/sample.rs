@@ -62,6 +62,8 @@ pub(crate) struct Observation {
     pub looks: Vec<Look>,
     /// Independent errors that are common to the whole flight.
     pub common_errors: Vec<CommonError>,
+    /// True if earlier ticks tell nothing about this one: their views contradicted each other.
+    pub restarts: bool,
     /// Boxes with lower scores in the same images, if any.
     pub others: Option<Box<OtherBoxes>>,
 }
@@ -95,6 +97,7 @@ impl Observation {
             boxes,
             looks,
             common_errors: Vec::new(),
+            restarts: false,
         }
     }
 
@@ -128,6 +131,17 @@ impl Observation {
         Self {
             looks: looks.collect(),
             ..self.with_boxes(boxes.collect())
+        }
+    }
+
+    /// The tick without the images in views that contradict each other. `restarts`: one of them did not until now.
+    pub(crate) fn withheld(self, views: &[usize], restarts: bool) -> Self {
+        if views.is_empty() {
+            return self;
+        }
+        Self {
+            restarts,
+            ..self.without_images(|view| views.contains(&view))
         }
     }
 

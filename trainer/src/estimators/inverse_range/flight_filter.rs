@@ -9,11 +9,13 @@
 //! standard deviation and a 90 % interval. The flight's own misfits reveal outliers and error sizes ([`forward`]); interval
 //! widths are chosen to hold 90 % ([`held_share`]) of the labels on flights that the fits did not see ([`labelled_flight`]).
 //!
-//! Intervals also grow where the rows of the views fit each other badly, and with common errors ([`widening`]).
+//! Intervals also grow where the rows of the views fit each other badly, and with common errors ([`widening`]). Views that contradict each
+//! other for some time are not used ([`contradiction`]).
 //!
 //! The measurements are distances, because a fit's formula inverts exactly: the filter is linear.
 
 mod backward;
+mod contradiction;
 mod correlated_error;
 mod estimate;
 mod forward;
@@ -36,6 +38,9 @@ use crate::samples::sides::flight_parts::MAX_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
+use contradiction::KeptInTraining;
+pub(crate) use contradiction::{ContradictionWatch, MIN_CLOSING_MPS};
+pub use contradiction::{Evidence, Withheld};
 use correlated_error::CorrelatedError;
 pub(crate) use estimate::{Estimate, Estimated};
 use estimate::{HalfWidths, Widening};
@@ -43,6 +48,7 @@ use forward::{Filter, Tick, filter};
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
 use motion::Motion;
+pub(crate) use widening::Knowing;
 use widening::{LastCommonError, RecentMisfit, beyond, by_all, by_past, scales, usual_px};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -54,6 +60,7 @@ pub(crate) struct FlightFilter {
     tick_s: f64,
     /// Usual row misfit ([`InverseRange::row_misfit_px`]), pixels: errors grow with it.
     usual_misfit_px: Option<f64>,
+    kept: KeptInTraining,
     /// Interval half widths for the filter.
     filtered: HalfWidths,
     /// Interval half widths for the smoother.
@@ -68,15 +75,6 @@ pub(crate) struct OnlineFilter {
     common: LastCommonError,
 }
 
-/// Ticks that an estimate may use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Knowing {
-    /// The current tick and earlier ones, as in live operation.
-    Past,
-    /// The whole flight.
-    All,
-}
-
 impl FlightFilter {
     /// Fits motion, errors and intervals to training flights, held out from the fits in turn, and to validation flights.
     pub(crate) fn fit(
@@ -86,7 +84,15 @@ impl FlightFilter {
     ) -> Self {
         let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
         let flights = LabelledFlight::held_out(fits, samples, believed);
-        Self::fit_to(&flights, fits.all.deviations())
+        let mut fitted = Self::fit_to(&flights, fits.all.deviations());
+        fitted.kept = KeptInTraining::of(&fitted, &fits.all, &flights);
+        fitted
+    }
+
+    /// Copy for another airport, where other paths are usual.
+    pub(crate) fn elsewhere(mut self) -> Self {
+        self.kept.paths = None;
+        self
     }
 
     /// Copy for a new camera: the errors of fits with its view are estimated from its approaches, each measured by fits that did not see
@@ -138,6 +144,7 @@ impl FlightFilter {
             errors: errors.collect(),
             tick_s: usual_tick_s(flights).unwrap_or(1.0),
             usual_misfit_px: usual_px(flights.iter().map(|flight| flight.ticks.as_slice())),
+            kept: KeptInTraining::default(),
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
         };
@@ -173,7 +180,9 @@ impl FlightFilter {
         flight: &[Observation],
         knowing: Knowing,
     ) -> Vec<Option<Estimate>> {
-        self.of_ticks(&ticks(fits, flight), knowing)
+        let parts = flight.chunk_by(|_, next| !next.restarts);
+        let estimates = parts.flat_map(|part| self.of_ticks(&ticks(fits, part), knowing));
+        estimates.collect()
     }
 
     /// A filter for a new aircraft.
@@ -305,12 +314,10 @@ impl Tick {
         Self {
             time_s: observed.time_s(),
             measurements: fits.measurements(observed),
-            row_misfit_px: fits.row_misfit_px(observed),
+            rows: fits.row_misfits(observed),
         }
     }
 }
 
-#[cfg(test)]
-mod disturbed_tests;
 #[cfg(test)]
 mod tests;

@@ -44,6 +44,11 @@ impl InverseRange {
             .collect()
     }
 
+    /// Views of a fit, ascending.
+    pub(super) fn views_of(&self, fit: usize) -> &[usize] {
+        &self.fits[fit].set.views
+    }
+
     /// Distance of a fit's cameras behind the touchdown target, metres.
     pub(crate) fn setback_m(&self, fit: usize) -> f64 {
         self.fits[fit].setback_m

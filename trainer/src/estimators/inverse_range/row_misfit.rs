@@ -7,9 +7,9 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use super::robust_fit::precision_of;
 use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
 use crate::samples::trusted_boxes::centre_and_size;
+use crate::samples::view_shift::MIN_SD_PX;
 use crate::samples::{Observation, Sample};
 
 /// Constant, and change with column and row in the reference view and with the shift in columns.
@@ -89,18 +89,23 @@ impl RowRelation {
     }
 }
 
-/// Root mean square over the registered pairs at a tick, pixels, normalised to shifts with the best precision: less certain rows may be off
-/// by more. `None` without any.
-pub(super) fn row_misfit_px(relations: &[RowRelation], observed: &Observation) -> Option<f64> {
-    let off = relations.iter().filter_map(|relation| {
-        let row = row_in(relation.views, observed)?;
-        let sd_px = row_sd_px(relation.views, observed)?;
-        Some((relation.off_px(&row) * precision_of(sd_px)).powi(2))
+/// Misfits of the registered pairs at a tick in joint standard deviations, with the views in ascending order: positive if the row in the
+/// second one is lower than expected.
+pub(super) fn row_misfits(
+    relations: &[RowRelation],
+    observed: &Observation,
+) -> Vec<([usize; 2], f64)> {
+    let misfits = relations.iter().filter_map(|relation| {
+        let [reference, view] = relation.views;
+        let off_px = relation.off_px(&row_in(relation.views, observed)?);
+        let sd_px = MIN_SD_PX.hypot(row_sd_px(relation.views, observed)?);
+        Some(if reference < view {
+            ([reference, view], off_px / sd_px)
+        } else {
+            ([view, reference], -off_px / sd_px)
+        })
     });
-    let (sum, count) = off.fold((0.0, 0.0), |(sum, count), square| {
-        (sum + square, count + 1.0)
-    });
-    (count > 0.0).then(|| (sum / count).sqrt())
+    misfits.collect()
 }
 
 #[cfg(test)]
@@ -141,11 +146,12 @@ mod tests {
         };
         assert_eq!(relation.views, [0, 1]);
         for off_px in [0.0, 0.5, -0.5] {
-            let found_px = row_misfit_px(&relations, &sample(77, off_px)).unwrap();
-            assert!(
-                (found_px - precision_of(SD_PX) * off_px.abs()).abs() < 0.02,
-                "{off_px}: {found_px}"
-            );
+            let found = row_misfits(&relations, &sample(77, off_px));
+            let [([0, 1], misfit)] = found[..] else {
+                panic!("{found:?}")
+            };
+            let expected = off_px / MIN_SD_PX.hypot(SD_PX);
+            assert!((misfit - expected).abs() < 0.3, "{off_px}: {misfit}");
         }
         // Uncertain rows may be off.
         let mut turned = sample(77, 0.5).observed;
@@ -153,12 +159,12 @@ mod tests {
             view: 0,
             sd_px: DVec2::new(0.0, 0.3),
         });
-        let found_px = row_misfit_px(&relations, &turned).unwrap();
-        let expected_px = precision_of(SD_PX.hypot(0.3)) * 0.5;
-        assert!((found_px - expected_px).abs() < 0.02, "{found_px}");
+        let found = row_misfits(&relations, &turned)[0].1;
+        let expected = 0.5 / MIN_SD_PX.hypot(SD_PX).hypot(0.3);
+        assert!((found - expected).abs() < 0.1, "{found}");
         let mut alone = sample(77, 0.0).observed;
         alone.shifts[1] = None;
-        assert_eq!(row_misfit_px(&relations, &alone), None);
+        assert_eq!(row_misfits(&relations, &alone), []);
     }
 
     #[test]

@@ -8,7 +8,6 @@ use dataset::numbers::spread::{deviation_from_zero, median};
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
-use super::aside::{Columns, Pair};
 use super::sighting::{MAX_DEVIATIONS, MIN_SIZE_SD};
 use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
 
@@ -39,8 +38,6 @@ pub(crate) struct Relation {
     parallax_sd: Option<f64>,
     /// Minimum and maximum column in each view while both saw the aircraft, pixels.
     pub(super) common_px: [[f64; 2]; 2],
-    /// Columns on the training's paths; `None` with few flights.
-    pub(super) columns: Option<Columns>,
 }
 
 /// Geometric mean of the widths.
@@ -54,9 +51,8 @@ fn row_terms([first, second]: [&PixelBox; 2]) -> [f64; 4] {
 }
 
 impl Relation {
-    /// Robust fit to pairs of boxes from one aircraft, flight by flight; `None` with too few.
-    pub(super) fn fit(views: [usize; 2], flights: &[Vec<Pair>]) -> Option<Self> {
-        let pairs: Vec<_> = flights.iter().flatten().map(|pair| pair.boxes).collect();
+    /// Robust fit to pairs of boxes from one aircraft; `None` with too few.
+    pub(super) fn fit(views: [usize; 2], pairs: &[[&PixelBox; 2]]) -> Option<Self> {
         if pairs.len() < MIN_PAIRS {
             return None;
         }
@@ -98,7 +94,6 @@ impl Relation {
             // A slope with one column per pixel in width reflects the aircraft's shape, not a baseline between cameras.
             parallax_sd: (slope.abs() > 1.0).then(|| (sd / slope.abs()).max(MIN_SIZE_SD)),
             common_px: [ends(0), ends(1)],
-            columns: Columns::fit(flights),
         })
     }
 
@@ -133,14 +128,6 @@ impl Relation {
         !self.residuals(pair).into_iter().all(is_one)
     }
 
-    /// True if both boxes are in the region that both views shared in training.
-    pub(super) fn was_common(&self, pair: [&PixelBox; 2]) -> bool {
-        let common_px = self.common_px.iter().zip(pair);
-        common_px
-            .clone()
-            .all(|([least, most], seen)| (*least..=*most).contains(&seen.cx_px))
-    }
-
     /// The view that should see the same aircraft.
     pub(super) fn also_sees(&self, view: usize, seen: &PixelBox) -> Option<usize> {
         let at = self.views.iter().position(|of| *of == view)?;
@@ -154,7 +141,6 @@ impl Relation {
     pub(super) fn is_possible(&self) -> bool {
         let deviations = [self.row_sd_px, self.size[1]].into_iter();
         deviations.chain(self.parallax_sd).all(|sd| sd > 0.0)
-            && self.columns.as_ref().is_none_or(Columns::is_possible)
     }
 }
 

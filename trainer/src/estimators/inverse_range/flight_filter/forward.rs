@@ -12,6 +12,7 @@
 //! slowly. So if ticks follow each other faster, each has proportionally less weight.
 
 use crate::estimators::inverse_range::Measurement;
+use crate::samples::view_shift::MIN_SD_PX;
 
 use super::gaussian::Step;
 use super::hypothesis::{Decision, Hypothesis, Model, MotionState, ScaledReading, step};
@@ -20,7 +21,7 @@ use super::mixture::{Component, mixed};
 /// Time constant of misfits, of common errors, and of former answers, s.
 pub(super) const MEMORY_S: f64 = 20.0;
 /// Probabilities per usual tick: an outlier after a good measurement, an outlier after an outlier (groups have three on average), and a new
-/// track. Neither these nor the following constants were measured on flights; disturbed_tests.rs has the simulated flights that they were
+/// track. Neither these nor the following constants were measured on flights; tests/disturbed.rs has the simulated flights that they were
 /// tuned on.
 const OUTLIER: f64 = 0.01;
 const NEXT_OUTLIER: f64 = 0.7;
@@ -41,8 +42,8 @@ const DISPLACED_TICKS: f64 = 8.0;
 pub(super) struct Tick {
     pub(super) time_s: f64,
     pub(super) measurements: Vec<Measurement>,
-    /// Row misfit, pixels; `None` without registered views.
-    pub(super) row_misfit_px: Option<f64>,
+    /// Pairs of registered views, and the misfits of their rows in standard deviations.
+    pub(super) rows: Vec<([usize; 2], f64)>,
 }
 
 impl Tick {
@@ -55,6 +56,14 @@ impl Tick {
     pub(super) fn others(&self) -> impl Iterator<Item = &Measurement> {
         let others = self.measurements.iter().skip(1);
         others.filter(|measurement| measurement.of_one_view)
+    }
+
+    /// Root mean square of the row misfits, pixels, normalised to the best precision: less certain rows may be off by more. `None` without
+    /// registered views.
+    pub(super) fn row_misfit_px(&self) -> Option<f64> {
+        let squares: f64 = self.rows.iter().map(|(_, row)| row * row).sum();
+        let mean = squares / self.rows.len() as f64;
+        (!self.rows.is_empty()).then(|| MIN_SD_PX * mean.sqrt())
     }
 
     /// Weight relative to a usual tick, by the time since the last tick.

@@ -1,10 +1,13 @@
 //! Synthetic flights with known motion and errors.
 
+mod disturbed;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
 use super::*;
 use crate::estimators::inverse_range::{Measurement, scale_m};
+use crate::samples::view_shift::MIN_SD_PX;
 
 /// Fit with both views, and fits with one view each.
 pub(super) const BOTH: usize = 0;
@@ -44,9 +47,16 @@ pub(super) fn truth() -> FlightFilter {
         errors: errors(),
         tick_s: 2.0,
         usual_misfit_px: None,
+        kept: KeptInTraining::default(),
         filtered: HalfWidths::NORMAL,
         smoothed: HalfWidths::NORMAL,
     }
+}
+
+/// Rows of a tick with this misfit, pixels.
+pub(super) fn rows_off(misfit_px: Option<f64>) -> Vec<([usize; 2], f64)> {
+    let row = |misfit_px: f64| ([0, 1], misfit_px / MIN_SD_PX);
+    misfit_px.map(row).into_iter().collect()
 }
 
 pub(super) fn normal(random: &mut ChaCha12Rng) -> f64 {
@@ -115,7 +125,7 @@ fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> SyntheticFlig
         flown.labelled.ticks.push(Tick {
             time_s: flown.speeds_mps.len() as f64 * tick_s,
             measurements: measurements.collect(),
-            row_misfit_px: None,
+            rows: Vec::new(),
         });
         flown.labelled.distances_m.push(distance_m);
         flown.speeds_mps.push(motion.mean_speed_mps + faster_mps);
@@ -141,7 +151,7 @@ fn rows_that_misfit_widen_intervals_unless_the_filter_found_larger_errors_by_its
     let widened = |severity: f64, knowing: Knowing| {
         let mut ticks = fly_in(severity, 7, 2.0).labelled.ticks;
         for tick in &mut ticks {
-            tick.row_misfit_px = Some(0.2);
+            tick.rows = rows_off(Some(0.2));
         }
         let beside = FlightFilter {
             usual_misfit_px: Some(0.05),
@@ -433,7 +443,7 @@ fn uncertainty_grows_while_nothing_is_seen_until_there_is_no_answer() {
     ticks.push(Tick {
         time_s: ticks.last().unwrap().time_s + 600.0,
         measurements: Vec::new(),
-        row_misfit_px: None,
+        rows: Vec::new(),
     });
     assert_eq!(truth().of_ticks(&ticks, Knowing::Past).last(), Some(&None));
     let blind = without(&flown, |tick, _| tick < 10);

@@ -10,7 +10,6 @@
 
 use dataset::numbers::spread::median;
 
-use super::Knowing;
 use super::forward::{MEMORY_S, Tick};
 use crate::estimators::inverse_range::scale_m;
 
@@ -18,6 +17,15 @@ use crate::estimators::inverse_range::scale_m;
 const MAX_OF_TICK_S: f64 = 2.0;
 /// Maximum misfit relative to the usual one: larger ones are outliers, which the filter treats.
 const MAX_RATIO: f64 = 6.0;
+
+/// Ticks that an estimate may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Knowing {
+    /// The current tick and earlier ones, as in live operation.
+    Past,
+    /// The whole flight.
+    All,
+}
 
 /// Recent misfits.
 #[derive(Debug, Clone, Copy, Default)]
@@ -35,7 +43,7 @@ impl RecentMisfit {
         let kept = (-since_s.unwrap_or(0.0) / MEMORY_S).exp();
         self.square_s *= kept;
         self.seconds *= kept;
-        if let Some(misfit_px) = tick.row_misfit_px {
+        if let Some(misfit_px) = tick.row_misfit_px() {
             let seconds = since_s.unwrap_or(MAX_OF_TICK_S).min(MAX_OF_TICK_S);
             let ratio = (misfit_px / usual_px).min(MAX_RATIO);
             self.square_s += seconds * ratio * ratio;
@@ -90,7 +98,7 @@ pub(super) fn scales(usual_px: Option<f64>, ticks: &[Tick], knowing: Knowing) ->
 /// Usual misfit, root mean square, pixels; `None` without any flight.
 pub(super) fn usual_px<'a>(flights: impl Iterator<Item = &'a [Tick]>) -> Option<f64> {
     let of_flight = |ticks: &[Tick]| {
-        let misfits = ticks.iter().filter_map(|tick| tick.row_misfit_px);
+        let misfits = ticks.iter().filter_map(Tick::row_misfit_px);
         let mut misfits: Vec<f64> = misfits.collect();
         if misfits.is_empty() {
             return None;
@@ -148,12 +156,13 @@ pub(super) fn by_all(ticks: &[Tick]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimators::inverse_range::flight_filter::tests::rows_off;
 
     fn flight(misfit_px: impl Fn(u32) -> Option<f64>) -> Vec<Tick> {
         let tick = |tick: u32| Tick {
             time_s: f64::from(tick),
             measurements: Vec::new(),
-            row_misfit_px: misfit_px(tick),
+            rows: rows_off(misfit_px(tick)),
         };
         (0..200).map(tick).collect()
     }

@@ -3,8 +3,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-use super::tests::{BOTH, SyntheticFlight, fly, fly_in, normal, truth};
-use super::*;
+use super::{BOTH, SyntheticFlight, fly, fly_in, normal, truth};
+use crate::estimators::inverse_range::flight_filter::*;
 
 #[derive(Debug, Clone, Copy)]
 struct Disturbance {
