@@ -17,10 +17,11 @@ use labeller::{SeenBox, register_views};
 use sight::background::Background;
 use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView, Shown};
 
-use crate::clocks::Clocks;
+use crate::clock::Tie;
 use crate::clocks::clock_offset::Offset;
 use crate::clocks::free_clocks::News;
 use crate::clocks::vertical_lag::Sighting;
+use crate::clocks::{Clocks, right_clock};
 use crate::conductor::answers::Answers;
 use crate::conductor::overload::Overload;
 use crate::conductor::pairing::{Joined, Pairing};
@@ -78,6 +79,7 @@ pub fn estimate(
         pairing: Pairing::new(count, shared.pace == Pace::AsFastAsPossible),
         motions: (0..count).map(|_| TrackMotion::default()).collect(),
         clocks,
+        offsets: vec![Correction::default(); count],
         answers: Answers::new(options.run.views().to_vec(), options.pace()),
         run: options.run,
         news: vec![ViewNews::default(); count],
@@ -129,6 +131,8 @@ struct Conductor {
     pairing: Pairing<Option<Box<Searched>>>,
     motions: Vec<TrackMotion>,
     clocks: Clocks,
+    /// What is to be added to each view's clock to have the first one's time.
+    offsets: Vec<Correction>,
     answers: Answers,
     news: Vec<ViewNews>,
     has_finished: Vec<bool>,
@@ -346,17 +350,31 @@ impl Conductor {
             look: Look::of(searched.looked.camera),
             boxes: boxes.collect(),
             registration,
+            common_sd_px: [0.0; 2],
         }
     }
 
-    /// Measures the view's free clock. The view is left out while its offset is unknown and the first view sees aircraft.
+    /// Compares the view's clock with the first one's. One of both views is left out while the offset is unknown and the other one sees
+    /// aircraft; else its error widens the intervals.
     fn watch_clock(&mut self, joined: &Joined<Box<Searched>>, view: usize, views: &mut [SeenView]) {
         let Some((time_s, searched)) = &joined.images[view] else {
             return;
         };
-        if !self.shared.runs_free(view) {
+        let ties = [0, view].map(|view| self.shared.tie(view));
+        let tie = ties[0].max(ties[1]);
+        if tie == Tie::Common {
             return;
         }
+        // Nothing says how late the images of a free clock are.
+        let [left_out, other] = if ties[1] < ties[0] {
+            [0, view]
+        } else {
+            [view, 0]
+        };
+        let first = joined.images[0].as_ref();
+        let first_added_s = first.map_or(0.0, |(_, first)| first.added_s);
+        // By the first view's own clock.
+        let own_s = joined.time_s - first_added_s;
         let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
         let shift = views[view].registration.filter(|_| is_sighted);
         let sighting = shift.zip(best_of(searched)).map(|((_, shift), best)| {
@@ -366,35 +384,59 @@ impl Conductor {
             let here_px = DVec2::new(shift.x_px, shift.y_px);
             let there_px = here_px + DVec2::new(shift.dx_px, shift.dy_px) - moved_px;
             Sighting {
-                time_s: joined.time_s,
+                time_s: own_s,
                 places_px: [here_px, there_px],
                 width_px: best.pixel_box.width_px,
-                added_s: searched.added_s - later_s,
+                added_s: searched.added_s - first_added_s - later_s,
             }
         });
-        let news = match &joined.images[0] {
-            Some(_) => self.clocks.take(view, joined.time_s, sighting),
-            None => None,
-        };
-        if !self.clocks.is_known(view) {
-            // Without this view, the first view's boxes count alone.
-            views[view].look = Look::Blind;
-            if !views[0].boxes.is_empty() {
-                views[view] = SeenView::default();
+        let news = first.and_then(|_| self.clocks.take((view, tie), own_s, sighting));
+        if self.clocks.is_known(view) {
+            let error_s = self.clocks.error_s(view, own_s);
+            let motion = best_of(searched).map(|best| self.motions[view].px_s(best.track));
+            views[view].common_sd_px = motion.unwrap_or_default().map(|px_s| px_s * error_s);
+        } else {
+            // Without this view, the other one's boxes count alone.
+            views[left_out].look = Look::Blind;
+            if !views[other].boxes.is_empty() {
+                views[left_out] = SeenView::default();
             }
         }
         match news {
             None => {}
-            Some(News::Unknown) => self.report_offset(view, None),
-            Some(News::Known(offset)) => {
-                let correction = Correction {
-                    seconds: offset.offset_s,
-                    time_s: joined.time_s,
-                    drift: offset.drift_ppm * 1e-6,
-                };
-                self.shared.correct(view, correction);
-                self.report_offset(view, Some(offset));
+            Some(News::Unknown) => {
+                self.correct(view, Correction::default());
+                self.report_offset(left_out, None);
             }
+            Some(News::Known(offset)) => self.correct_by(view, offset, own_s),
+        }
+    }
+
+    /// Corrects all clocks after a view's offset from the first one is known, or a different one. Returns the view whose clock is right.
+    fn correct(&mut self, view: usize, offset: Correction) -> usize {
+        self.offsets[view] = offset;
+        let now_s: Vec<f64> = (self.offsets.iter())
+            .map(|of| of.at(offset.time_s))
+            .collect();
+        let right = right_clock(&self.shared.delays_s(), &now_s);
+        let of_right = self.offsets[right];
+        for (view, of_view) in self.offsets.iter().enumerate() {
+            self.shared.correct(view, of_view.without(&of_right));
+        }
+        right
+    }
+
+    /// Corrects the clock that is wrong, and tells of it.
+    fn correct_by(&mut self, view: usize, offset: Offset, time_s: f64) {
+        let correction = Correction {
+            seconds: offset.offset_s,
+            time_s,
+            drift: offset.drift_ppm * 1e-6,
+        };
+        if self.correct(view, correction) == view {
+            self.report_offset(0, Some(offset.back()));
+        } else {
+            self.report_offset(view, Some(offset));
         }
     }
 
@@ -475,7 +517,7 @@ impl Conductor {
 
     fn finish(mut self, cause: &'static str) -> Result<()> {
         for (view, offset) in self.clocks.at_end() {
-            self.report_offset(view, Some(offset));
+            self.correct_by(view, offset, self.last_s.unwrap_or(0.0));
         }
         let images = self.views.all.iter().enumerate();
         let images = images.map(|(view, of_view)| {

@@ -3,7 +3,6 @@
 //! A few images wait for the search, and the newest replaces the oldest: that one was decoded, but is not searched. A recording that is
 //! read as fast as possible waits instead.
 
-use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 
@@ -174,6 +173,11 @@ impl Feed {
         };
         let decoded_s = shared.clock.now_s();
         let clock = stamp.clock;
+        // Images that a correction makes older are older.
+        let late_s = match clock {
+            ClockSource::Recording => 0.0,
+            _ => (shared.given_s[self.view] + added_s).min(0.0),
+        };
         match connection.clock.replace(clock) {
             None => {
                 if size_px != self.size_px {
@@ -192,7 +196,7 @@ impl Feed {
             },
             time_s: match shared.pace {
                 Pace::AsFastAsPossible => time_s,
-                _ => stamp.oldest_s,
+                _ => stamp.oldest_s + late_s,
             },
             is_damaged: image.is_damaged || is_other_size,
             look: connection.looks.next(image.image.luma()),
@@ -221,7 +225,7 @@ impl Feed {
         let image = FeedImage {
             image: image.image,
             time_s,
-            taken_s: stamp.oldest_s.min(arrival_s),
+            taken_s: stamp.oldest_s.min(arrival_s) + late_s,
             arrival_s,
             decoded_s,
             added_s,
@@ -247,27 +251,25 @@ impl Feed {
         let shared = self.shared.clone();
         let recorded_s = image.recorded_s.or(image.timestamp_s);
         let recorded_s = recorded_s.filter(|_| self.source.is_recorded());
-        let of_recording = |time_s: f64| Stamp {
-            time_s,
-            clock: ClockSource::Recording,
-            oldest_s: time_s,
-        };
         let stamp = match (recorded_s, shared.pace) {
-            (Some(_), Pace::AsFastAsPossible) => of_recording(image.arrival_s),
+            (Some(_), Pace::AsFastAsPossible) => Stamp::recorded(image.arrival_s),
             (Some(recorded_s), _) => {
                 let now_s = shared.clock.now_s();
                 let start_s = *shared.recordings_s.get_or_init(|| now_s - recorded_s);
                 shared.sleep_until(start_s + recorded_s);
-                of_recording(start_s + recorded_s)
+                Stamp::recorded(start_s + recorded_s)
             }
-            (None, _) => connection.stamper.stamp(Clues {
-                arrival_s: image.arrival_s,
-                timestamp_s: image.timestamp_s,
-                sender_s: image.sender_s,
-            }),
+            (None, _) => {
+                let clues = Clues {
+                    arrival_s: image.arrival_s,
+                    timestamp_s: image.timestamp_s,
+                    sender_s: image.sender_s,
+                };
+                let others_s = shared.sender_delays_s(self.view);
+                connection.stamper.stamp(clues, &others_s)
+            }
         };
-        let runs_free = stamp.clock.runs_free() || shared.is_measured[self.view];
-        shared.runs_free[self.view].store(runs_free, Ordering::Relaxed);
+        shared.set_clock(self.view, &stamp);
         let told_s = shared.given_s[self.view]
             + match (recorded_s, shared.pace) {
                 (Some(recorded_s), Pace::RealTime | Pace::AsFastAsPossible) => recorded_s,
