@@ -64,7 +64,8 @@ pub fn estimate(
     let address = options.metrics.map(serve).transpose()?;
     let is_timed = shared.pace != Pace::AsFastAsPossible;
     let lines = Lines::to(output, metrics.clone(), is_timed)?;
-    let views = Views::start(&options, &shared)?;
+    let sources = (&options.sources, options.decoder);
+    let views = Views::start(&options.run, options.searcher, sources, &shared)?;
     ready(address);
     let sources = views.all.iter();
     let sources = sources.filter_map(|view| Some((view.name.clone(), view.source.clone()?)));
@@ -80,7 +81,7 @@ pub fn estimate(
         motions: (0..count).map(|_| TrackMotion::default()).collect(),
         clocks,
         offsets: vec![Correction::default(); count],
-        answers: Answers::new(options.run.views().to_vec(), options.pace()),
+        answers: Answers::new(options.run.views().to_vec(), shared.pace),
         run: options.run,
         news: vec![ViewNews::default(); count],
         has_finished: views.all.iter().map(|view| view.source.is_none()).collect(),
@@ -91,6 +92,7 @@ pub fn estimate(
         overload: Overload::of(count),
         withheld: WithheldNews::default(),
         backgrounds: vec![None; count],
+        placed: vec![0; count],
         is_unusual: vec![false; count],
         serves_metrics: address.is_some(),
         views,
@@ -144,8 +146,10 @@ struct Conductor {
     predicted_s: f64,
     overload: Overload,
     withheld: WithheldNews,
-    /// Backgrounds with the times of their last images, until the tick that shows them.
-    backgrounds: Vec<Option<(f64, Background)>>,
+    /// Backgrounds with the times of their last images and how often the camera had been turned, until the tick that shows them.
+    backgrounds: Vec<Option<(f64, u32, Background)>>,
+    /// How often each camera had been turned when it was last placed by its background. A turned one does not count until then.
+    placed: Vec<u32>,
     /// Views whose camera did not look as in the training.
     is_unusual: Vec<bool>,
     serves_metrics: bool,
@@ -188,7 +192,7 @@ impl Conductor {
         match message {
             Message::Searched(view, mut searched) => {
                 if let Some(background) = searched.looked.background.take() {
-                    self.backgrounds[view] = Some((searched.time_s, background));
+                    self.backgrounds[view] = Some((searched.time_s, searched.turns, background));
                 }
                 let seen = searched.looked.boxes.iter().filter(|found| found.counts);
                 let seen = seen.map(|found| (found.track, &found.pixel_box));
@@ -308,13 +312,16 @@ impl Conductor {
         for view in 0..self.backgrounds.len() {
             let image = joined.images[view].as_ref();
             let until_s = image.map_or(joined.time_s, |(time_s, _)| time_s.max(joined.time_s));
-            let Some((_, background)) =
-                self.backgrounds[view].take_if(|(time_s, _)| *time_s <= until_s)
+            let Some((_, turns, background)) =
+                self.backgrounds[view].take_if(|(time_s, ..)| *time_s <= until_s)
             else {
                 continue;
             };
             let shown = self.run.show(view, &background);
             let is_usual = shown == Shown::Usual;
+            if is_usual || matches!(shown, Shown::Moved(_)) {
+                self.placed[view] = turns;
+            }
             if !is_usual || self.is_unusual[view] {
                 self.event(Event::Camera {
                     time_s: joined.time_s,
@@ -331,6 +338,12 @@ impl Conductor {
         let Some((time_s, searched)) = &joined.images[view] else {
             return SeenView::default();
         };
+        if searched.turns != self.placed[view] {
+            return SeenView {
+                look: Look::Blind,
+                ..SeenView::default()
+            };
+        }
         let moved = |track: u32| self.motions[view].moved_px(track, joined.time_s - time_s);
         let reference = joined.images[0].as_ref().filter(|_| view > 0);
         let registration = reference.and_then(|(_, first)| {

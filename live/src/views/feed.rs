@@ -38,6 +38,8 @@ pub(crate) struct FeedImage {
     pub(crate) decoded_s: f64,
     /// Clock correction that is part of `time_s`, s.
     pub(crate) added_s: f64,
+    /// Number of the connection.
+    pub(crate) connection: u32,
     /// False while the camera looks elsewhere or its images repeat: the search only sees whether that is over.
     pub(crate) can_be_measured: bool,
     /// False for black and damaged images, which only keep their place in a recording.
@@ -91,6 +93,8 @@ pub(crate) struct Feed {
     pub(crate) shared: Arc<Shared>,
     /// Time of the last image, also from an earlier connection.
     pub(crate) last_time_s: Option<f64>,
+    /// Number of connections until now.
+    pub(crate) connections: u32,
     pub(crate) open_limit: OpenLimit,
     pub(crate) read_limit: ReadLimit,
 }
@@ -138,6 +142,7 @@ impl Feed {
         let took_s = clock.now_s() - began_s;
         self.open_limit.take(opened.is_ok(), took_s);
         let mut input = opened?;
+        self.connections = self.connections.wrapping_add(1);
         self.report(Report::Opened {
             codec: input.codec(),
         });
@@ -229,6 +234,7 @@ impl Feed {
             arrival_s,
             decoded_s,
             added_s,
+            connection: self.connections,
             can_be_measured: state.can_be_measured(),
             can_be_searched,
         };
