@@ -27,12 +27,12 @@ use crate::conductor::overload::Overload;
 use crate::conductor::pairing::{Joined, Pairing};
 use crate::conductor::track_motion::{TrackMotion, moved_box, moved_shift};
 use crate::conductor::view_news::ViewNews;
-use crate::conductor::withheld_news::WithheldNews;
+use crate::conductor::withheld_news::{Sees, WithheldNews};
 use crate::error::{Error, Result};
 use crate::options::{Options, Pace};
 use crate::output::lines::Lines;
 use crate::output::metrics::{Fate, Metrics, Stage};
-use crate::output::{Event, Line, MAX_FRESH_S, Surroundings, metrics_server};
+use crate::output::{Event, Line, MAX_FRESH_S, Reason, Surroundings, metrics_server};
 use crate::queue::lock;
 use crate::views::feed::{Message, Report};
 use crate::views::search::Searched;
@@ -90,10 +90,10 @@ pub fn estimate(
         received_s: 0.0,
         predicted_s: 0.0,
         overload: Overload::of(count),
-        withheld: WithheldNews::default(),
+        withheld: vec![WithheldNews::default(); count],
         backgrounds: vec![None; count],
         placed: vec![0; count],
-        is_unusual: vec![false; count],
+        shown: vec![Shown::Usual; count],
         serves_metrics: address.is_some(),
         views,
         lines,
@@ -145,13 +145,13 @@ struct Conductor {
     /// When aircraft were predicted without images, seconds since the start.
     predicted_s: f64,
     overload: Overload,
-    withheld: WithheldNews,
+    withheld: Vec<WithheldNews>,
     /// Backgrounds with the times of their last images and how often the camera had been turned, until the tick that shows them.
     backgrounds: Vec<Option<(f64, u32, Background)>>,
     /// How often each camera had been turned when it was last placed by its background. A turned one does not count until then.
     placed: Vec<u32>,
-    /// Views whose camera did not look as in the training.
-    is_unusual: Vec<bool>,
+    /// What each camera showed of its surroundings.
+    shown: Vec<Shown>,
     serves_metrics: bool,
 }
 
@@ -274,10 +274,18 @@ impl Conductor {
         let mut views: Vec<SeenView> = (0..joined.images.len())
             .map(|view| self.seen_view(&joined, view))
             .collect();
-        for view in 1..views.len() {
-            self.watch_clock(&joined, view, &mut views);
-        }
         self.compare_cameras(&joined);
+        let mut sees: Vec<Sees> = (0..views.len())
+            .map(|view| self.sees(&joined, view))
+            .collect();
+        for view in 1..views.len() {
+            let left_out = self.watch_clock(&joined, view, &mut views);
+            if let Some(sees) = left_out.map(|view| &mut sees[view])
+                && *sees == Sees::Aircraft
+            {
+                *sees = Sees::LeftOut(Reason::Clock);
+            }
+        }
         let tick = SeenTick {
             time_ns: nanoseconds(joined.time_s),
             views,
@@ -299,7 +307,7 @@ impl Conductor {
             taken_s,
             received_s: self.received_s,
         });
-        self.answer(&tick, joined.time_s, taken_s);
+        self.answer(&tick, &sees, joined.time_s, taken_s);
         let now_s = self.shared.clock.now_s();
         if images().next().is_some() {
             self.metrics.time(Stage::Join, now_s - searched_s);
@@ -318,18 +326,31 @@ impl Conductor {
                 continue;
             };
             let shown = self.run.show(view, &background);
-            let is_usual = shown == Shown::Usual;
-            if is_usual || matches!(shown, Shown::Moved(_)) {
+            if matches!(shown, Shown::Usual | Shown::Moved(_)) {
                 self.placed[view] = turns;
             }
-            if !is_usual || self.is_unusual[view] {
+            if [&shown, &self.shown[view]] != [&Shown::Usual; 2] {
                 self.event(Event::Camera {
                     time_s: joined.time_s,
                     view: self.views.all[view].name.clone(),
                     surroundings: Surroundings::of(&shown),
                 });
             }
-            self.is_unusual[view] = !is_usual;
+            self.shown[view] = shown;
+        }
+    }
+
+    /// What a view sees, before clocks are compared.
+    fn sees(&self, joined: &Joined<Box<Searched>>, view: usize) -> Sees {
+        let image = joined.images[view].as_ref();
+        let Some((_, searched)) = image.filter(|(_, searched)| best_of(searched).is_some()) else {
+            return Sees::Nothing;
+        };
+        match self.shown[view] {
+            _ if searched.turns != self.placed[view] => Sees::LeftOut(Reason::Turned),
+            Shown::OtherView(_) => Sees::LeftOut(Reason::OtherView),
+            Shown::Elsewhere => Sees::LeftOut(Reason::Elsewhere),
+            Shown::Usual | Shown::Moved(_) | Shown::Unknown => Sees::Aircraft,
         }
     }
 
@@ -368,15 +389,18 @@ impl Conductor {
     }
 
     /// Compares the view's clock with the first one's. One of both views is left out while the offset is unknown and the other one sees
-    /// aircraft; else its error widens the intervals.
-    fn watch_clock(&mut self, joined: &Joined<Box<Searched>>, view: usize, views: &mut [SeenView]) {
-        let Some((time_s, searched)) = &joined.images[view] else {
-            return;
-        };
+    /// aircraft; else its error widens the intervals. Returns the one that is left out.
+    fn watch_clock(
+        &mut self,
+        joined: &Joined<Box<Searched>>,
+        view: usize,
+        views: &mut [SeenView],
+    ) -> Option<usize> {
+        let (time_s, searched) = joined.images[view].as_ref()?;
         let ties = [0, view].map(|view| self.shared.tie(view));
         let tie = ties[0].max(ties[1]);
         if tie == Tie::Common {
-            return;
+            return None;
         }
         // Nothing says how late the images of a free clock are.
         let [left_out, other] = if ties[1] < ties[0] {
@@ -404,14 +428,16 @@ impl Conductor {
             }
         });
         let news = first.and_then(|_| self.clocks.take((view, tie), own_s, sighting));
-        if self.clocks.is_known(view) {
+        let is_known = self.clocks.is_known(view);
+        let is_left_out = !is_known && !views[other].boxes.is_empty();
+        if is_known {
             let error_s = self.clocks.error_s(view, own_s);
             let motion = best_of(searched).map(|best| self.motions[view].px_s(best.track));
             views[view].common_sd_px = motion.unwrap_or_default().map(|px_s| px_s * error_s);
         } else {
             // Without this view, the other one's boxes count alone.
             views[left_out].look = Look::Blind;
-            if !views[other].boxes.is_empty() {
+            if is_left_out {
                 views[left_out] = SeenView::default();
             }
         }
@@ -423,6 +449,7 @@ impl Conductor {
             }
             Some(News::Known(offset)) => self.correct_by(view, offset, own_s),
         }
+        is_left_out.then_some(left_out)
     }
 
     /// Corrects all clocks after a view's offset from the first one is known, or a different one. Returns the view whose clock is right.
@@ -488,18 +515,22 @@ impl Conductor {
             time_ns: nanoseconds(time_s),
             views: views.collect(),
         };
-        self.answer(&tick, time_s, seen.taken_s + since_s);
+        let sees = vec![Sees::Nothing; tick.views.len()];
+        self.answer(&tick, &sees, time_s, seen.taken_s + since_s);
     }
 
-    fn answer(&mut self, tick: &SeenTick, time_s: f64, taken_s: f64) {
+    fn answer(&mut self, tick: &SeenTick, sees: &[Sees], time_s: f64, taken_s: f64) {
         let found = self.run.take(tick);
         let now_s = self.shared.clock.now_s();
         let is_of_cameras = self.shared.pace == Pace::Cameras;
         let utc = || self.shared.clock.utc(self.shared.since_start_s(time_s));
         let utc = is_of_cameras.then(utc);
         let event_s = self.event_time_s();
-        for event in self.withheld.next(event_s, &found, self.run.views()) {
-            self.event(event);
+        for (view, sees) in sees.iter().enumerate() {
+            let name = &self.views.all[view].name;
+            let seen = (*sees, self.run.unlike().contains(&view));
+            let news = self.withheld[view].next(event_s, (name, view), seen, &found);
+            news.into_iter().for_each(|event| self.event(event));
         }
         for answer in self
             .answers

@@ -46,6 +46,7 @@ pub struct OnlineRun {
     estimator: Estimator,
     in_sight: InSight,
     sights: Sights,
+    unlike: Vec<usize>,
     ticks: u32,
     last_ns: i64,
 }
@@ -98,6 +99,7 @@ impl OnlineRun {
             estimator,
             in_sight: InSight::default(),
             sights: run.backgrounds.unseen(),
+            unlike: Vec::new(),
             ticks: 0,
             last_ns: i64::MIN,
             run,
@@ -156,6 +158,9 @@ impl OnlineRun {
         let observed = tick.observed((self.ticks, self.last_ns), &self.cameras);
         self.ticks = self.ticks.wrapping_add(1);
         let observed = self.run.backgrounds.corrected(&observed, &self.sights);
+        let usual = self.run.normalisation.without_outliers(&observed, false);
+        let lost = |view: &usize| observed.boxes[*view].is_some() && usual.boxes[*view].is_none();
+        self.unlike = (0..observed.boxes.len()).filter(lost).collect();
         let judged = self.in_sight.take(&self.run, false, &observed);
         let fitted = self.run.baselines.self_calibrated.as_ref();
         let locator = fitted.map(SelfCalibrated::locator);
@@ -166,6 +171,11 @@ impl OnlineRun {
             self.answer(of).at(place)
         });
         answers.collect()
+    }
+
+    /// Views whose boxes were all unlike the training's at the last tick, by place or size.
+    pub fn unlike(&self) -> &[usize] {
+        &self.unlike
     }
 
     fn answer(&self, judged: &JudgedAircraft) -> Answer {
