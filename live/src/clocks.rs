@@ -163,6 +163,11 @@ impl Clocks {
         self.clock(view).is_none_or(FreeClock::is_known)
     }
 
+    /// The best offset of a view, although it may not be in use; `None` if nothing is known.
+    pub(crate) fn best(&self, view: usize, time_s: f64) -> Option<Offset> {
+        self.clock(view)?.best(time_s)
+    }
+
     /// Standard deviation of a view's offset that is in use, s.
     pub(crate) fn error_s(&self, view: usize, time_s: f64) -> f64 {
         let clock = self.clock(view);

@@ -444,7 +444,11 @@ impl Conductor {
         match news {
             None => {}
             Some(News::Unknown) => {
-                self.correct(view, Correction::default());
+                let vague = self.clocks.best(view, own_s);
+                self.correct(
+                    view,
+                    vague.map(|of| correction(of, own_s)).unwrap_or_default(),
+                );
                 self.report_offset(left_out, None);
             }
             Some(News::Known(offset)) => self.correct_by(view, offset, own_s),
@@ -468,12 +472,7 @@ impl Conductor {
 
     /// Corrects the clock that is wrong, and tells of it.
     fn correct_by(&mut self, view: usize, offset: Offset, time_s: f64) {
-        let correction = Correction {
-            seconds: offset.offset_s,
-            time_s,
-            drift: offset.drift_ppm * 1e-6,
-        };
-        if self.correct(view, correction) == view {
+        if self.correct(view, correction(offset, time_s)) == view {
             self.report_offset(0, Some(offset.back()));
         } else {
             self.report_offset(view, Some(offset));
@@ -577,6 +576,14 @@ impl Conductor {
         });
         self.views.stop(STOP_TIMEOUT);
         self.lines.finish(LAST_LINES_TIMEOUT)
+    }
+}
+
+fn correction(offset: Offset, time_s: f64) -> Correction {
+    Correction {
+        seconds: offset.offset_s,
+        time_s,
+        drift: offset.drift_ppm * 1e-6,
     }
 }
 

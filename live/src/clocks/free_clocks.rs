@@ -88,7 +88,7 @@ impl FreeClock {
     }
 
     /// The best offset at a time, with the arrival under way.
-    fn best(&self, time_s: f64) -> Option<Offset> {
+    pub(crate) fn best(&self, time_s: f64) -> Option<Offset> {
         self.with_arrival.unwrap_or(self.before).at(time_s)
     }
 
