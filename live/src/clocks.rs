@@ -181,11 +181,18 @@ impl Clocks {
         if !std::mem::replace(&mut self.had_images[view], true) {
             return;
         }
-        for ((other, _), clock) in &mut self.clocks {
-            if view == 0 || view == *other {
-                clock.restart(time_s);
-            }
-        }
+        self.clocks_of(view).for_each(|clock| clock.restart(time_s));
+    }
+
+    /// A view's camera looks elsewhere from now on.
+    pub(crate) fn turned(&mut self, view: usize) {
+        self.clocks_of(view).for_each(FreeClock::forget_arrival);
+    }
+
+    /// The clocks that are compared by a view's images.
+    fn clocks_of(&mut self, view: usize) -> impl Iterator<Item = &mut FreeClock> {
+        let all = self.clocks.iter_mut();
+        all.filter_map(move |((other, _), clock)| (view == 0 || view == *other).then_some(clock))
     }
 
     /// Takes an aircraft that the first view and a different one see at the same time. `tie`: what ties their clocks now.

@@ -326,8 +326,10 @@ impl Conductor {
                 continue;
             };
             let shown = self.run.show(view, &background);
-            if matches!(shown, Shown::Usual | Shown::Moved(_)) {
-                self.placed[view] = turns;
+            if matches!(shown, Shown::Usual | Shown::Moved(_))
+                && std::mem::replace(&mut self.placed[view], turns) != turns
+            {
+                self.clocks.turned(view);
             }
             if [&shown, &self.shown[view]] != [&Shown::Usual; 2] {
                 self.event(Event::Camera {
@@ -347,9 +349,9 @@ impl Conductor {
             return Sees::Nothing;
         };
         match self.shown[view] {
-            _ if searched.turns != self.placed[view] => Sees::LeftOut(Reason::Turned),
             Shown::OtherView(_) => Sees::LeftOut(Reason::OtherView),
             Shown::Elsewhere => Sees::LeftOut(Reason::Elsewhere),
+            _ if searched.turns != self.placed[view] => Sees::LeftOut(Reason::Turned),
             Shown::Usual | Shown::Moved(_) | Shown::Unknown => Sees::Aircraft,
         }
     }

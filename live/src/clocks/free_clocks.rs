@@ -98,6 +98,12 @@ impl FreeClock {
         self.is_told = false;
     }
 
+    /// Forgets the arrival up to now, as after a turn of a camera: it does not fit the rest.
+    pub(crate) fn forget_arrival(&mut self) {
+        self.arrival = VerticalLag::between(self.cameras, self.drift_sd);
+        self.with_arrival = None;
+    }
+
     /// The images take a different way from now on.
     pub(crate) fn restart(&mut self, time_s: f64) {
         self.end_arrival();
@@ -146,10 +152,7 @@ impl FreeClock {
     /// Begins a new arrival; true if the last one had a lag.
     fn end_arrival(&mut self) -> bool {
         let lag = self.arrival.lag();
-        if !self.arrival.is_empty() {
-            self.arrival = VerticalLag::between(self.cameras, self.drift_sd);
-        }
-        self.with_arrival = None;
+        self.forget_arrival();
         if let Some(lag) = lag {
             self.before = self.joined(lag);
             self.has_measured = true;

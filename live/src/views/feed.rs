@@ -174,14 +174,17 @@ impl Feed {
         let size_px = image.image.size_px();
         let Some((stamp, time_s, added_s)) = self.stamp(&image, connection) else {
             shared.metrics.count(self.view, Fate::Disordered);
+            if shared.pace != Pace::AsFastAsPossible {
+                lock(&self.status).came(shared.clock.now_s());
+            }
             return Ok(());
         };
         let decoded_s = shared.clock.now_s();
         let clock = stamp.clock;
-        // Images that a correction makes older are older.
-        let late_s = match clock {
-            ClockSource::Recording => 0.0,
-            _ => (shared.given_s[self.view] + added_s).min(0.0),
+        // An image that a correction makes older is older.
+        let oldest_s = match clock {
+            ClockSource::Recording => stamp.oldest_s,
+            _ => (stamp.time_s + shared.given_s[self.view] + added_s).min(stamp.oldest_s),
         };
         match connection.clock.replace(clock) {
             None => {
@@ -201,7 +204,7 @@ impl Feed {
             },
             time_s: match shared.pace {
                 Pace::AsFastAsPossible => time_s,
-                _ => stamp.oldest_s + late_s,
+                _ => oldest_s,
             },
             is_damaged: image.is_damaged || is_other_size,
             look: connection.looks.next(image.image.luma()),
@@ -230,7 +233,7 @@ impl Feed {
         let image = FeedImage {
             image: image.image,
             time_s,
-            taken_s: stamp.oldest_s.min(arrival_s) + late_s,
+            taken_s: oldest_s.min(arrival_s),
             arrival_s,
             decoded_s,
             added_s,

@@ -43,21 +43,21 @@ fn arrival_of(clock: &mut FreeClock, from_s: f64, slow_s: f64, added_s: f64) -> 
 }
 
 /// News at a second of an arrival.
-fn arrival_second(
-    clock: &mut FreeClock,
-    second: u32,
-    [from_s, slow_s, added_s]: [f64; 3],
-) -> Option<News> {
+fn arrival_second(clock: &mut FreeClock, second: u32, times_s: [f64; 3]) -> Option<News> {
+    let sighting = sighting_at(second, times_s);
+    clock.take(sighting.time_s, Some(sighting))
+}
+
+fn sighting_at(second: u32, [from_s, slow_s, added_s]: [f64; 3]) -> Sighting {
     let [left, right] = cameras();
     let flown_s = f64::from(second);
     let there = right.project(place_m(flown_s + slow_s - added_s));
-    let sighting = Sighting {
+    Sighting {
         time_s: from_s + flown_s,
         places_px: [left.project(place_m(flown_s)).unwrap(), there.unwrap()],
         width_px: 20.0,
         added_s,
-    };
-    clock.take(sighting.time_s, Some(sighting))
+    }
 }
 
 #[test]
@@ -120,6 +120,27 @@ fn a_feed_that_is_two_seconds_late_is_known_to_be_after_an_arrival() {
     };
     assert!((found.offset_s + 2.0).abs() < 3.0 * found.sd_s, "{found:?}");
     assert!(found.sd_s < 0.02, "{found:?}");
+}
+
+#[test]
+fn an_arrival_in_which_a_camera_turns_tells_the_offset_from_then_on() {
+    let mut clock = FreeClock::of(cameras(), Some(Offset::of_senders()), STREAM_DRIFT_SD);
+    let mut used_s = 0.0;
+    for second in 0..ARRIVAL_S {
+        if second == 60 {
+            clock.forget_arrival();
+        }
+        let turned_px = if second < 60 { 6.0 } else { 0.0 };
+        let mut sighting = sighting_at(second, [0.0, SLOW_S / 5.0, used_s]);
+        sighting.places_px[1] += DVec2::splat(turned_px);
+        if let Some(News::Known(offset)) = clock.take(sighting.time_s, Some(sighting)) {
+            used_s = offset.offset_s;
+        }
+    }
+    let Some(News::Known(found)) = clock.take(290.0, None) else {
+        panic!("it is over")
+    };
+    assert!((found.offset_s - SLOW_S / 5.0).abs() < 0.01, "{found:?}");
 }
 
 #[test]
