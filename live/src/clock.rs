@@ -1,4 +1,5 @@
-//! Image times: the sender's wall clock if it can be right, else timestamps placed by their arrivals, else the arrival.
+//! Image times: the sender's wall clock if it can be right, else timestamps placed by their arrivals, else the arrival. No clock is exact:
+//! [`Tie`] says how far the clocks of two views can differ before an aircraft tells.
 //!
 //! Timestamps run evenly but begin anywhere. The image with the shortest delay places them; a clock that runs at a different rate is
 //! followed, up to 200 ppm. Late images stay late: only a clock whose readings jump is placed again.
@@ -6,7 +7,7 @@
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Time source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -23,10 +24,26 @@ pub enum ClockSource {
 }
 
 impl ClockSource {
-    /// True if nothing ties it to the clocks of other views.
-    pub(crate) fn runs_free(self) -> bool {
-        matches!(self, Self::Timestamps | Self::Arrival)
+    pub(crate) fn tie(self) -> Tie {
+        match self {
+            Self::Recording => Tie::Common,
+            Self::Sender => Tie::Senders,
+            Self::Timestamps | Self::Arrival => Tie::Free,
+        }
     }
+}
+
+/// What ties a clock to those of other views. Two clocks are tied like the less tied one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Tie {
+    /// The common time of recordings.
+    Common,
+    /// Wall clocks that their senders set, by NTP or by hand: their difference has a standard deviation of [`SENDERS_SD_S`].
+    Senders,
+    /// Nothing.
+    #[default]
+    Free,
 }
 
 /// A smaller change between this computer's two clocks is the time between reading them, seconds: larger errors of UTC are set at once.
@@ -99,6 +116,30 @@ pub(crate) struct Stamp {
     pub(crate) clock: ClockSource,
     /// No later than it was taken, whatever its clock says: for its age.
     pub(crate) oldest_s: f64,
+    /// Shortest time from the sender's clock to the arrivals, also of a clock that is not used.
+    pub(crate) sender_delay_s: Option<f64>,
+}
+
+impl Stamp {
+    /// An image of a recording.
+    pub(crate) fn recorded(time_s: f64) -> Self {
+        Self {
+            time_s,
+            clock: ClockSource::Recording,
+            oldest_s: time_s,
+            sender_delay_s: None,
+        }
+    }
+
+    /// Shortest time from the used clock to the arrivals, s; `None` for recordings.
+    pub(crate) fn delay_s(&self) -> Option<f64> {
+        match self.clock {
+            ClockSource::Recording => None,
+            ClockSource::Sender => self.sender_delay_s,
+            // It is placed by them.
+            ClockSource::Timestamps | ClockSource::Arrival => Some(0.0),
+        }
+    }
 }
 
 /// Clues to an image's time.
@@ -112,9 +153,12 @@ pub(crate) struct Clues {
     pub(crate) sender_s: Option<f64>,
 }
 
-/// Shortest time from a sender's clock to the arrival, seconds: otherwise its clock is wrong, or ours is. Two clocks that are trusted
-/// differ by the width of this range at most.
+/// Shortest time from a sender's clock to the arrival, seconds: otherwise the clock is wrong, ours is, or the feed is late. Two clocks that
+/// are trusted differ by the width of this range at most.
 const SENDER_DELAY_S: RangeInclusive<f64> = -0.15..=0.35;
+const SENDER_SPAN_S: f64 = *SENDER_DELAY_S.end() - *SENDER_DELAY_S.start();
+/// Standard deviation of the difference between two clocks that may be anywhere in this range, s: the width divided by the root of 6.
+pub(crate) const SENDERS_SD_S: f64 = SENDER_SPAN_S / 2.449_489_742_783_178;
 
 /// The connection's image clock.
 #[derive(Debug, Default)]
@@ -124,15 +168,24 @@ pub(crate) struct Stamper {
 }
 
 impl Stamper {
-    pub(crate) fn stamp(&mut self, clues: Clues) -> Stamp {
+    /// `others_s`: shortest delays of the other views by their senders' clocks. Two that arrive seconds late or early, and alike, have been
+    /// set by one source: both feeds are late, or our clock is wrong.
+    pub(crate) fn stamp(&mut self, clues: Clues, others_s: &[f64]) -> Stamp {
         let Clues { arrival_s, .. } = clues;
-        if let Some(sender_s) = clues.sender_s {
-            let shortest_s = self.sender.delay_s(arrival_s, sender_s);
-            if SENDER_DELAY_S.contains(&shortest_s) {
+        let sender = clues
+            .sender_s
+            .map(|sender_s| (sender_s, self.sender.delay_s(arrival_s, sender_s)));
+        let sender_delay_s = sender.map(|(_, shortest_s)| shortest_s);
+        if let Some((sender_s, shortest_s)) = sender {
+            let is_alike = |other_s: &f64| {
+                !SENDER_DELAY_S.contains(other_s) && (shortest_s - other_s).abs() <= SENDER_SPAN_S
+            };
+            if SENDER_DELAY_S.contains(&shortest_s) || others_s.iter().any(is_alike) {
                 return Stamp {
                     time_s: sender_s,
                     clock: ClockSource::Sender,
                     oldest_s: sender_s.min(sender_s + shortest_s),
+                    sender_delay_s,
                 };
             }
         }
@@ -147,6 +200,7 @@ impl Stamper {
             time_s,
             clock,
             oldest_s: time_s,
+            sender_delay_s,
         }
     }
 }
@@ -243,11 +297,12 @@ mod tests {
 
     /// The stamp of an image without the sender's clock.
     fn placed(stamper: &mut Stamper, arrival_s: f64, timestamp_s: f64) -> Stamp {
-        stamper.stamp(Clues {
+        let clues = Clues {
             arrival_s,
             timestamp_s: Some(timestamp_s),
             sender_s: None,
-        })
+        };
+        stamper.stamp(clues, &[])
     }
 
     #[test]
@@ -272,14 +327,34 @@ mod tests {
             let mut stamper = Stamper::default();
             for image in 0..100 {
                 let taken_s = f64::from(image) * PERIOD_S;
-                let stamp = stamper.stamp(Clues {
+                let clues = Clues {
                     arrival_s: taken_s + delay_s(image),
                     timestamp_s: Some(taken_s),
                     sender_s: Some(taken_s + skew_s),
-                });
+                };
+                // A right clock of another view, or one that is wrong by a different amount, helps nothing.
+                let stamp = stamper.stamp(clues, &[0.02, -40.0]);
                 assert_eq!(stamp.clock, expected, "skew {skew_s}");
                 assert!((stamp.time_s - taken_s).abs() < 0.051, "skew {skew_s}");
             }
+        }
+    }
+
+    #[test]
+    fn feeds_that_are_equally_late_by_their_senders_clocks_have_these_times_and_their_age() {
+        const LATE_S: f64 = 2.0;
+        let mut stamper = Stamper::default();
+        for image in 0..100 {
+            let taken_s = f64::from(image) * PERIOD_S;
+            let clues = Clues {
+                arrival_s: taken_s + LATE_S + delay_s(image),
+                timestamp_s: Some(taken_s),
+                sender_s: Some(taken_s),
+            };
+            let stamp = stamper.stamp(clues, &[LATE_S + 0.1]);
+            assert_eq!((stamp.clock, stamp.time_s), (ClockSource::Sender, taken_s));
+            assert_eq!(stamp.oldest_s, taken_s);
+            assert!(stamp.delay_s().is_some_and(|delay_s| delay_s >= LATE_S));
         }
     }
 
@@ -339,11 +414,12 @@ mod tests {
         timestamp_s: f64,
         sender_s: f64,
     ) -> (f64, ClockSource) {
-        let stamp = stamper.stamp(Clues {
+        let clues = Clues {
             arrival_s: taken_s + delay_s,
             timestamp_s: Some(timestamp_s),
             sender_s: Some(sender_s),
-        });
+        };
+        let stamp = stamper.stamp(clues, &[]);
         (stamp.time_s - taken_s, stamp.clock)
     }
 

@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 use dataset::files::json_file::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
+use crate::clock::Tie;
 use crate::clocks::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
-use crate::clocks::free_clocks::{FreeClock, News};
+use crate::clocks::free_clocks::{FreeClock, MAX_SD_S, News};
 use crate::clocks::vertical_lag::Sighting;
 use crate::error::{Error, Result};
 use crate::options::Options;
@@ -31,6 +32,9 @@ struct StoredOffsets {
 struct StoredOffset {
     /// Sources of the first view and of this one, without secrets.
     sources: [String; 2],
+    /// What tied their clocks: other clocks have other offsets.
+    #[serde(default)]
+    tie: Tie,
     offset: Offset,
 }
 
@@ -92,8 +96,10 @@ impl StoredOffsets {
 #[derive(Debug)]
 pub(crate) struct Clocks {
     names: Vec<String>,
-    /// `None` for the first view and for views with a given offset.
-    clocks: Vec<Option<FreeClock>>,
+    /// By view and by what ties it to the first one; none for the first view and for views with a given offset.
+    clocks: BTreeMap<(usize, Tie), FreeClock>,
+    /// The clocks that are in use.
+    ties: Vec<Tie>,
     /// Sources of the first view and of this one; `None` without both sources, or if the offset is given.
     sources: Vec<Option<[String; 2]>>,
     had_images: Vec<bool>,
@@ -121,25 +127,26 @@ impl Clocks {
             Some(path) => StoredOffsets::read(path, run.blake3(), &sources, names)?,
             None => StoredOffsets::default(),
         };
-        let clock = |(view, name): (usize, &String)| {
-            let is_given = view == 0 || is_given(name);
+        let clock = |(view, name): (usize, &String), tie: Tie| {
             let cameras = [0, view].map(|view| run.camera(view));
             let drift_sd = if options.measured.contains(name) {
                 RECORDING_DRIFT_SD
             } else {
                 STREAM_DRIFT_SD
             };
-            (!is_given).then(|| {
-                FreeClock::of(
-                    cameras,
-                    kept.views.get(name).map(|of_view| of_view.offset),
-                    drift_sd,
-                )
-            })
+            let of_view = kept.views.get(name).filter(|of_view| of_view.tie == tie);
+            let known = of_view.map(|of_view| of_view.offset);
+            let expected = known.or_else(|| (tie == Tie::Senders).then(Offset::of_senders));
+            let clock = FreeClock::of(cameras, expected, drift_sd);
+            ((view, tie), clock)
         };
+        let compared = (names.iter().enumerate().skip(1)).filter(|(_, name)| !is_given(name));
         Ok(Self {
             had_images: vec![false; names.len()],
-            clocks: names.iter().enumerate().map(clock).collect(),
+            clocks: compared
+                .flat_map(|view| [Tie::Senders, Tie::Free].map(|tie| clock(view, tie)))
+                .collect(),
+            ties: vec![Tie::Common; names.len()],
             names: names.to_vec(),
             sources,
             kept,
@@ -147,9 +154,26 @@ impl Clocks {
         })
     }
 
+    fn clock(&self, view: usize) -> Option<&FreeClock> {
+        self.clocks.get(&(view, self.ties[view]))
+    }
+
     /// True if a view's times can be compared with the first view's.
     pub(crate) fn is_known(&self, view: usize) -> bool {
-        self.clocks[view].as_ref().is_none_or(FreeClock::is_known)
+        self.clock(view).is_none_or(FreeClock::is_known)
+    }
+
+    /// The best offset of a view, although it may not be in use; `None` if nothing is known.
+    pub(crate) fn best(&self, view: usize, time_s: f64) -> Option<Offset> {
+        self.clock(view)?.best(time_s)
+    }
+
+    /// Standard deviation of a view's offset that is in use, s.
+    pub(crate) fn error_s(&self, view: usize, time_s: f64) -> f64 {
+        let clock = self.clock(view);
+        clock
+            .and_then(|clock| clock.error_s(time_s))
+            .unwrap_or_default()
     }
 
     /// The first image of every connection; later connections may have a different delay.
@@ -157,26 +181,35 @@ impl Clocks {
         if !std::mem::replace(&mut self.had_images[view], true) {
             return;
         }
-        for (other, clock) in self.clocks.iter_mut().enumerate() {
-            if let Some(clock) = clock.as_mut().filter(|_| view == 0 || view == other) {
-                clock.restart(time_s);
-            }
-        }
+        self.clocks_of(view).for_each(|clock| clock.restart(time_s));
     }
 
-    /// Takes an aircraft that the first view and a view with a free clock see at the same time.
+    /// A view's camera looks elsewhere from now on.
+    pub(crate) fn turned(&mut self, view: usize) {
+        self.clocks_of(view).for_each(FreeClock::forget_arrival);
+    }
+
+    /// The clocks that are compared by a view's images.
+    fn clocks_of(&mut self, view: usize) -> impl Iterator<Item = &mut FreeClock> {
+        let all = self.clocks.iter_mut();
+        all.filter_map(move |((other, _), clock)| (view == 0 || view == *other).then_some(clock))
+    }
+
+    /// Takes an aircraft that the first view and a different one see at the same time. `tie`: what ties their clocks now.
     pub(crate) fn take(
         &mut self,
-        view: usize,
+        (view, tie): (usize, Tie),
         time_s: f64,
         sighting: Option<Sighting>,
     ) -> Option<News> {
-        let news = self.clocks[view].as_mut()?.take(time_s, sighting);
-        let has_measured = self.clocks[view]
-            .as_ref()
-            .is_some_and(FreeClock::has_measured);
+        let is_other = std::mem::replace(&mut self.ties[view], tie) != tie;
+        let clock = self.clocks.get_mut(&(view, tie))?;
+        if is_other {
+            clock.resume();
+        }
+        let news = clock.take(time_s, sighting);
         if let Some(News::Known(offset)) = news
-            && has_measured
+            && clock.has_measured()
         {
             self.keep(view, offset);
         }
@@ -185,8 +218,9 @@ impl Clocks {
 
     /// The offsets that the last arrivals told, by view.
     pub(crate) fn at_end(&mut self) -> Vec<(usize, Offset)> {
-        let clocks = self.clocks.iter_mut().enumerate();
-        let ends = clocks.filter_map(|(view, clock)| Some((view, clock.as_mut()?.at_end()?)));
+        let in_use = |(view, tie): (usize, Tie)| self.ties[view] == tie;
+        let clocks = self.clocks.iter_mut().filter(|(of, _)| in_use(**of));
+        let ends = clocks.filter_map(|((view, _), clock)| Some((*view, clock.at_end()?)));
         let ends: Vec<(usize, Offset)> = ends.collect();
         for (view, offset) in &ends {
             self.keep(*view, *offset);
@@ -198,7 +232,11 @@ impl Clocks {
         let Some(sources) = self.sources[view].clone() else {
             return;
         };
-        let of_view = StoredOffset { sources, offset };
+        let of_view = StoredOffset {
+            sources,
+            tie: self.ties[view],
+            offset,
+        };
         self.kept.views.insert(self.names[view].clone(), of_view);
         let written = self.file.as_ref().map(|path| write_json(path, &self.kept));
         if let Some(Err(error)) = written {
@@ -210,9 +248,48 @@ impl Clocks {
     }
 }
 
+/// The view whose clock is right, if one is: by it no image arrives before it was taken, and images are the newest. `delays_s`: shortest
+/// times to the arrivals by each clock; `offsets_s`: what is to be added to each clock to have the first one's time.
+pub(crate) fn right_clock(delays_s: &[Option<f64>], offsets_s: &[f64]) -> usize {
+    let shortest_s = |of: usize| {
+        delays_s[of]?;
+        let all = delays_s.iter().zip(offsets_s);
+        let all = all.filter_map(|(delay_s, offset_s)| Some((*delay_s)? - offset_s));
+        all.min_by(f64::total_cmp)
+            .map(|shortest_s| shortest_s + offsets_s[of])
+    };
+    let all = (0..delays_s.len()).filter_map(|of| Some((of, shortest_s(of)?)));
+    let possible = all.filter(|(_, shortest_s)| *shortest_s >= -MAX_SD_S);
+    let newest_s = possible.clone().map(|(_, shortest_s)| shortest_s);
+    let newest_s = newest_s.fold(f64::INFINITY, f64::min);
+    let mut as_new = possible.filter(|(_, shortest_s)| *shortest_s <= newest_s + MAX_SD_S);
+    as_new.next().map_or(0, |(of, _)| of)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_clock_that_is_right_lets_no_image_arrive_before_it_was_taken_and_none_late_without_need()
+    {
+        for (case, delays_s, offset_s, expected) in [
+            ("both right", [0.02, 0.05], 0.01, 0),
+            ("left fast", [-0.18, 0.02], 0.2, 1),
+            ("right slow", [0.02, 0.22], 0.2, 0),
+            ("right fast", [0.02, -0.18], -0.2, 0),
+            ("left slow", [0.22, 0.02], -0.2, 1),
+            ("right late, placed by its arrivals", [0.02, 0.0], -2.0, 0),
+            ("left late, both placed by arrivals", [0.0, 0.0], 2.0, 1),
+            ("left late, right with a right clock", [0.0, 0.02], 1.98, 1),
+            ("our clock slow", [-0.1, -0.1], 0.0, 0),
+        ] {
+            let delays_s = delays_s.map(Some);
+            assert_eq!(right_clock(&delays_s, &[0.0, offset_s]), expected, "{case}");
+        }
+        assert_eq!(right_clock(&[None, None], &[0.0, 0.4]), 0, "recordings");
+        assert_eq!(right_clock(&[None, Some(0.0)], &[0.0, 0.4]), 1);
+    }
 
     fn kept_for(run: &str, sources: [&str; 2]) -> Result<StoredOffsets> {
         let folder = tempfile::tempdir().unwrap();
@@ -225,6 +302,7 @@ mod tests {
         };
         let of_view = StoredOffset {
             sources: ["a", "b"].map(Into::into),
+            tie: Tie::Free,
             offset,
         };
         let kept = StoredOffsets {

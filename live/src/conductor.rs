@@ -17,21 +17,22 @@ use labeller::{SeenBox, register_views};
 use sight::background::Background;
 use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView, Shown};
 
-use crate::clocks::Clocks;
+use crate::clock::Tie;
 use crate::clocks::clock_offset::Offset;
 use crate::clocks::free_clocks::News;
 use crate::clocks::vertical_lag::Sighting;
+use crate::clocks::{Clocks, right_clock};
 use crate::conductor::answers::Answers;
 use crate::conductor::overload::Overload;
 use crate::conductor::pairing::{Joined, Pairing};
 use crate::conductor::track_motion::{TrackMotion, moved_box, moved_shift};
 use crate::conductor::view_news::ViewNews;
-use crate::conductor::withheld_news::WithheldNews;
+use crate::conductor::withheld_news::{Sees, WithheldNews};
 use crate::error::{Error, Result};
 use crate::options::{Options, Pace};
 use crate::output::lines::Lines;
 use crate::output::metrics::{Fate, Metrics, Stage};
-use crate::output::{Event, Line, MAX_FRESH_S, Surroundings, metrics_server};
+use crate::output::{Event, Line, MAX_FRESH_S, Reason, Surroundings, metrics_server};
 use crate::queue::lock;
 use crate::views::feed::{Message, Report};
 use crate::views::search::Searched;
@@ -63,7 +64,8 @@ pub fn estimate(
     let address = options.metrics.map(serve).transpose()?;
     let is_timed = shared.pace != Pace::AsFastAsPossible;
     let lines = Lines::to(output, metrics.clone(), is_timed)?;
-    let views = Views::start(&options, &shared)?;
+    let sources = (&options.sources, options.decoder);
+    let views = Views::start(&options.run, options.searcher, sources, &shared)?;
     ready(address);
     let sources = views.all.iter();
     let sources = sources.filter_map(|view| Some((view.name.clone(), view.source.clone()?)));
@@ -78,7 +80,8 @@ pub fn estimate(
         pairing: Pairing::new(count, shared.pace == Pace::AsFastAsPossible),
         motions: (0..count).map(|_| TrackMotion::default()).collect(),
         clocks,
-        answers: Answers::new(options.run.views().to_vec(), options.pace()),
+        offsets: vec![Correction::default(); count],
+        answers: Answers::new(options.run.views().to_vec(), shared.pace),
         run: options.run,
         news: vec![ViewNews::default(); count],
         has_finished: views.all.iter().map(|view| view.source.is_none()).collect(),
@@ -87,9 +90,10 @@ pub fn estimate(
         received_s: 0.0,
         predicted_s: 0.0,
         overload: Overload::of(count),
-        withheld: WithheldNews::default(),
+        withheld: vec![WithheldNews::default(); count],
         backgrounds: vec![None; count],
-        is_unusual: vec![false; count],
+        placed: vec![0; count],
+        shown: vec![Shown::Usual; count],
         serves_metrics: address.is_some(),
         views,
         lines,
@@ -129,6 +133,8 @@ struct Conductor {
     pairing: Pairing<Option<Box<Searched>>>,
     motions: Vec<TrackMotion>,
     clocks: Clocks,
+    /// What is to be added to each view's clock to have the first one's time.
+    offsets: Vec<Correction>,
     answers: Answers,
     news: Vec<ViewNews>,
     has_finished: Vec<bool>,
@@ -139,11 +145,13 @@ struct Conductor {
     /// When aircraft were predicted without images, seconds since the start.
     predicted_s: f64,
     overload: Overload,
-    withheld: WithheldNews,
-    /// Backgrounds with the times of their last images, until the tick that shows them.
-    backgrounds: Vec<Option<(f64, Background)>>,
-    /// Views whose camera did not look as in the training.
-    is_unusual: Vec<bool>,
+    withheld: Vec<WithheldNews>,
+    /// Backgrounds with the times of their last images and how often the camera had been turned, until the tick that shows them.
+    backgrounds: Vec<Option<(f64, u32, Background)>>,
+    /// How often each camera had been turned when it was last placed by its background. A turned one does not count until then.
+    placed: Vec<u32>,
+    /// What each camera showed of its surroundings.
+    shown: Vec<Shown>,
     serves_metrics: bool,
 }
 
@@ -184,7 +192,7 @@ impl Conductor {
         match message {
             Message::Searched(view, mut searched) => {
                 if let Some(background) = searched.looked.background.take() {
-                    self.backgrounds[view] = Some((searched.time_s, background));
+                    self.backgrounds[view] = Some((searched.time_s, searched.turns, background));
                 }
                 let seen = searched.looked.boxes.iter().filter(|found| found.counts);
                 let seen = seen.map(|found| (found.track, &found.pixel_box));
@@ -266,10 +274,18 @@ impl Conductor {
         let mut views: Vec<SeenView> = (0..joined.images.len())
             .map(|view| self.seen_view(&joined, view))
             .collect();
-        for view in 1..views.len() {
-            self.watch_clock(&joined, view, &mut views);
-        }
         self.compare_cameras(&joined);
+        let mut sees: Vec<Sees> = (0..views.len())
+            .map(|view| self.sees(&joined, view))
+            .collect();
+        for view in 1..views.len() {
+            let left_out = self.watch_clock(&joined, view, &mut views);
+            if let Some(sees) = left_out.map(|view| &mut sees[view])
+                && *sees == Sees::Aircraft
+            {
+                *sees = Sees::LeftOut(Reason::Clock);
+            }
+        }
         let tick = SeenTick {
             time_ns: nanoseconds(joined.time_s),
             views,
@@ -291,7 +307,7 @@ impl Conductor {
             taken_s,
             received_s: self.received_s,
         });
-        self.answer(&tick, joined.time_s, taken_s);
+        self.answer(&tick, &sees, joined.time_s, taken_s);
         let now_s = self.shared.clock.now_s();
         if images().next().is_some() {
             self.metrics.time(Stage::Join, now_s - searched_s);
@@ -304,21 +320,39 @@ impl Conductor {
         for view in 0..self.backgrounds.len() {
             let image = joined.images[view].as_ref();
             let until_s = image.map_or(joined.time_s, |(time_s, _)| time_s.max(joined.time_s));
-            let Some((_, background)) =
-                self.backgrounds[view].take_if(|(time_s, _)| *time_s <= until_s)
+            let Some((_, turns, background)) =
+                self.backgrounds[view].take_if(|(time_s, ..)| *time_s <= until_s)
             else {
                 continue;
             };
             let shown = self.run.show(view, &background);
-            let is_usual = shown == Shown::Usual;
-            if !is_usual || self.is_unusual[view] {
+            if matches!(shown, Shown::Usual | Shown::Moved(_))
+                && std::mem::replace(&mut self.placed[view], turns) != turns
+            {
+                self.clocks.turned(view);
+            }
+            if [&shown, &self.shown[view]] != [&Shown::Usual; 2] {
                 self.event(Event::Camera {
                     time_s: joined.time_s,
                     view: self.views.all[view].name.clone(),
                     surroundings: Surroundings::of(&shown),
                 });
             }
-            self.is_unusual[view] = !is_usual;
+            self.shown[view] = shown;
+        }
+    }
+
+    /// What a view sees, before clocks are compared.
+    fn sees(&self, joined: &Joined<Box<Searched>>, view: usize) -> Sees {
+        let image = joined.images[view].as_ref();
+        let Some((_, searched)) = image.filter(|(_, searched)| best_of(searched).is_some()) else {
+            return Sees::Nothing;
+        };
+        match self.shown[view] {
+            Shown::OtherView(_) => Sees::LeftOut(Reason::OtherView),
+            Shown::Elsewhere => Sees::LeftOut(Reason::Elsewhere),
+            _ if searched.turns != self.placed[view] => Sees::LeftOut(Reason::Turned),
+            Shown::Usual | Shown::Moved(_) | Shown::Unknown => Sees::Aircraft,
         }
     }
 
@@ -327,6 +361,12 @@ impl Conductor {
         let Some((time_s, searched)) = &joined.images[view] else {
             return SeenView::default();
         };
+        if searched.turns != self.placed[view] {
+            return SeenView {
+                look: Look::Blind,
+                ..SeenView::default()
+            };
+        }
         let moved = |track: u32| self.motions[view].moved_px(track, joined.time_s - time_s);
         let reference = joined.images[0].as_ref().filter(|_| view > 0);
         let registration = reference.and_then(|(_, first)| {
@@ -346,17 +386,34 @@ impl Conductor {
             look: Look::of(searched.looked.camera),
             boxes: boxes.collect(),
             registration,
+            common_sd_px: [0.0; 2],
         }
     }
 
-    /// Measures the view's free clock. The view is left out while its offset is unknown and the first view sees aircraft.
-    fn watch_clock(&mut self, joined: &Joined<Box<Searched>>, view: usize, views: &mut [SeenView]) {
-        let Some((time_s, searched)) = &joined.images[view] else {
-            return;
-        };
-        if !self.shared.runs_free(view) {
-            return;
+    /// Compares the view's clock with the first one's. One of both views is left out while the offset is unknown and the other one sees
+    /// aircraft; else its error widens the intervals. Returns the one that is left out.
+    fn watch_clock(
+        &mut self,
+        joined: &Joined<Box<Searched>>,
+        view: usize,
+        views: &mut [SeenView],
+    ) -> Option<usize> {
+        let (time_s, searched) = joined.images[view].as_ref()?;
+        let ties = [0, view].map(|view| self.shared.tie(view));
+        let tie = ties[0].max(ties[1]);
+        if tie == Tie::Common {
+            return None;
         }
+        // Nothing says how late the images of a free clock are.
+        let [left_out, other] = if ties[1] < ties[0] {
+            [0, view]
+        } else {
+            [view, 0]
+        };
+        let first = joined.images[0].as_ref();
+        let first_added_s = first.map_or(0.0, |(_, first)| first.added_s);
+        // By the first view's own clock.
+        let own_s = joined.time_s - first_added_s;
         let is_sighted = !views[0].boxes.is_empty() && !views[view].boxes.is_empty();
         let shift = views[view].registration.filter(|_| is_sighted);
         let sighting = shift.zip(best_of(searched)).map(|((_, shift), best)| {
@@ -366,35 +423,61 @@ impl Conductor {
             let here_px = DVec2::new(shift.x_px, shift.y_px);
             let there_px = here_px + DVec2::new(shift.dx_px, shift.dy_px) - moved_px;
             Sighting {
-                time_s: joined.time_s,
+                time_s: own_s,
                 places_px: [here_px, there_px],
                 width_px: best.pixel_box.width_px,
-                added_s: searched.added_s - later_s,
+                added_s: searched.added_s - first_added_s - later_s,
             }
         });
-        let news = match &joined.images[0] {
-            Some(_) => self.clocks.take(view, joined.time_s, sighting),
-            None => None,
-        };
-        if !self.clocks.is_known(view) {
-            // Without this view, the first view's boxes count alone.
-            views[view].look = Look::Blind;
-            if !views[0].boxes.is_empty() {
-                views[view] = SeenView::default();
+        let news = first.and_then(|_| self.clocks.take((view, tie), own_s, sighting));
+        let is_known = self.clocks.is_known(view);
+        let is_left_out = !is_known && !views[other].boxes.is_empty();
+        if is_known {
+            let error_s = self.clocks.error_s(view, own_s);
+            let motion = best_of(searched).map(|best| self.motions[view].px_s(best.track));
+            views[view].common_sd_px = motion.unwrap_or_default().map(|px_s| px_s * error_s);
+        } else {
+            // Without this view, the other one's boxes count alone.
+            views[left_out].look = Look::Blind;
+            if is_left_out {
+                views[left_out] = SeenView::default();
             }
         }
         match news {
             None => {}
-            Some(News::Unknown) => self.report_offset(view, None),
-            Some(News::Known(offset)) => {
-                let correction = Correction {
-                    seconds: offset.offset_s,
-                    time_s: joined.time_s,
-                    drift: offset.drift_ppm * 1e-6,
-                };
-                self.shared.correct(view, correction);
-                self.report_offset(view, Some(offset));
+            Some(News::Unknown) => {
+                let vague = self.clocks.best(view, own_s);
+                self.correct(
+                    view,
+                    vague.map(|of| correction(of, own_s)).unwrap_or_default(),
+                );
+                self.report_offset(left_out, None);
             }
+            Some(News::Known(offset)) => self.correct_by(view, offset, own_s),
+        }
+        is_left_out.then_some(left_out)
+    }
+
+    /// Corrects all clocks after a view's offset from the first one is known, or a different one. Returns the view whose clock is right.
+    fn correct(&mut self, view: usize, offset: Correction) -> usize {
+        self.offsets[view] = offset;
+        let now_s: Vec<f64> = (self.offsets.iter())
+            .map(|of| of.at(offset.time_s))
+            .collect();
+        let right = right_clock(&self.shared.delays_s(), &now_s);
+        let of_right = self.offsets[right];
+        for (view, of_view) in self.offsets.iter().enumerate() {
+            self.shared.correct(view, of_view.without(&of_right));
+        }
+        right
+    }
+
+    /// Corrects the clock that is wrong, and tells of it.
+    fn correct_by(&mut self, view: usize, offset: Offset, time_s: f64) {
+        if self.correct(view, correction(offset, time_s)) == view {
+            self.report_offset(0, Some(offset.back()));
+        } else {
+            self.report_offset(view, Some(offset));
         }
     }
 
@@ -433,18 +516,22 @@ impl Conductor {
             time_ns: nanoseconds(time_s),
             views: views.collect(),
         };
-        self.answer(&tick, time_s, seen.taken_s + since_s);
+        let sees = vec![Sees::Nothing; tick.views.len()];
+        self.answer(&tick, &sees, time_s, seen.taken_s + since_s);
     }
 
-    fn answer(&mut self, tick: &SeenTick, time_s: f64, taken_s: f64) {
+    fn answer(&mut self, tick: &SeenTick, sees: &[Sees], time_s: f64, taken_s: f64) {
         let found = self.run.take(tick);
         let now_s = self.shared.clock.now_s();
         let is_of_cameras = self.shared.pace == Pace::Cameras;
         let utc = || self.shared.clock.utc(self.shared.since_start_s(time_s));
         let utc = is_of_cameras.then(utc);
         let event_s = self.event_time_s();
-        for event in self.withheld.next(event_s, &found, self.run.views()) {
-            self.event(event);
+        for (view, sees) in sees.iter().enumerate() {
+            let name = &self.views.all[view].name;
+            let seen = (*sees, self.run.unlike().contains(&view));
+            let news = self.withheld[view].next(event_s, (name, view), seen, &found);
+            news.into_iter().for_each(|event| self.event(event));
         }
         for answer in self
             .answers
@@ -475,7 +562,7 @@ impl Conductor {
 
     fn finish(mut self, cause: &'static str) -> Result<()> {
         for (view, offset) in self.clocks.at_end() {
-            self.report_offset(view, Some(offset));
+            self.correct_by(view, offset, self.last_s.unwrap_or(0.0));
         }
         let images = self.views.all.iter().enumerate();
         let images = images.map(|(view, of_view)| {
@@ -491,6 +578,14 @@ impl Conductor {
         });
         self.views.stop(STOP_TIMEOUT);
         self.lines.finish(LAST_LINES_TIMEOUT)
+    }
+}
+
+fn correction(offset: Offset, time_s: f64) -> Correction {
+    Correction {
+        seconds: offset.offset_s,
+        time_s,
+        drift: offset.drift_ppm * 1e-6,
     }
 }
 

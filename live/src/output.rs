@@ -5,7 +5,7 @@ pub(crate) mod metrics;
 pub(crate) mod metrics_server;
 
 use serde::Serialize;
-use trainer::live::{Phase, Shown};
+use trainer::live::{Cause, Phase, Shown};
 
 use crate::clock::ClockSource;
 use crate::view_state::ViewState;
@@ -141,16 +141,16 @@ pub enum Event {
         #[serde(flatten)]
         surroundings: Surroundings,
     },
-    /// Views that see an aircraft are not used for it from now on.
+    /// A view sees an aircraft that has no distance from it, or this is over.
     Withheld {
         /// Time, as of answers.
         time_s: f64,
-        /// Aircraft number, as in answers.
-        track: u32,
-        /// Names of the views.
-        views: Vec<String>,
-        /// The cause, and what to do about it.
-        why: String,
+        /// Name of the view.
+        view: String,
+        /// Name of the reason; null if it is over.
+        reason: Option<&'static str>,
+        /// What that means, and what to do about it.
+        why: Option<String>,
     },
     /// The estimation ended.
     End {
@@ -161,6 +161,69 @@ pub enum Event {
         /// Searched and other images by view.
         images: Vec<(String, u64, u64)>,
     },
+}
+
+/// Reason why a view does not count for the distance of an aircraft that it sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Reason {
+    /// It shows the ground of a different view.
+    OtherView,
+    /// It shows other ground than in the training.
+    Elsewhere,
+    /// The camera was turned, and its new direction is unknown.
+    Turned,
+    /// The offset of its clock is unknown.
+    Clock,
+    /// What it sees contradicts another view, the training's paths, or an approach.
+    Contradicts(Cause),
+    /// Boxes have other places or sizes than in the training.
+    Unlike,
+    /// No answer uses its boxes.
+    Unpaired,
+    /// The estimator has no distance.
+    NoDistance,
+}
+
+impl Reason {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::OtherView => "other_view",
+            Self::Elsewhere => "elsewhere",
+            Self::Turned => "turned",
+            Self::Clock => "clock",
+            Self::Contradicts(_) => "contradicts",
+            Self::Unlike => "unlike",
+            Self::Unpaired => "unpaired",
+            Self::NoDistance => "no_distance",
+        }
+    }
+
+    /// What that means, and what to do about it.
+    pub(crate) fn why(self) -> String {
+        let why = match self {
+            Self::OtherView => {
+                "it shows what a different view showed in the training: are the sources exchanged?"
+            }
+            Self::Elsewhere => {
+                "it shows other surroundings than in the training; if it was replaced or turned far, `dtd refit` learns it again"
+            }
+            Self::Turned => {
+                "it was turned, and what it shows now could not be compared with the training; if it stays so, `dtd refit` learns it again"
+            }
+            Self::Clock => {
+                "the offset of its clock is unknown until both views have seen an aircraft; `--keep-offsets` stores it for the next start"
+            }
+            Self::Contradicts(cause) => return cause.to_string(),
+            Self::Unlike => {
+                "it sees the aircraft at a place or in a size that the training has not seen"
+            }
+            Self::Unpaired => "what it sees does not match what the other views see",
+            Self::NoDistance => {
+                "the estimator has no distance for the aircraft yet, or it is too uncertain"
+            }
+        };
+        why.into()
+    }
 }
 
 /// What a camera shows of its surroundings, beside the training's.

@@ -126,6 +126,11 @@ impl ViewWatch {
         (self.is_moved, self.is_frozen) = (is_moved, is_frozen);
     }
 
+    /// Takes an image that is not after the previous one, as for a while when a clock is set back: it only shows that the view delivers.
+    pub(crate) fn came(&mut self, now_s: f64) {
+        self.last_s = self.last_s.map(|_| now_s);
+    }
+
     /// Takes an image, and returns the state of the view with it.
     pub(crate) fn take(&mut self, seen: DecodedLook) -> ViewState {
         let DecodedLook { now_s, look, .. } = seen;
@@ -295,6 +300,8 @@ mod tests {
         assert_eq!(watch.state(5.1), ViewState::Up);
         assert_eq!(watch.state(5.25), ViewState::Late);
         assert_eq!(watch.state(6.1), ViewState::Down);
+        watch.came(6.1);
+        assert_eq!(watch.state(6.2), ViewState::Up, "out of order");
         watch.set_connected(false);
         assert_eq!(watch.state(5.0), ViewState::Down);
         assert_eq!(feed(&mut watch, 8.0, 8.1, 0.4, false), ViewState::Up);

@@ -7,6 +7,7 @@ mod read_limit;
 pub(crate) mod search;
 pub(crate) mod shared;
 
+use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
@@ -14,17 +15,19 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use dataset::video::start_ffmpeg;
+use labeller::Searcher;
+use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
-use crate::options::Options;
 use crate::queue::Queue;
 use crate::source::gpu::Gpu;
+use crate::source::{Decoder, Source};
 use crate::view_state::ViewWatch;
 use feed::{Feed, Message};
 use lockstep::Lockstep;
 use open_limit::OpenLimit;
 use read_limit::ReadLimit;
-use search::Search;
+use search::{Direction, Search};
 use shared::Shared;
 
 /// Maximum number of images that wait for the search.
@@ -46,18 +49,24 @@ pub(crate) struct Views {
 
 impl Views {
     /// Starts the threads of all views that have a source.
-    pub(crate) fn start(options: &Options, shared: &Arc<Shared>) -> Result<Self> {
+    pub(crate) fn start(
+        run: &OnlineRun,
+        searcher: Searcher,
+        (sources, decoder): (&BTreeMap<String, Source>, Decoder),
+        shared: &Arc<Shared>,
+    ) -> Result<Self> {
         // A missing GPU concerns all views.
         start_ffmpeg();
-        Gpu::open(options.decoder)?;
+        Gpu::open(decoder)?;
+        let searcher = Arc::new(searcher);
         let (send, messages) = channel();
-        let names = options.run.views();
+        let names = run.views();
         let lockstep = Arc::new(Lockstep::of(names.len()));
         let mut threads = Vec::new();
         let mut all = Vec::new();
         for (view, name) in names.iter().enumerate() {
             let status = Arc::<Mutex<ViewWatch>>::default();
-            let source = options.sources.get(name);
+            let source = sources.get(name);
             all.push(View {
                 name: name.clone(),
                 source: source.map(ToString::to_string),
@@ -67,19 +76,20 @@ impl Views {
                 lockstep.leave(view);
                 continue;
             };
-            let camera = options.run.camera(view);
+            let camera = run.camera(view);
             let queue = Arc::new(Queue::of(MAX_WAITING));
             let feed = Feed {
                 view,
                 name: name.clone(),
                 source: source.clone(),
-                decoder: options.decoder,
+                decoder,
                 size_px: [camera.width_px, camera.height_px],
                 queue: queue.clone(),
                 status: status.clone(),
                 messages: send.clone(),
                 shared: shared.clone(),
                 last_time_s: None,
+                connections: 0,
                 open_limit: OpenLimit::default(),
                 read_limit: ReadLimit::default(),
             };
@@ -88,7 +98,11 @@ impl Views {
             let search = Search {
                 view,
                 name: name.clone(),
-                search: options.searcher.view_search(&camera)?,
+                search: searcher.view_search(&camera)?,
+                searcher: searcher.clone(),
+                camera,
+                direction: Direction::default(),
+                tracks: [0; 2],
                 queue,
                 status,
                 messages: send.clone(),

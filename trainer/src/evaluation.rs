@@ -314,8 +314,8 @@ impl TrainedRun {
                     &samples.scenarios[flight[0].scenario].id,
                     views.join(" and "),
                 );
-                let line = format!("{id}: no distances from {views}: {withheld}");
-                found.entry(withheld.evidence).or_default().push(line);
+                let line = format!("{id}: no distances from {views}: {}", withheld.cause);
+                found.entry(withheld.cause.evidence).or_default().push(line);
             }
         }
         for lines in found.values() {

@@ -32,7 +32,7 @@ use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 
-pub use crate::estimators::inverse_range::flight_filter::{Evidence, Withheld};
+pub use crate::estimators::inverse_range::flight_filter::{Cause, Evidence, Withheld};
 pub use crate::samples::Look;
 pub use answer::{Answer, Position, Stated};
 pub(crate) use in_sight::{InSight, JudgedAircraft};
@@ -47,6 +47,7 @@ pub struct OnlineRun {
     estimator: Estimator,
     in_sight: InSight,
     sights: Sights,
+    unlike: Vec<usize>,
     ticks: u32,
     last_ns: i64,
 }
@@ -99,6 +100,7 @@ impl OnlineRun {
             estimator,
             in_sight: InSight::default(),
             sights: run.backgrounds.unseen(),
+            unlike: Vec::new(),
             ticks: 0,
             last_ns: i64::MIN,
             run,
@@ -157,6 +159,9 @@ impl OnlineRun {
         let observed = tick.observed((self.ticks, self.last_ns), &self.cameras);
         self.ticks = self.ticks.wrapping_add(1);
         let observed = self.run.backgrounds.corrected(&observed, &self.sights);
+        let usual = self.run.normalisation.without_outliers(&observed, false);
+        let lost = |view: &usize| observed.boxes[*view].is_some() && usual.boxes[*view].is_none();
+        self.unlike = (0..observed.boxes.len()).filter(lost).collect();
         let judged = self.in_sight.take(&self.run, false, &observed);
         let fitted = self.run.baselines.self_calibrated.as_ref();
         let locator = fitted.map(SelfCalibrated::locator);
@@ -167,6 +172,11 @@ impl OnlineRun {
             self.answer(of).at(place)
         });
         answers.collect()
+    }
+
+    /// Views whose boxes were all unlike the training's at the last tick, by place or size.
+    pub fn unlike(&self) -> &[usize] {
+        &self.unlike
     }
 
     fn answer(&self, judged: &JudgedAircraft) -> Answer {

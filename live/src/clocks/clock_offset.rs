@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::clock::SENDERS_SD_S;
+
 /// Prior standard deviation of a recording's drift, and of a stream, whose clock follows arrival times.
 pub(crate) const RECORDING_DRIFT_SD: f64 = 100e-6;
 pub(crate) const STREAM_DRIFT_SD: f64 = 2e-6;
@@ -23,6 +25,25 @@ pub(crate) struct Offset {
 }
 
 impl Offset {
+    /// The expected offset between two clocks that their senders set.
+    pub(crate) fn of_senders() -> Self {
+        Self {
+            offset_s: 0.0,
+            sd_s: SENDERS_SD_S,
+            drift_ppm: 0.0,
+            drift_sd_ppm: STREAM_DRIFT_SD * 1e6,
+        }
+    }
+
+    /// The first view's offset from the other one.
+    pub(crate) fn back(self) -> Self {
+        Self {
+            offset_s: -self.offset_s,
+            drift_ppm: -self.drift_ppm,
+            ..self
+        }
+    }
+
     /// True if a measurement can have given its numbers.
     pub(crate) fn is_sound(&self) -> bool {
         let sds = [self.sd_s, self.drift_sd_ppm];

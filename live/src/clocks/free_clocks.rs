@@ -1,4 +1,7 @@
-//! Clocks of cameras that nothing ties together: which offsets are known, and when they change.
+//! A view's clock beside the first view's: which offset is in use, when it changes, and how uncertain it is.
+//!
+//! A free clock has no offset until an aircraft tells it. Clocks that their senders set have one from the start, zero, as uncertain as such
+//! clocks are; aircraft refine it.
 
 use dataset::geometry::camera::Camera;
 
@@ -6,8 +9,8 @@ use crate::clocks::clock_offset::{ClockOffset, LagLine, Offset};
 use crate::clocks::vertical_lag::{Sighting, VerticalLag};
 use crate::output::MAX_COASTING_S;
 
-/// An offset is used once its standard deviation is below this, seconds.
-const MAX_SD_S: f64 = 0.03;
+/// An offset is used, and changed, once its standard deviation is below this, seconds. One that is expected from the start is used at once.
+pub(super) const MAX_SD_S: f64 = 0.03;
 /// An arrival whose lag differs by more standard deviations from the known offset shows that the clock was changed.
 const MAX_DEVIATIONS: f64 = 5.0;
 
@@ -25,6 +28,8 @@ pub(crate) enum News {
 pub(crate) struct FreeClock {
     cameras: [Camera; 2],
     drift_sd: f64,
+    /// An offset is in use until its standard deviation is above twice this, seconds.
+    max_sd_s: f64,
     before: ClockOffset,
     arrival: VerticalLag,
     /// Includes the arrival under way, if it has a lag yet.
@@ -39,15 +44,19 @@ pub(crate) struct FreeClock {
 }
 
 impl FreeClock {
-    /// For the cameras of the first view and of this one, with the offset that an earlier start kept. `drift_sd`: see [`ClockOffset::of`].
-    pub(crate) fn of(cameras: [Camera; 2], kept: Option<Offset>, drift_sd: f64) -> Self {
+    /// For the cameras of the first view and of this one, with the offset that is expected, or that an earlier start kept. `drift_sd`: see
+    /// [`ClockOffset::of`].
+    pub(crate) fn of(cameras: [Camera; 2], expected: Option<Offset>, drift_sd: f64) -> Self {
+        let before = ClockOffset::of(expected, drift_sd);
+        let at_start = before.at(0.0);
         Self {
             arrival: VerticalLag::between(cameras, drift_sd),
             cameras,
             drift_sd,
-            before: ClockOffset::of(kept, drift_sd),
+            max_sd_s: at_start.map_or(MAX_SD_S, |expected| MAX_SD_S.max(expected.sd_s)),
+            before,
             with_arrival: None,
-            used: None,
+            used: at_start.map(|expected| (0.0, expected)),
             is_told: false,
             has_measured: false,
             sighted_s: 0.0,
@@ -61,6 +70,38 @@ impl FreeClock {
     /// True if an arrival has been measured since the start.
     pub(crate) fn has_measured(&self) -> bool {
         self.has_measured
+    }
+
+    /// Standard deviation of the offset in use at a time, seconds; `None` while it is unknown.
+    pub(crate) fn error_s(&self, time_s: f64) -> Option<f64> {
+        let used = self.used_at(time_s)?;
+        let now = self.best(time_s)?;
+        Some(now.sd_s.hypot(now.offset_s - used.offset_s))
+    }
+
+    fn used_at(&self, time_s: f64) -> Option<Offset> {
+        let (since_s, used) = self.used?;
+        Some(Offset {
+            offset_s: used.offset_s + used.drift_ppm * 1e-6 * (time_s - since_s),
+            ..used
+        })
+    }
+
+    /// The best offset at a time, with the arrival under way.
+    pub(crate) fn best(&self, time_s: f64) -> Option<Offset> {
+        self.with_arrival.unwrap_or(self.before).at(time_s)
+    }
+
+    /// It is the view's clock again, after a different one was.
+    pub(crate) fn resume(&mut self) {
+        self.end_arrival();
+        self.is_told = false;
+    }
+
+    /// Forgets the arrival up to now, as after a turn of a camera: it does not fit the rest.
+    pub(crate) fn forget_arrival(&mut self) {
+        self.arrival = VerticalLag::between(self.cameras, self.drift_sd);
+        self.with_arrival = None;
     }
 
     /// The images take a different way from now on.
@@ -83,24 +124,23 @@ impl FreeClock {
         if self.is_known() && self.is_vague(time_s) {
             (self.used, self.is_told) = (None, false);
         }
-        let now = self.with_arrival.unwrap_or(self.before).at(time_s);
+        let now = self.best(time_s);
         let sure = now.filter(|found| found.sd_s <= MAX_SD_S);
-        let news = match self.used {
+        let news = match self.used_at(time_s) {
             None => sure,
             Some(_) if is_over => now,
             // More than by chance: each change disturbs the answers a little.
-            Some((since_s, used)) => sure.filter(|found| {
-                let used_s = used.offset_s + used.drift_ppm * 1e-6 * (time_s - since_s);
-                is_measured && (found.offset_s - used_s).abs() > found.sd_s
-            }),
+            Some(used) => sure
+                .filter(|found| is_measured && (found.offset_s - used.offset_s).abs() > found.sd_s),
         };
+        let is_told = std::mem::replace(&mut self.is_told, true);
         if let Some(found) = news {
             self.used = Some((time_s, found));
             self.has_measured |= self.with_arrival.is_some();
             return Some(News::Known(found));
         }
-        let is_news = !self.is_known() && !std::mem::replace(&mut self.is_told, true);
-        is_news.then_some(News::Unknown)
+        let untold = || self.used_at(time_s).map_or(News::Unknown, News::Known);
+        (!is_told).then(untold)
     }
 
     /// The offset with the arrival that was under way at the end, if it tells anything.
@@ -112,10 +152,7 @@ impl FreeClock {
     /// Begins a new arrival; true if the last one had a lag.
     fn end_arrival(&mut self) -> bool {
         let lag = self.arrival.lag();
-        if !self.arrival.is_empty() {
-            self.arrival = VerticalLag::between(self.cameras, self.drift_sd);
-        }
-        self.with_arrival = None;
+        self.forget_arrival();
         if let Some(lag) = lag {
             self.before = self.joined(lag);
             self.has_measured = true;
@@ -143,7 +180,7 @@ impl FreeClock {
     fn is_vague(&self, time_s: f64) -> bool {
         let is_vague = |clock: ClockOffset| {
             let now = clock.at(time_s);
-            now.is_none_or(|now| now.sd_s > 2.0 * MAX_SD_S)
+            now.is_none_or(|now| now.sd_s > 2.0 * self.max_sd_s)
         };
         is_vague(self.before) && self.with_arrival.is_none_or(is_vague)
     }

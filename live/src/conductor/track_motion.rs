@@ -39,6 +39,12 @@ impl TrackMotion {
 
     /// A track's motion over `seconds`, right and down, px; zero if unknown.
     pub(crate) fn moved_px(&self, track: u32, seconds: f64) -> [f64; 2] {
+        let seconds = seconds.clamp(-MAX_MOVED_S, MAX_MOVED_S);
+        self.px_s(track).map(|px_s| px_s * seconds)
+    }
+
+    /// A track's motion per second, right and down, px; zero if unknown.
+    pub(crate) fn px_s(&self, track: u32) -> [f64; 2] {
         let Some(places) = self
             .0
             .get(&track)
@@ -46,7 +52,6 @@ impl TrackMotion {
         else {
             return [0.0; 2];
         };
-        let seconds = seconds.clamp(-MAX_MOVED_S, MAX_MOVED_S);
         let count = places.len() as f64;
         let mean = |axis: usize| places.iter().map(|place| place[axis]).sum::<f64>() / count;
         let means = [mean(0), mean(1), mean(2)];
@@ -60,7 +65,7 @@ impl TrackMotion {
         if spread <= 0.0 {
             return [0.0; 2];
         }
-        [1, 2].map(|axis| product(axis) / spread * seconds)
+        [1, 2].map(|axis| product(axis) / spread)
     }
 }
 

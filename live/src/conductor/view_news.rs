@@ -64,7 +64,8 @@ impl ViewNews {
             ViewState::Down => self.why.as_deref().unwrap_or("no images come"),
             ViewState::Moved => {
                 return Some(format!(
-                    "the camera looks elsewhere, and its images are not measured; if it stays so, `dtd refit RUN --view {view}`"
+                    "the camera looks elsewhere, and its images are not measured; once it stands still, they are compared with the training \
+                     again, and if that fails, `dtd refit RUN --view {view}`"
                 ));
             }
             ViewState::Frozen => "its images repeat, and are not measured",

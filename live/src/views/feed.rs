@@ -3,7 +3,6 @@
 //! A few images wait for the search, and the newest replaces the oldest: that one was decoded, but is not searched. A recording that is
 //! read as fast as possible waits instead.
 
-use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 
@@ -39,6 +38,8 @@ pub(crate) struct FeedImage {
     pub(crate) decoded_s: f64,
     /// Clock correction that is part of `time_s`, s.
     pub(crate) added_s: f64,
+    /// Number of the connection.
+    pub(crate) connection: u32,
     /// False while the camera looks elsewhere or its images repeat: the search only sees whether that is over.
     pub(crate) can_be_measured: bool,
     /// False for black and damaged images, which only keep their place in a recording.
@@ -92,6 +93,8 @@ pub(crate) struct Feed {
     pub(crate) shared: Arc<Shared>,
     /// Time of the last image, also from an earlier connection.
     pub(crate) last_time_s: Option<f64>,
+    /// Number of connections until now.
+    pub(crate) connections: u32,
     pub(crate) open_limit: OpenLimit,
     pub(crate) read_limit: ReadLimit,
 }
@@ -139,6 +142,7 @@ impl Feed {
         let took_s = clock.now_s() - began_s;
         self.open_limit.take(opened.is_ok(), took_s);
         let mut input = opened?;
+        self.connections = self.connections.wrapping_add(1);
         self.report(Report::Opened {
             codec: input.codec(),
         });
@@ -170,10 +174,18 @@ impl Feed {
         let size_px = image.image.size_px();
         let Some((stamp, time_s, added_s)) = self.stamp(&image, connection) else {
             shared.metrics.count(self.view, Fate::Disordered);
+            if shared.pace != Pace::AsFastAsPossible {
+                lock(&self.status).came(shared.clock.now_s());
+            }
             return Ok(());
         };
         let decoded_s = shared.clock.now_s();
         let clock = stamp.clock;
+        // An image that a correction makes older is older.
+        let oldest_s = match clock {
+            ClockSource::Recording => stamp.oldest_s,
+            _ => (stamp.time_s + shared.given_s[self.view] + added_s).min(stamp.oldest_s),
+        };
         match connection.clock.replace(clock) {
             None => {
                 if size_px != self.size_px {
@@ -192,7 +204,7 @@ impl Feed {
             },
             time_s: match shared.pace {
                 Pace::AsFastAsPossible => time_s,
-                _ => stamp.oldest_s,
+                _ => oldest_s,
             },
             is_damaged: image.is_damaged || is_other_size,
             look: connection.looks.next(image.image.luma()),
@@ -221,10 +233,11 @@ impl Feed {
         let image = FeedImage {
             image: image.image,
             time_s,
-            taken_s: stamp.oldest_s.min(arrival_s),
+            taken_s: oldest_s.min(arrival_s),
             arrival_s,
             decoded_s,
             added_s,
+            connection: self.connections,
             can_be_measured: state.can_be_measured(),
             can_be_searched,
         };
@@ -247,27 +260,25 @@ impl Feed {
         let shared = self.shared.clone();
         let recorded_s = image.recorded_s.or(image.timestamp_s);
         let recorded_s = recorded_s.filter(|_| self.source.is_recorded());
-        let of_recording = |time_s: f64| Stamp {
-            time_s,
-            clock: ClockSource::Recording,
-            oldest_s: time_s,
-        };
         let stamp = match (recorded_s, shared.pace) {
-            (Some(_), Pace::AsFastAsPossible) => of_recording(image.arrival_s),
+            (Some(_), Pace::AsFastAsPossible) => Stamp::recorded(image.arrival_s),
             (Some(recorded_s), _) => {
                 let now_s = shared.clock.now_s();
                 let start_s = *shared.recordings_s.get_or_init(|| now_s - recorded_s);
                 shared.sleep_until(start_s + recorded_s);
-                of_recording(start_s + recorded_s)
+                Stamp::recorded(start_s + recorded_s)
             }
-            (None, _) => connection.stamper.stamp(Clues {
-                arrival_s: image.arrival_s,
-                timestamp_s: image.timestamp_s,
-                sender_s: image.sender_s,
-            }),
+            (None, _) => {
+                let clues = Clues {
+                    arrival_s: image.arrival_s,
+                    timestamp_s: image.timestamp_s,
+                    sender_s: image.sender_s,
+                };
+                let others_s = shared.sender_delays_s(self.view);
+                connection.stamper.stamp(clues, &others_s)
+            }
         };
-        let runs_free = stamp.clock.runs_free() || shared.is_measured[self.view];
-        shared.runs_free[self.view].store(runs_free, Ordering::Relaxed);
+        shared.set_clock(self.view, &stamp);
         let told_s = shared.given_s[self.view]
             + match (recorded_s, shared.pace) {
                 (Some(recorded_s), Pace::RealTime | Pace::AsFastAsPossible) => recorded_s,

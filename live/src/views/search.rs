@@ -4,10 +4,11 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use dataset::geometry::camera::Camera;
 use dataset::tables::health::HealthState;
 use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
 use labeller::detector::PictureView;
-use labeller::{Image, ImageFindings, ViewSearch};
+use labeller::{Image, ImageFindings, Searcher, ViewSearch};
 use sight::background::Background;
 
 use crate::options::Pace;
@@ -23,6 +24,8 @@ pub(crate) struct Searched {
     pub(crate) taken_s: f64,
     pub(crate) arrival_s: f64,
     pub(crate) added_s: f64,
+    /// How often the camera has been turned since the start.
+    pub(crate) turns: u32,
     /// When the search was done, seconds since the start.
     pub(crate) searched_s: f64,
     pub(crate) looked: ImageFindings,
@@ -32,6 +35,11 @@ pub(crate) struct Search {
     pub(crate) view: usize,
     pub(crate) name: String,
     pub(crate) search: ViewSearch,
+    pub(crate) searcher: Arc<Searcher>,
+    pub(crate) camera: Camera,
+    pub(crate) direction: Direction,
+    /// First track number of this search, and of the next one.
+    pub(crate) tracks: [u32; 2],
     pub(crate) queue: Arc<Queue<FeedImage>>,
     pub(crate) status: Arc<Mutex<ViewWatch>>,
     pub(crate) messages: Sender<Message>,
@@ -43,8 +51,51 @@ pub(crate) struct Search {
 pub(crate) const MAX_WAIT_S: f64 = 0.1;
 /// A wait for an image that is longer changes nothing.
 const WAIT: Duration = Duration::from_millis(500);
+/// A camera that has looked elsewhere for so long stays there, s: twice the time that decides about the direction of an image
+/// (`labeller::view_health`).
+const TURNED_S: f64 = 5.0;
 /// Images in a row whose search may fail before there is no point in going on.
 const MAX_FAILURES: u32 = 30;
+
+/// Watches when a camera may have a new direction, so that its background and its usual direction are learned anew.
+#[derive(Debug, Default)]
+pub(crate) struct Direction {
+    connection: Option<u32>,
+    moved_since_s: Option<f64>,
+    /// How often it has been turned.
+    turns: u32,
+}
+
+impl Direction {
+    /// True if all before the next image is out of date: the source was opened again, or the camera has been turned and stands still.
+    fn is_new(&mut self, connection: u32, time_s: f64) -> bool {
+        let is_turned = self
+            .moved_since_s
+            .is_some_and(|since_s| time_s - since_s >= TURNED_S);
+        let is_opened = self
+            .connection
+            .replace(connection)
+            .is_some_and(|before| before != connection);
+        // One that moved before the loss looks there afterwards.
+        if is_turned || is_opened && self.moved_since_s.is_some() {
+            self.turns = self.turns.wrapping_add(1);
+        }
+        if is_turned || is_opened {
+            self.moved_since_s = None;
+        }
+        is_turned || is_opened
+    }
+
+    /// Takes the camera's condition in that image.
+    fn take(&mut self, camera: HealthState, time_s: f64) {
+        match camera {
+            HealthState::Moved => {
+                self.moved_since_s.get_or_insert(time_s);
+            }
+            _ => self.moved_since_s = None,
+        }
+    }
+}
 
 impl Search {
     /// Runs until the feed ends or the program is stopped.
@@ -116,6 +167,14 @@ impl Search {
         }
         let metrics = &self.shared.metrics;
         let begun_s = self.shared.clock.now_s();
+        // A recording is judged as in `dtd predict --online`.
+        if self.shared.pace != Pace::AsFastAsPossible
+            && self.direction.is_new(image.connection, image.time_s)
+        {
+            self.search = self.searcher.view_search(&self.camera)?;
+            pixels.background = None;
+            self.tracks[0] = self.tracks[1];
+        }
         metrics.time(Stage::Wait, begun_s - image.decoded_s);
         let mut looked = self.search.look(
             &mut NewImage {
@@ -127,6 +186,11 @@ impl Search {
         )?;
         let searched_s = self.shared.clock.now_s();
         metrics.time(Stage::Search, searched_s - begun_s);
+        for found in &mut looked.boxes {
+            found.track = found.track.wrapping_add(self.tracks[0]);
+            self.tracks[1] = self.tracks[1].max(found.track.wrapping_add(1));
+        }
+        self.direction.take(looked.camera, image.time_s);
         let is_moved = matches!(looked.camera, HealthState::Moved | HealthState::Shaking);
         let is_frozen = looked.camera == HealthState::Frozen;
         lock(&self.status).set_camera(is_moved, is_frozen);
@@ -143,6 +207,7 @@ impl Search {
             taken_s: image.taken_s,
             arrival_s: image.arrival_s,
             added_s: image.added_s,
+            turns: self.direction.turns,
             searched_s,
             looked,
         }))
@@ -216,6 +281,26 @@ impl Image for NewImage<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_camera_is_learned_anew_on_a_new_connection_and_where_it_stands_after_a_turn() {
+        let mut direction = Direction::default();
+        let mut next = |connection: u32, time_s: f64, camera: HealthState| {
+            let is_new = direction.is_new(connection, time_s);
+            direction.take(camera, time_s);
+            (is_new, direction.turns)
+        };
+        use HealthState::{Moved, Shaking, Steady, Unknown};
+        assert_eq!(next(1, 0.0, Steady), (false, 0));
+        assert_eq!(next(2, 9.0, Steady), (true, 0), "opened again");
+        for (time_s, camera) in [(10.0, Moved), (14.0, Shaking), (15.5, Moved), (20.0, Moved)] {
+            assert_eq!(next(2, time_s, camera), (false, 0), "it sways");
+        }
+        assert_eq!(next(2, 20.6, Unknown), (true, 1), "it was turned");
+        assert_eq!(next(2, 30.0, Moved), (false, 1));
+        assert_eq!(next(3, 31.0, Steady), (true, 2), "turned and opened again");
+        assert_eq!(next(3, 60.0, Steady), (false, 2));
+    }
 
     #[test]
     fn a_failed_image_costs_itself_and_failures_without_end_the_view() {

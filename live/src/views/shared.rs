@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use std::thread;
 use std::time::Duration;
 
-use crate::clock::RunClock;
+use crate::clock::{RunClock, Stamp, Tie};
 use crate::options::{Options, Pace};
 use crate::output::metrics::Metrics;
 use crate::queue::lock;
@@ -24,9 +24,27 @@ pub(crate) struct Correction {
 }
 
 impl Correction {
-    fn at(&self, time_s: f64) -> f64 {
+    pub(crate) fn at(&self, time_s: f64) -> f64 {
         self.seconds + self.drift * (time_s - self.time_s)
     }
+
+    /// This correction after another one was taken off, at its own time.
+    pub(crate) fn without(&self, other: &Self) -> Self {
+        Self {
+            seconds: self.seconds - other.at(self.time_s),
+            drift: self.drift - other.drift,
+            ..*self
+        }
+    }
+}
+
+/// The clock that a view's images have now.
+#[derive(Debug, Clone, Copy)]
+struct ViewClock {
+    tie: Tie,
+    /// Shortest times to the arrivals from this clock and from the sender's, s.
+    delay_s: Option<f64>,
+    sender_delay_s: Option<f64>,
 }
 
 pub(crate) struct Shared {
@@ -40,20 +58,25 @@ pub(crate) struct Shared {
     pub(crate) recordings_s: OnceLock<f64>,
     /// Seconds that are added to the times of each view's images.
     pub(crate) given_s: Vec<f64>,
-    /// Measured corrections, used while the view's or the first view's clock runs free.
+    /// Measured corrections.
     measured: Vec<Mutex<Correction>>,
     /// Free clocks of recordings, which only the caller knows.
-    pub(crate) is_measured: Vec<bool>,
-    pub(crate) runs_free: Vec<AtomicBool>,
+    is_measured: Vec<bool>,
+    clocks: Vec<Mutex<ViewClock>>,
 }
 
 impl Shared {
     pub(crate) fn of(options: &Options, metrics: Arc<Metrics>) -> Self {
         let views = options.run.views().iter();
         let given_s = |view| options.offsets_s.get(view).copied().unwrap_or(0.0);
+        let no_image = ViewClock {
+            tie: Tie::Common,
+            delay_s: None,
+            sender_delay_s: None,
+        };
         Self {
             measured: views.clone().map(|_| Mutex::default()).collect(),
-            runs_free: views.clone().map(|_| AtomicBool::new(false)).collect(),
+            clocks: views.clone().map(|_| Mutex::new(no_image)).collect(),
             given_s: views.clone().map(given_s).collect(),
             is_measured: views.map(|view| options.measured.contains(view)).collect(),
             clock: RunClock::start(),
@@ -65,19 +88,42 @@ impl Shared {
         }
     }
 
-    /// True if a view's clock is not synchronised with the first view's.
-    pub(crate) fn runs_free(&self, view: usize) -> bool {
-        let is_free = |view: usize| self.runs_free[view].load(Ordering::Relaxed);
-        is_free(0) || is_free(view)
+    /// Takes the clock of a view's next image.
+    pub(crate) fn set_clock(&self, view: usize, stamp: &Stamp) {
+        let mut clock = lock(&self.clocks[view]);
+        clock.tie = if self.is_measured[view] {
+            Tie::Free
+        } else {
+            stamp.clock.tie()
+        };
+        clock.delay_s = stamp.delay_s();
+        // After a loss, the clock is still as right as before.
+        clock.sender_delay_s = stamp.sender_delay_s.or(clock.sender_delay_s);
+    }
+
+    /// What ties a view's clock to others.
+    pub(crate) fn tie(&self, view: usize) -> Tie {
+        lock(&self.clocks[view]).tie
+    }
+
+    /// Shortest times to the arrivals of all views, by their clocks.
+    pub(crate) fn delays_s(&self) -> Vec<Option<f64>> {
+        let clocks = self.clocks.iter();
+        clocks.map(|clock| lock(clock).delay_s).collect()
+    }
+
+    /// Shortest times to the arrivals of the other views, by their senders' clocks.
+    pub(crate) fn sender_delays_s(&self, except: usize) -> Vec<f64> {
+        let clocks = self.clocks.iter().enumerate();
+        let others = clocks.filter(|(view, _)| *view != except);
+        others
+            .filter_map(|(_, clock)| lock(clock).sender_delay_s)
+            .collect()
     }
 
     /// Measured correction of the view's clock at a time, s.
     pub(crate) fn added_s(&self, view: usize, time_s: f64) -> f64 {
-        if self.runs_free(view) {
-            lock(&self.measured[view]).at(time_s)
-        } else {
-            0.0
-        }
+        lock(&self.measured[view]).at(time_s)
     }
 
     /// Sets the correction.

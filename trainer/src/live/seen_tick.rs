@@ -5,7 +5,7 @@ use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
 
 use crate::samples::trusted_boxes::other_boxes::{self, Registered};
-use crate::samples::{Look, Observation, Scored, whole_of};
+use crate::samples::{CommonError, Look, Observation, Scored, whole_of};
 
 /// Images with a common time.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -25,6 +25,8 @@ pub struct SeenView {
     pub boxes: Vec<Candidate>,
     /// Index of the reference view, and the shift from there.
     pub registration: Option<(usize, Shift)>,
+    /// Displacement of the boxes by a standard deviation of the clock, right and down, pixels: common to the flight.
+    pub common_sd_px: [f64; 2],
 }
 
 /// An accepted box.
@@ -47,7 +49,12 @@ impl SeenTick {
             .map(|view| view.registration.filter(|(from, _)| *from < cameras.len()))
             .collect();
         let looks = self.views.iter().map(|view| view.look).collect();
-        Observation::of((0, tick, time_ns), &found, &registered, looks)
+        let views = self.views.iter().enumerate();
+        let errors = views.map(|(view, seen)| CommonError {
+            view,
+            sd_px: seen.common_sd_px.into(),
+        });
+        Observation::of((0, tick, time_ns), &found, &registered, looks).with_common(errors)
     }
 }
 

@@ -36,20 +36,28 @@ fn arrival(clock: &mut FreeClock, from_s: f64, added_s: f64) -> Vec<News> {
 
 /// News during an arrival while the clock is slow by `slow_s`, with `added_s` already added.
 fn arrival_of(clock: &mut FreeClock, from_s: f64, slow_s: f64, added_s: f64) -> Vec<News> {
+    let seconds = 0..ARRIVAL_S;
+    seconds
+        .filter_map(|second| arrival_second(clock, second, [from_s, slow_s, added_s]))
+        .collect()
+}
+
+/// News at a second of an arrival.
+fn arrival_second(clock: &mut FreeClock, second: u32, times_s: [f64; 3]) -> Option<News> {
+    let sighting = sighting_at(second, times_s);
+    clock.take(sighting.time_s, Some(sighting))
+}
+
+fn sighting_at(second: u32, [from_s, slow_s, added_s]: [f64; 3]) -> Sighting {
     let [left, right] = cameras();
-    let mut news = Vec::new();
-    for second in 0..ARRIVAL_S {
-        let flown_s = f64::from(second);
-        let there = right.project(place_m(flown_s + slow_s - added_s));
-        let sighting = Sighting {
-            time_s: from_s + flown_s,
-            places_px: [left.project(place_m(flown_s)).unwrap(), there.unwrap()],
-            width_px: 20.0,
-            added_s,
-        };
-        news.extend(clock.take(sighting.time_s, Some(sighting)));
+    let flown_s = f64::from(second);
+    let there = right.project(place_m(flown_s + slow_s - added_s));
+    Sighting {
+        time_s: from_s + flown_s,
+        places_px: [left.project(place_m(flown_s)).unwrap(), there.unwrap()],
+        width_px: 20.0,
+        added_s,
     }
-    news
 }
 
 #[test]
@@ -71,6 +79,81 @@ fn an_unknown_offset_is_told_once_found_after_enough_sightings_and_refined_after
     assert!(arrival(&mut clock, 600.0, 0.5).len() < 3);
     assert!(clock.at_end().unwrap().sd_s < refined.sd_s);
     assert_eq!(clock.at_end(), None);
+}
+
+#[test]
+fn clocks_that_senders_set_count_from_the_start_as_uncertain_as_they_are_and_an_arrival_refines_them()
+ {
+    for slow_s in [0.0, 0.05, 0.2, -0.3] {
+        let mut clock = FreeClock::of(cameras(), Some(Offset::of_senders()), STREAM_DRIFT_SD);
+        let Some(News::Known(expected)) = clock.take(0.0, None) else {
+            panic!("it is expected")
+        };
+        assert!(expected.offset_s == 0.0 && expected.sd_s > 0.2);
+        let mut used_s = 0.0;
+        for second in 0..ARRIVAL_S {
+            let news = arrival_second(&mut clock, second, [0.0, slow_s, used_s]);
+            if let Some(News::Known(offset)) = news {
+                used_s = offset.offset_s;
+            }
+            let sd_s = clock.error_s(f64::from(second)).unwrap();
+            // Of normal errors, 90 % are within 1.645 standard deviations.
+            assert!(
+                (used_s - slow_s).abs() < 1.645 * sd_s,
+                "{slow_s}: {used_s} +- {sd_s} after {second} s"
+            );
+        }
+        let sd_s = clock.error_s(f64::from(ARRIVAL_S)).unwrap();
+        assert!(
+            (used_s - slow_s).abs() < 0.01 && sd_s < 0.02,
+            "{slow_s}: {used_s} +- {sd_s}"
+        );
+    }
+}
+
+#[test]
+fn a_feed_that_is_two_seconds_late_is_known_to_be_after_an_arrival() {
+    let mut clock = FreeClock::of(cameras(), None, STREAM_DRIFT_SD);
+    arrival_of(&mut clock, 0.0, -2.0, 0.0);
+    let Some(News::Known(found)) = clock.take(290.0, None) else {
+        panic!("it is over")
+    };
+    assert!((found.offset_s + 2.0).abs() < 3.0 * found.sd_s, "{found:?}");
+    assert!(found.sd_s < 0.02, "{found:?}");
+}
+
+#[test]
+fn an_arrival_in_which_a_camera_turns_tells_the_offset_from_then_on() {
+    let mut clock = FreeClock::of(cameras(), Some(Offset::of_senders()), STREAM_DRIFT_SD);
+    let mut used_s = 0.0;
+    for second in 0..ARRIVAL_S {
+        if second == 60 {
+            clock.forget_arrival();
+        }
+        let turned_px = if second < 60 { 6.0 } else { 0.0 };
+        let mut sighting = sighting_at(second, [0.0, SLOW_S / 5.0, used_s]);
+        sighting.places_px[1] += DVec2::splat(turned_px);
+        if let Some(News::Known(offset)) = clock.take(sighting.time_s, Some(sighting)) {
+            used_s = offset.offset_s;
+        }
+    }
+    let Some(News::Known(found)) = clock.take(290.0, None) else {
+        panic!("it is over")
+    };
+    assert!((found.offset_s - SLOW_S / 5.0).abs() < 0.01, "{found:?}");
+}
+
+#[test]
+fn a_clock_in_use_again_says_what_it_knew() {
+    let mut clock = FreeClock::of(cameras(), None, STREAM_DRIFT_SD);
+    arrival(&mut clock, 0.0, 0.0);
+    assert!(matches!(clock.take(290.0, None), Some(News::Known(_))));
+    assert!(clock.take(291.0, None).is_none());
+    clock.resume();
+    let Some(News::Known(again)) = clock.take(900.0, None) else {
+        panic!("it is known")
+    };
+    assert!((again.offset_s - SLOW_S).abs() < 0.01, "{again:?}");
 }
 
 #[test]

@@ -39,8 +39,8 @@ use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
 use contradiction::KeptInTraining;
+pub use contradiction::{Cause, Evidence, Withheld};
 pub(crate) use contradiction::{ContradictionWatch, MIN_CLOSING_MPS};
-pub use contradiction::{Evidence, Withheld};
 use correlated_error::CorrelatedError;
 pub(crate) use estimate::{Estimate, Estimated};
 use estimate::{HalfWidths, Widening};

@@ -58,6 +58,13 @@ pub struct Withheld {
     /// View indices.
     pub views: Vec<usize>,
     /// The cause.
+    pub cause: Cause,
+}
+
+/// Evidence with its size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cause {
+    /// What contradicts.
     pub evidence: Evidence,
     /// Residual that the views kept, joint standard deviations.
     pub deviations: f64,
@@ -65,12 +72,14 @@ pub struct Withheld {
     pub limit: f64,
 }
 
-impl fmt::Display for Withheld {
+impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
-            deviations, limit, ..
+            evidence,
+            deviations,
+            limit,
         } = self;
-        let (seen, ask) = match self.evidence {
+        let (seen, ask) = match evidence {
             Evidence::Rows => (
                 "for 20 s the rows of the aircraft have not fitted each other",
                 "do they show the same aircraft at the same time?",
@@ -479,9 +488,11 @@ impl ContradictionWatch {
             },
             withheld: Withheld {
                 views: views.clone(),
-                evidence: of.evidence,
-                deviations: of.kept.deviations,
-                limit: of.limit,
+                cause: Cause {
+                    evidence: of.evidence,
+                    deviations: of.kept.deviations,
+                    limit: of.limit,
+                },
             },
         });
         let agreeing = verdicts.iter().filter(|of| !of.is_over);
@@ -590,7 +601,7 @@ mod tests {
         let found = flight.iter().enumerate().find_map(|(tick, observed)| {
             let found = filter.contradiction(&mut watch, fits, observed)?;
             assert_eq!(found.withheld.views, [0, 1]);
-            Some((found.withheld.evidence, tick))
+            Some((found.withheld.cause.evidence, tick))
         });
         let followed = flight.iter().map(|observed| (Some(3), observed.clone()));
         let (kept, said) = filter.without_contradictions(fits, followed.collect());
