@@ -31,7 +31,7 @@ use dataset::corpus::claim::Claimed;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::tables::health::{HealthState, ViewHealth, ViewLag, late_views};
+use dataset::tables::health::{HealthState, ViewHealth, late_views};
 use dataset::tables::pixel_box::TruthBox;
 use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
@@ -238,7 +238,7 @@ impl Unhealthy {
                 HealthState::Steady | HealthState::Unknown => {}
             }
         }
-        for (view, late) in late_views(rows, ViewLag::is_sure) {
+        for (view, late) in late_views(rows) {
             if let Some(here) = views.get_mut(view) {
                 here.late_ms = (late.seconds * 1e3).round() as u64;
             }

@@ -37,7 +37,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{HealthState, ViewHealth, ViewLag, late_views};
+use dataset::tables::health::{HealthState, ViewHealth, late_views};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Registration;
 
@@ -446,7 +446,7 @@ impl Samples {
         };
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
-            let late = late_views(&health, ViewLag::is_sure);
+            let late = late_views(&health);
             let boxes = observations
                 .iter()
                 .flat_map(|of| of.boxes.iter().zip(&self.views));

@@ -57,16 +57,7 @@ pub struct ViewLag {
 impl ViewLag {
     /// True if the lag is certain and matters.
     pub fn is_sure(&self) -> bool {
-        self.is_beyond(2.0 * LIKELY)
-    }
-
-    /// True if the lag matters, and is more likely than none.
-    pub fn is_likely(&self) -> bool {
-        self.is_beyond(LIKELY)
-    }
-
-    fn is_beyond(&self, deviations: f64) -> bool {
-        self.lag_ms.abs() >= MIN_LAG_MS.max(deviations * self.lag_sd_ms)
+        self.lag_ms.abs() >= MIN_LAG_MS.max(SURE_SD * self.lag_sd_ms)
     }
 }
 
@@ -76,9 +67,8 @@ impl ViewLag {
 pub const MIN_LAG_SD_MS: f64 = 10.0;
 /// A lag below this does not matter, milliseconds: 0.04 % of the distance at ten kilometres, with masts 600 m apart.
 const MIN_LAG_MS: f64 = 100.0;
-/// A lag of this many standard deviations is more likely than none, if one view in ten is late. None of 385 flights without a lag reached
-/// it.
-pub const LIKELY: f64 = 2.5;
+/// Minimum significance of a lag, in standard deviations: twice what none of 385 flights without a lag reached.
+const SURE_SD: f64 = 5.0;
 
 /// Lateness of images.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -89,12 +79,12 @@ pub struct Late {
     pub sd_s: f64,
 }
 
-/// A flight's views whose images are late, by the lags that count. An image shows the past, never the future: of two views that disagree,
+/// A flight's views whose images are late, by the lags that are sure. An image shows the past, never the future: of two views that disagree,
 /// the one that shows the earlier aircraft is late.
-pub fn late_views(rows: &[ViewHealth], counts: fn(&ViewLag) -> bool) -> BTreeMap<&str, Late> {
+pub fn late_views(rows: &[ViewHealth]) -> BTreeMap<&str, Late> {
     let mut late: BTreeMap<&str, Late> = BTreeMap::new();
     for row in rows {
-        let lag = row.lag.filter(counts);
+        let lag = row.lag.filter(ViewLag::is_sure);
         let of_view = lag.map(|lag| Late {
             seconds: lag.lag_ms / 1e3,
             sd_s: lag.lag_sd_ms / 1e3,
@@ -286,7 +276,7 @@ mod tests {
         };
         let late = |lag_ms, lag_sd_ms| {
             let rows = rows(lag_ms, lag_sd_ms);
-            let late = late_views(&rows, ViewLag::is_sure).into_iter();
+            let late = late_views(&rows).into_iter();
             late.map(|(view, late)| (view.to_owned(), late))
                 .collect::<Vec<_>>()
         };

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use dataset::geometry::rays::across_sd_px;
 use dataset::numbers::motion::scatter;
-use dataset::tables::health::{MIN_LAG_SD_MS, ViewHealth, ViewLag, late_views};
+use dataset::tables::health::{MIN_LAG_SD_MS, ViewHealth, late_views};
 use dataset::work::watch::Watch;
 use glam::DVec2;
 use sight::lag::{
@@ -42,7 +42,7 @@ pub(crate) struct Pair<'a> {
 
 /// Lags per view, as `dtd detect` measured them.
 pub(crate) fn lags_by_health(views: &[String], health: &[ViewHealth]) -> Vec<Vec<Lag>> {
-    let late = late_views(health, ViewLag::is_sure);
+    let late = late_views(health);
     let of_view = |view: &String| {
         let late = late.get(view.as_str())?;
         Some(Lag {

@@ -605,7 +605,10 @@ mod tests {
         });
         let followed = flight.iter().map(|observed| (Some(3), observed.clone()));
         let (kept, said) = filter.without_contradictions(fits, followed.collect());
-        assert_eq!(said.first().map(|of| of.evidence), found.map(|of| of.0));
+        assert_eq!(
+            said.first().map(|of| of.cause.evidence),
+            found.map(|of| of.0)
+        );
         (found, kept.iter().filter(|of| of.detections() > 0).count())
     }
 
