@@ -45,6 +45,9 @@ struct Flight<'a> {
     times_s: BTreeMap<u32, f64>,
 }
 
+/// Ticks and sightings of one aircraft.
+type TimedTrack = (Vec<u32>, Vec<Sighting>);
+
 /// Evidence from a view, relative to the first one.
 #[derive(Default)]
 struct Comparison {
@@ -92,7 +95,7 @@ impl Flight<'_> {
             .map(|row| ((row.tick, row.view.as_str()), row))
             .collect();
         // One entry per aircraft: the tracks of both views.
-        let mut seen: BTreeMap<[Option<u32>; 2], (Vec<u32>, Vec<Sighting>)> = BTreeMap::new();
+        let mut seen: BTreeMap<[Option<u32>; 2], TimedTrack> = BTreeMap::new();
         let mut reference = None;
         for row in self.registrations.iter().filter(|row| row.view == view) {
             let Ok(shift) = &row.result else { continue };

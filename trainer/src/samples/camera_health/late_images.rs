@@ -32,6 +32,9 @@ const PART_SD: f64 = 0.03;
 const ROW_SD_PX: f64 = 0.05;
 const SLOPE_SD_PX: f64 = 0.06;
 
+/// Box centres by time, s.
+type Path = Vec<(f64, DVec2)>;
+
 /// Two views whose rows a run knows.
 pub(crate) struct Pair<'a> {
     /// The reference view and the second one.
@@ -189,8 +192,7 @@ fn in_time(flight: &mut [&mut Observation], lags: &[Vec<Lag>], counts: &mut Corr
     if !lags.iter().flatten().any(is_late) {
         return;
     }
-    // Box centres per view, track, and lag.
-    let mut tracks: BTreeMap<(usize, Option<u32>), Vec<(f64, DVec2)>> = BTreeMap::new();
+    let mut tracks: BTreeMap<(usize, Option<u32>), Path> = BTreeMap::new();
     for observed in flight.iter() {
         for (view, seen) in observed.boxes.iter().enumerate() {
             if let Some(seen) = seen {
