@@ -11,6 +11,8 @@ const AROUND_S: f64 = 4.0;
 const MIN_PLACES: usize = 5;
 /// ... but none that are farther away than this, seconds.
 const MAX_DISTANCE_S: f64 = 15.0;
+/// Places whose distance from the cubic is measured for the scatter; more do not change it.
+const MAX_SCATTERED: usize = 1_000;
 /// A place counts in the scatter if this share of the variance remains beside the cubic; at the ends cubics follow places too closely.
 const MIN_FREE_VARIANCE: f64 = 0.05;
 
@@ -54,7 +56,8 @@ pub fn motion_at(places: &[(f64, DVec2)], at_s: f64) -> Option<Motion> {
 /// Robust standard deviation of places from the cubics through those around them, along both axes; 0 of too few. `places`: by time,
 /// seconds.
 pub fn scatter(places: &[(f64, DVec2)]) -> DVec2 {
-    let off = places.iter().filter_map(|(time_s, place)| {
+    let step = places.len().div_ceil(MAX_SCATTERED).max(1);
+    let off = places.iter().step_by(step).filter_map(|(time_s, place)| {
         let Motion {
             place: expected,
             unit_variance,
