@@ -91,11 +91,19 @@ def made(run, sweep, out, row):
         dtd("generate", sweep, "--sim", address, "--out", corpus, *flights(sweep, row))
     dtd("label", corpus)
     _, at_detection = dtd("detect", corpus, "--rows", "380:1020")
+    versions = versions_of(run, corpus)
     shutil.rmtree(judged, ignore_errors=True)
     _, at_evaluation = dtd("evaluate", run, "--corpus", corpus, "--side", "all", "--out", judged)
     if os.environ.get("KEEP") != "1":
         shutil.rmtree(corpus)
-    return {"faults": FAULTS[row], **of_judged(judged), "detect_said": at_detection, "evaluate_said": at_evaluation}
+    return {"faults": FAULTS[row], "versions": versions, **of_judged(judged), "detect_said": at_detection, "evaluate_said": at_evaluation}
+
+
+def versions_of(run, corpus):
+    """Versions of what the row was made with, named as in result_tables.py."""
+    record = json.loads(next(corpus.glob("scenarios/*/detections/*.json")).read_text())
+    of_detections = {"tracking": record["tracking"], **{part: record[part]["method"] for part in ("health", "registration")}}
+    return {"run": json.loads((run / "run.json").read_text())["format"], **of_detections}
 
 
 def of_judged(folder):

@@ -41,7 +41,7 @@ use crate::run::place::RunPlace;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::{Baselines, RunSummary, TrainedRun};
 use crate::samples::camera_health::Corrections;
-use crate::samples::camera_health::late_images::warn_of_lags;
+use crate::samples::camera_health::late_images::{Pair, warn_of_lags};
 use crate::samples::rig::moved_rig::differences_elsewhere;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::sides::leave_out::LeftOut;
@@ -110,7 +110,7 @@ pub fn evaluate(
     check_unseen(run, corpus, &trained, &samples, config.side)?;
     let alignment = (trained.backgrounds).align(&mut samples, (&[Side::Test], false), watch)?;
     alignment.report(watch);
-    let pairs = trained.baselines.inverse_range.pairs();
+    let pairs = trained.pairs(&samples);
     warn_of_lags(&samples.put_in_time(&[Side::Test], &pairs), watch);
     let samples = &samples;
     let tested = samples.scenarios.iter().filter(|of| of.side == Side::Test);
@@ -326,6 +326,14 @@ impl TrainedRun {
             watch.warn(&format!("{}{others}", lines[0]));
         }
         Ok(())
+    }
+
+    /// Views whose rows are known in these samples: those of the training's cameras, where they stood.
+    fn pairs(&self, samples: &Samples) -> Vec<Pair<'_>> {
+        if self.is_elsewhere || self.has_other_cameras(samples) {
+            return Vec::new();
+        }
+        self.baselines.inverse_range.pairs()
     }
 
     /// True if the cameras of these samples vary and the training's did not.

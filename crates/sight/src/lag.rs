@@ -5,8 +5,8 @@
 //! that looks elsewhere moves rows too, by a linear function of the places, which is fitted with the lag; how far it may move them is
 //! known ([`Rows::sd_px`]). Columns tell no lag: along them, lag and distance cannot be distinguished.
 //!
-//! A lost image makes all later ones come too early: then the lag changes in mid flight ([`changing`]), and the view whose own path jumps at
-//! that moment has lost it ([`skipped_s`]).
+//! A lost image makes all later ones come too early: then the lag changes in mid flight ([`changing`]), and the view whose own path jumps
+//! at that moment has lost it ([`skipped_s`]).
 
 use dataset::geometry::rays::LAG_STEP_S;
 use dataset::numbers::least_squares::NormalEquations;

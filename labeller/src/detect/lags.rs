@@ -118,7 +118,7 @@ impl Flight<'_> {
             sightings.push(Sighting {
                 time_s,
                 places_px: [first_px, second_px],
-                width_px: in_second.pixel_box.width_px,
+                width_px: in_first.pixel_box.width_px,
                 sd_px: across_sd_px(in_second.pixel_box.width_px),
             });
         }

@@ -92,9 +92,12 @@ impl WithheldNews {
             _ => time_s,
         };
         self.lasting = Some((reason, since_s));
-        let is_due = time_s - since_s >= MIN_S
-            && self.told_s.is_none_or(|told_s| time_s - told_s >= EACH_S)
-            && !self.told.as_ref().is_some_and(is_same);
+        // A contradiction has lasted before it is one.
+        let is_contradiction = matches!(reason, Reason::Contradicts(_));
+        let is_due = is_contradiction
+            || time_s - since_s >= MIN_S
+                && self.told_s.is_none_or(|told_s| time_s - told_s >= EACH_S);
+        let is_due = is_due && !self.told.as_ref().is_some_and(is_same);
         is_due.then(|| {
             (self.told, self.told_s) = (Some(reason), Some(time_s));
             event(Some(reason))
@@ -191,6 +194,10 @@ mod tests {
             }),
             ..answer(&[], None)
         };
+        let mut news = WithheldNews::default();
+        let found = [contradicts.clone()];
+        let event = news.next(5.0, ("right", 1), (Sees::Aircraft, false), &found);
+        assert!(event.is_some(), "it has lasted already");
         let departs = Answer {
             phase: Phase::Other,
             ..answer(&[1], None)

@@ -73,7 +73,7 @@ pub fn predict(
             watch,
         )?;
         alignment.report(watch);
-        let pairs = trained.baselines.inverse_range.pairs();
+        let pairs = trained.pairs(&corpus_read);
         let Samples {
             views, scenarios, ..
         } = &mut corpus_read;

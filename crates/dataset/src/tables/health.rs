@@ -79,8 +79,8 @@ pub struct Late {
     pub sd_s: f64,
 }
 
-/// A flight's views whose images are late, by the lags that are sure. An image shows the past, never the future: of two views that disagree,
-/// the one that shows the earlier aircraft is late.
+/// A flight's views whose images are late, by the lags that are sure. An image shows the past, never the future: of two views that
+/// disagree, the one that shows the earlier aircraft is late.
 pub fn late_views(rows: &[ViewHealth]) -> BTreeMap<&str, Late> {
     let mut late: BTreeMap<&str, Late> = BTreeMap::new();
     for row in rows {

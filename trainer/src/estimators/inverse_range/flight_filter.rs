@@ -58,7 +58,7 @@ pub(crate) struct FlightFilter {
     errors: Vec<CorrelatedError>,
     /// Usual time between ticks in training, seconds.
     tick_s: f64,
-    /// Usual row misfit ([`InverseRange::row_misfit_px`]), pixels: errors grow with it.
+    /// Usual row misfit ([`Tick::row_misfit_px`]), pixels: errors grow with it.
     usual_misfit_px: Option<f64>,
     kept: KeptInTraining,
     /// Interval half widths for the filter.
@@ -265,6 +265,7 @@ impl FlightFilter {
         };
         self.errors.len() == fits.deviations().len()
             && self.errors.iter().all(whole)
+            && self.kept.is_possible()
             && self.constants().all(|number| number > 0.0)
     }
 

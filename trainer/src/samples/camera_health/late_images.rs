@@ -4,7 +4,7 @@
 //! unknown, the view is ignored. Errors of the path make each shift less certain. An error in the lag is common to the whole flight.
 //!
 //! A run knows which row of a view belongs to a place in another ([`Pair`]), to hundredths of a pixel, and with it flights tell lags to
-//! some milliseconds, and when they change ([`lags_by`]). Without a run, as in training and at another airport, lags are those that
+//! some milliseconds, and when they change ([`lags_by`]). Without such rows, as in training and with other cameras, lags are those that
 //! `dtd detect` measures with the planned cameras ([`dataset::tables::health::late_views`]).
 
 use std::collections::BTreeMap;
@@ -24,9 +24,11 @@ use crate::samples::{CommonError, Observation, ScenarioSummary};
 
 /// Minimum significance of a lag that is corrected, in standard deviations: 32 flights without a lag had up to 1.8.
 const CERTAIN: f64 = 3.0;
-/// Standard deviation of a lag, relative to it: in clear weather, views that were five seconds late had lags that were off by up to 1 %, and
-/// in fog, where only the last five miles are seen, by up to 9 %.
+/// Standard deviation of a lag, relative to it. Views that were five seconds late (`late-5s` of scripts/moved_cameras.py) had lags that
+/// were off by up to 1 % in clear weather, and by up to 9 % in fog, where only the last five miles are seen.
 const PART_SD: f64 = 0.03;
+/// Changes of one view's lag that two pairs of views tell are the same if they are so near, s: an image every two seconds.
+const SAME_CHANGE_S: f64 = 2.0;
 /// What the cameras of a flight add to the rows that a run expects, beside their directions, pixels: a constant, and slopes over a thousand
 /// pixels. Constants of 24 training flights had 0.02 px; with these slopes, ten recorded flights tell drifts as well as they state.
 const ROW_SD_PX: f64 = 0.05;
@@ -60,20 +62,28 @@ pub(crate) fn lags_by_health(views: &[String], health: &[ViewHealth]) -> Vec<Vec
         .collect()
 }
 
-/// Lags per view by the rows of a flight; `None` if too few of them are known.
-fn lags_by(pairs: &[Pair], views: usize, flight: &[&Observation]) -> Option<Vec<Vec<Lag>>> {
+/// Lags per view by the rows of a flight; `None` if too few of them are known, or if `known` lags are known better.
+fn lags_by(
+    pairs: &[Pair],
+    known: &[Vec<Lag>],
+    views: usize,
+    flight: &[&Observation],
+) -> Option<Vec<Vec<Lag>>> {
     let reference = pairs.first()?.views[0];
-    let of_pairs = pairs.iter().filter(|pair| pair.views[0] == reference);
-    let measured: Vec<(usize, Vec<Lag>)> = of_pairs
+    let is_better = |view: usize, lag: &Lag| {
+        let known = known.get(view).and_then(|lags| lags.first());
+        known.is_none_or(|known| sd_s(lag) <= known.sd_s)
+    };
+    let measured: Vec<(usize, Vec<Lag>)> = (pairs.iter())
+        .filter(|pair| pair.views[0] == reference)
         .filter_map(|pair| Some((pair.views[1], lags_of(pair, flight)?)))
+        .filter(|(view, lags)| is_better(*view, &lags[0]))
         .collect();
     if measured.is_empty() {
         return None;
     }
-    let first_s = measured
-        .iter()
-        .map(|(_, lags)| counted(lags[0]).seconds)
-        .fold(0.0, f64::min);
+    let firsts = measured.iter().map(|(_, lags)| counted(lags[0]).seconds);
+    let first_s = firsts.fold(0.0, f64::min);
     let mut of_views = vec![Vec::new(); views];
     // An image shows the past, never the future: of two views that disagree, the one that shows the earlier aircraft is late.
     of_views[reference].push(Lag {
@@ -81,32 +91,54 @@ fn lags_by(pairs: &[Pair], views: usize, flight: &[&Observation]) -> Option<Vec<
         seconds: -first_s,
         sd_s: 0.0,
     });
+    let mut changes: Vec<(usize, Lag)> = Vec::new();
     for (view, lags) in measured {
-        let mut last = counted(lags[0]);
-        last.seconds -= first_s;
-        of_views[view].push(last);
+        let first = counted(lags[0]);
+        let seconds = first.seconds - first_s;
+        // Moved by the reference's lag alone, it is as uncertain as its own.
+        let sd_s = if seconds == first.seconds {
+            first.sd_s
+        } else {
+            sd_s(&lags[0])
+        };
+        of_views[view].push(Lag {
+            seconds,
+            sd_s,
+            ..first
+        });
         for change in lags.windows(2) {
-            let [before, after] = [change[0], change[1]];
-            let longer_s = after.seconds - before.seconds;
-            // Lost images make later ones too early.
-            let (lost, by_s) = if has_skipped(flight, [reference, view], after.from_s, longer_s) {
-                (reference, -longer_s)
-            } else {
-                (view, longer_s)
+            let (from_s, longer_s) = (change[1].from_s, change[1].seconds - change[0].seconds);
+            let (lost, by_s) = match skipping(flight, [reference, view], from_s, longer_s)? {
+                0 => (reference, -longer_s),
+                _ => (view, longer_s),
             };
-            let seconds = of_views[lost].last().map_or(0.0, |lag: &Lag| lag.seconds) + by_s;
-            let sd_s = sd_s(&after);
-            of_views[lost].push(Lag {
-                seconds,
-                sd_s,
-                ..after
-            });
+            let is_known = |(of, known): &(usize, Lag)| {
+                *of == lost && (known.from_s - from_s).abs() <= SAME_CHANGE_S
+            };
+            if !changes.iter().any(is_known) {
+                changes.push((
+                    lost,
+                    Lag {
+                        seconds: by_s,
+                        ..change[1]
+                    },
+                ));
+            }
         }
+    }
+    changes.sort_by(|(_, a), (_, b)| a.from_s.total_cmp(&b.from_s));
+    for (view, change) in changes {
+        let before_s = of_views[view].last().map_or(0.0, |lag| lag.seconds);
+        let after = counted(Lag {
+            seconds: before_s + change.seconds,
+            ..change
+        });
+        of_views[view].push(after);
     }
     Some(of_views)
 }
 
-/// A first lag, if it is more than chance; of recordings that are as synchronous as their ticks say, it is none.
+/// A lag, if it is more than chance; of recordings that are as synchronous as their ticks say, it is none.
 fn counted(lag: Lag) -> Lag {
     let sd_s = sd_s(&lag);
     if lag.seconds.abs() >= CERTAIN * sd_s {
@@ -168,28 +200,39 @@ fn lags_of(pair: &Pair, flight: &[&Observation]) -> Option<Vec<Lag>> {
     )
 }
 
-/// True if it is the first view whose path skips some seconds at a time, by which the lag of the second grows.
-fn has_skipped(flight: &[&Observation], views: [usize; 2], at_s: f64, seconds: f64) -> bool {
+/// The view, of two, whose own path skips some seconds at a time, by which the lag of the second one grows; `None` if neither does: then
+/// it is not their times that changed.
+fn skipping(flight: &[&Observation], views: [usize; 2], at_s: f64, longer_s: f64) -> Option<usize> {
     let skipped = views.map(|view| {
-        let seen = flight.iter().filter_map(|observed| {
-            Some((
-                observed.time_s(),
-                centre_and_size(observed.boxes[view].as_ref()?).0,
-            ))
+        let later = flight
+            .iter()
+            .filter(|of| of.time_s() >= at_s && of.boxes[view].is_some());
+        let track = later.map(|of| of.tracks[view]).next()?;
+        let of_track = flight.iter().filter(|of| of.tracks[view] == track);
+        let seen = of_track.filter_map(|observed| {
+            let (place_px, _) = centre_and_size(observed.boxes[view].as_ref()?);
+            Some((observed.time_s(), place_px))
         });
         lag::skipped_s(&seen.collect::<Vec<_>>(), at_s)
     });
-    let [Some(first), Some(second)] = skipped else {
-        return false;
+    let off = |view: usize, expected_s: f64| {
+        let [found_s, sd_s] = skipped[view].unwrap_or([0.0, f64::INFINITY]);
+        ((found_s - expected_s) / sd_s.max(MIN_LAG_SD_MS / 1e3)).powi(2)
     };
-    let off = |[found_s, sd_s]: [f64; 2], expected_s: f64| ((found_s - expected_s) / sd_s).powi(2);
-    off(first, seconds) + off(second, 0.0) < off(first, 0.0) + off(second, -seconds)
+    // A lost image lets a path skip forwards: the lag of the second view falls.
+    let by_view = [
+        off(0, longer_s) + off(1, 0.0),
+        off(0, 0.0) + off(1, -longer_s),
+    ];
+    let by_none = off(0, 0.0) + off(1, 0.0);
+    let view = usize::from(by_view[1] <= by_view[0]);
+    (by_view[view] < by_none).then_some(view)
 }
 
 /// Corrects the ticks of a flight for the lags of each view, and counts the changes.
 fn in_time(flight: &mut [&mut Observation], lags: &[Vec<Lag>], counts: &mut Corrections) {
-    let is_late = |lag: &Lag| lag.seconds != 0.0 || lag.sd_s != 0.0;
-    if !lags.iter().flatten().any(is_late) {
+    let is_corrected = |lag: &Lag| lag.seconds != 0.0 || lag.sd_s != 0.0;
+    if !lags.iter().flatten().any(is_corrected) {
         return;
     }
     let mut tracks: BTreeMap<(usize, Option<u32>), Path> = BTreeMap::new();
@@ -210,7 +253,7 @@ fn in_time(flight: &mut [&mut Observation], lags: &[Vec<Lag>], counts: &mut Corr
         let time_s = observed.time_s();
         // Movement per view with its standard deviation, and that of the lag.
         let motions = (0..lags.len()).map(|view| {
-            let lag = lag_at(&lags[view], time_s).filter(is_late);
+            let lag = lag_at(&lags[view], time_s).filter(is_corrected);
             let Some(lag) = lag else {
                 return Some([DVec2::ZERO; 3]);
             };
@@ -265,7 +308,7 @@ pub(crate) fn put_in_time<'a>(
     for flight in all.chunk_by_mut(|a, b| a.scenario == b.scenario) {
         let scenario = &mut scenarios[flight[0].scenario];
         let seen: Vec<&Observation> = flight.iter().map(|observed| &**observed).collect();
-        let lags = lags_by(pairs, views.len(), &seen);
+        let lags = lags_by(pairs, &scenario.lags, views.len(), &seen);
         let lags = lags.as_ref().unwrap_or(&scenario.lags);
         in_time(flight, lags, &mut scenario.corrections);
         lines.extend(named(&scenario.id, views, lags));
@@ -420,7 +463,7 @@ mod tests {
             views: [0, 1],
             off_px: Box::new(|[first, second]: [DVec2; 2]| second.y - first.y - 3.0),
         };
-        lags_by(&[pair], 2, &flight.iter().collect::<Vec<_>>()).unwrap()
+        lags_by(&[pair], &[], 2, &flight.iter().collect::<Vec<_>>()).unwrap()
     }
 
     #[test]

@@ -147,6 +147,12 @@ impl KeptInTraining {
         }
     }
 
+    /// False for numbers that no training gives.
+    pub(super) fn is_possible(self) -> bool {
+        let kept = [self.rows, self.paths];
+        kept.into_iter().flatten().all(|kept| kept >= 0.0)
+    }
+
     fn limit(self, evidence: Evidence) -> f64 {
         let kept = match evidence {
             Evidence::Rows => self.rows,
@@ -176,12 +182,15 @@ struct History {
     recent: VecDeque<(f64, f64, bool)>,
     /// The last complete window.
     kept: Option<Kept>,
+    /// Time of the last residual, seconds.
+    last_s: f64,
 }
 
 impl History {
     /// Takes the next residual. After a window over the limit a new one begins: agreeing again takes a whole window as well.
     fn take(&mut self, evidence: Evidence, next: (f64, f64, bool), limit: f64) {
         let time_s = next.0;
+        self.last_s = time_s;
         remember(&mut self.recent, next, |of| of.0, window_s(evidence));
         let since_s = self.recent[0].0;
         if time_s - since_s < window_s(evidence) || self.recent.len() < MIN_TICKS {
@@ -311,7 +320,7 @@ pub(crate) struct ContradictionWatch {
 }
 
 impl FlightFilter {
-    /// Takes the next tick of an aircraft. A contradiction lasts until a window agrees.
+    /// Takes the next tick of an aircraft. A contradiction lasts until a window agrees, or a view has not seen the aircraft for a while.
     pub(crate) fn contradiction(
         &self,
         watch: &mut ContradictionWatch,
@@ -343,11 +352,14 @@ impl FlightFilter {
                     log_width: log_widths / views.len() as f64,
                 },
             );
-            if let Some(kept) = kept {
-                let compared = (Evidence::Closing, views.to_vec(), 0);
-                watch.histories.entry(compared).or_default().kept = Some(kept);
-            }
+            let compared = (Evidence::Closing, views.to_vec(), 0);
+            let history = watch.histories.entry(compared).or_default();
+            history.last_s = tick.time_s;
+            history.kept = kept.or(history.kept);
         }
+        // Without one of the views, there is nothing left that contradicts.
+        let histories = &mut watch.histories;
+        histories.retain(|_, history| tick.time_s - history.last_s <= MAX_GAP_S);
         watch.judge(self.kept)
     }
 
