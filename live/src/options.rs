@@ -85,6 +85,15 @@ impl Options {
                 _ => {}
             }
         }
+        let named = self.sources.iter().filter(|(_, of)| of.is_of_one_view());
+        let mut seen: BTreeMap<String, &String> = BTreeMap::new();
+        for (view, source) in named {
+            if let Some(other) = seen.insert(source.identity(), view) {
+                return Err(Error::Views(format!(
+                    "views {other} and {view} have the same source, {source}; give each its own, or --without {view}"
+                )));
+            }
+        }
         if self.sources.is_empty() {
             return Err(Error::Views(format!(
                 "no view has a source; give at least one of {listed}"

@@ -88,6 +88,11 @@ impl Source {
         matches!(self, Self::File(_) | Self::Scenario { .. })
     }
 
+    /// False for a scenario, which has images of all views.
+    pub(crate) fn is_of_one_view(&self) -> bool {
+        !matches!(self, Self::Scenario { .. })
+    }
+
     /// Text that identifies the source. A fingerprint stands for hidden parts.
     pub(crate) fn identity(&self) -> String {
         match self {

@@ -67,6 +67,15 @@ fn what_can_never_work_is_refused_with_what_to_do() {
             "words.json",
         ),
         (
+            &[
+                "--view",
+                &of("left", text(&small)),
+                "--view",
+                &of("right", text(&small)),
+            ],
+            "views left and right have the same source",
+        ),
+        (
             &["--view", &left, "--view", &of("right", text(&small))],
             "640x480 pixels, expected 960x640",
         ),
