@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 
 use dataset::files::json_file::{read_json, write_json};
 use serde::{Deserialize, Serialize};
+use sight::lag::Sighting;
 
 use crate::clock::Tie;
 use crate::clocks::clock_offset::{Offset, RECORDING_DRIFT_SD, STREAM_DRIFT_SD};
 use crate::clocks::free_clocks::{FreeClock, MAX_SD_S, News};
-use crate::clocks::vertical_lag::Sighting;
 use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::source::Source;

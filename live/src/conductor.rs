@@ -12,15 +12,16 @@ use std::sync::Arc;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
+use dataset::geometry::rays::across_sd_px;
 use glam::DVec2;
 use labeller::{SeenBox, register_views};
 use sight::background::Background;
+use sight::lag::Sighting;
 use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView, Shown};
 
 use crate::clock::Tie;
 use crate::clocks::clock_offset::Offset;
 use crate::clocks::free_clocks::News;
-use crate::clocks::vertical_lag::Sighting;
 use crate::clocks::{Clocks, right_clock};
 use crate::conductor::answers::Answers;
 use crate::conductor::overload::Overload;
@@ -426,6 +427,7 @@ impl Conductor {
                 time_s: own_s,
                 places_px: [here_px, there_px],
                 width_px: best.pixel_box.width_px,
+                sd_px: across_sd_px(best.pixel_box.width_px),
                 added_s: searched.added_s - first_added_s - later_s,
             }
         });

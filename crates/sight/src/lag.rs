@@ -48,6 +48,8 @@ const JUMP_SD: f64 = 5.0;
 pub struct Sighting {
     /// Time of the images.
     pub time_s: f64,
+    /// What was already added to the time of the second view's image, s.
+    pub added_s: f64,
     /// In the first view and in the second.
     pub places_px: [DVec2; 2],
     /// Its width in the first view.
@@ -139,6 +141,7 @@ struct Solution {
     /// Changes of the lags, seconds, and standard deviations of the lags.
     by_s: Vec<f64>,
     sds_s: Vec<f64>,
+    best_s: f64,
     sightings: usize,
     /// Standard deviation of what is left of the rows, pixels.
     sd_px: f64,
@@ -152,6 +155,8 @@ struct Solution {
 pub struct Fit {
     /// At least one, by time.
     pub lags: Vec<Lag>,
+    /// Time for which the lags are known best.
+    pub best_s: f64,
     /// Number of sightings that count, about one a second.
     pub sightings: usize,
     /// Standard deviation of what is left of the rows, pixels.
@@ -163,9 +168,9 @@ impl Fit {
     /// Pixels down from the expected row in the second view; `None` without one, and where the motion during the lag is not known.
     /// `places`: of the same track in the second view, by time.
     pub fn off_px(&self, rows: &Rows, places: &[(f64, DVec2)], seen: &Sighting) -> Option<f64> {
-        let lag_s = lag_at(&self.lags, seen.time_s)?.seconds;
-        let [from, to] = moved(places, seen.time_s, lag_s)?.map(|end| end.place);
-        self.off_as_seen_px(rows, &seen.later(to - from), lag_s)
+        let left_s = lag_at(&self.lags, seen.time_s)?.seconds - seen.added_s;
+        let [from, to] = moved(places, seen.own_s(), left_s)?.map(|end| end.place);
+        self.off_as_seen_px(rows, &seen.later(to - from), left_s)
     }
 
     /// The same for an aircraft that does not move during the lag.
@@ -181,6 +186,11 @@ impl Fit {
 }
 
 impl Sighting {
+    /// Time of the second view's image by its own clock.
+    fn own_s(&self) -> f64 {
+        self.time_s - self.added_s
+    }
+
     fn later(&self, by_px: DVec2) -> Self {
         let [first, second] = self.places_px;
         Self {
@@ -189,18 +199,18 @@ impl Sighting {
         }
     }
 
-    fn terms(&self, lag_s: f64) -> [f64; TERMS] {
+    fn terms(&self, left_s: f64) -> [f64; TERMS] {
         let [first, second] = self.places_px.map(|place_px| place_px / UNIT_PX);
-        let of_size = lag_s * self.width_px / SIZE_UNIT_PX;
+        let of_size = left_s * self.width_px / SIZE_UNIT_PX;
         [1.0, first.x, first.y, second.x - first.x, of_size]
     }
 }
 
-/// The lag of a whole flight; `None` of too few sightings. `tracks`: of each aircraft, by time.
-pub fn constant(tracks: &[Vec<Sighting>], rows: &Rows) -> Option<Fit> {
+/// The lag of a whole flight; `None` of too few sightings. `tracks`: of each aircraft, by time; `start_s`: about the lag, if it is known.
+pub fn constant(tracks: &[Vec<Sighting>], rows: &Rows, start_s: f64) -> Option<Fit> {
     let first = Lag {
         from_s: f64::NEG_INFINITY,
-        seconds: 0.0,
+        seconds: start_s,
         sd_s: PRIOR_SD_S,
     };
     Some(converged(tracks, rows, vec![first])?.0)
@@ -208,7 +218,7 @@ pub fn constant(tracks: &[Vec<Sighting>], rows: &Rows) -> Option<Fit> {
 
 /// The lags of a flight, with their changes; `None` of too few sightings. `tracks`: of each aircraft, by time.
 pub fn changing(tracks: &[Vec<Sighting>], rows: &Rows) -> Option<Fit> {
-    let mut fit = constant(tracks, rows)?;
+    let mut fit = constant(tracks, rows, 0.0)?;
     loop {
         let lags = &fit.lags;
         let equations = equations(tracks, rows, lags);
@@ -257,6 +267,7 @@ fn converged(tracks: &[Vec<Sighting>], rows: &Rows, mut lags: Vec<Lag>) -> Optio
     let solution = solution?;
     let is_known = lags.iter().all(|lag| lag.seconds.abs() <= PRIOR_SD_S);
     let fit = Fit {
+        best_s: solution.best_s,
         sightings: solution.sightings,
         sd_px: solution.sd_px,
         terms: solution.terms,
@@ -271,14 +282,16 @@ fn equations(tracks: &[Vec<Sighting>], rows: &Rows, lags: &[Lag]) -> Vec<Equatio
         .iter()
         .flat_map(|track| with_one_lag(track, lags, |seen| seen.time_s))
     {
-        let places: Vec<(f64, DVec2)> = part
+        let mut places: Vec<(f64, DVec2)> = part
             .iter()
-            .map(|seen| (seen.time_s, seen.places_px[1]))
+            .map(|seen| (seen.own_s(), seen.places_px[1]))
             .collect();
+        // What is added may have changed.
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(lag) = part.first().and_then(|seen| lag_at(lags, seen.time_s)) else {
             continue;
         };
-        let scatter_px = if lag.seconds == 0.0 {
+        let scatter_px = if part.iter().all(|seen| seen.added_s == lag.seconds) {
             DVec2::ZERO
         } else {
             scatter(&places)
@@ -289,7 +302,8 @@ fn equations(tracks: &[Vec<Sighting>], rows: &Rows, lags: &[Lag]) -> Vec<Equatio
                 continue;
             }
             last_s = seen.time_s;
-            all.extend(equation(seen, (&places, lag.seconds, scatter_px), rows));
+            let left_s = lag.seconds - seen.added_s;
+            all.extend(equation(seen, (&places, left_s, scatter_px), rows));
         }
     }
     all.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -298,20 +312,20 @@ fn equations(tracks: &[Vec<Sighting>], rows: &Rows, lags: &[Lag]) -> Vec<Equatio
 
 fn equation(
     seen: &Sighting,
-    (places, lag_s, scatter_px): (&[(f64, DVec2)], f64, DVec2),
+    (places, left_s, scatter_px): (&[(f64, DVec2)], f64, DVec2),
     rows: &Rows,
 ) -> Option<Equation> {
     /// Time of a small motion, seconds.
     const STEP_S: f64 = 0.01;
-    let moved = moved(places, seen.time_s, lag_s)?;
+    let moved = moved(places, seen.own_s(), left_s)?;
     let then = seen.later(moved[1].place - moved[0].place);
     let off_px = (rows.off_px)(then.places_px)?;
     let by_px = |by_px: DVec2| Some((rows.off_px)(then.later(by_px).places_px)? - off_px);
     let down = DVec2::new(by_px(DVec2::X)?, by_px(DVec2::Y)?);
-    let moved_sd_px = moved_sd_px(&moved, lag_s, scatter_px) * down;
+    let moved_sd_px = moved_sd_px(&moved, left_s, scatter_px) * down;
     Some(Equation {
         time_s: seen.time_s,
-        terms: seen.terms(lag_s),
+        terms: seen.terms(left_s),
         off_px,
         per_s: by_px(STEP_S * moved[1].per_s)? / STEP_S,
         sd_px: seen.sd_px.hypot(moved_sd_px.length()),
@@ -364,6 +378,7 @@ fn solved(equations: &[Equation], rows: &Rows, lags: &[Lag]) -> Option<Solution>
         solution = Some(Solution {
             terms: unknowns[..TERMS].try_into().ok()?,
             by_s: unknowns[TERMS..].to_vec(),
+            best_s: best_s(equations),
             sightings: equations.len(),
             sd_px: deviation_from_zero(off_px),
             sds_s: (TERMS..unknowns.len())
@@ -377,6 +392,14 @@ fn solved(equations: &[Equation], rows: &Rows, lags: &[Lag]) -> Option<Solution>
         });
     }
     solution
+}
+
+/// Mean time, weighted by what each equation tells of the lag.
+fn best_s(equations: &[Equation]) -> f64 {
+    let weight = |of: &Equation| (of.per_s / of.sd_px).powi(2);
+    let of_all: f64 = equations.iter().map(weight).sum();
+    let sum_s: f64 = equations.iter().map(|of| weight(of) * of.time_s).sum();
+    sum_s / of_all.max(f64::MIN_POSITIVE)
 }
 
 /// Where another change explains most.
@@ -424,6 +447,7 @@ mod tests {
             let second = place_px(time_s - late_s(time_s)) + DVec2::new(70.0, noise_px + 0.04);
             Sighting {
                 time_s,
+                added_s: 0.0,
                 places_px: [place_px(time_s), second],
                 width_px: 30.0,
                 sd_px: 0.05,
@@ -451,10 +475,10 @@ mod tests {
     fn a_lag_of_milliseconds_or_of_seconds_is_told_by_known_rows_and_by_those_of_wrong_cameras() {
         for late_s in [-0.3, 0.0, 0.05, 0.5, 5.0] {
             let tracks = [track(|_| late_s)];
-            let known = constant(&tracks, &rows(0.1)).unwrap();
+            let known = constant(&tracks, &rows(0.1), 0.0).unwrap();
             assert_near(&known.lags[0], late_s, 0.02);
             assert!(known.lags[0].sd_s < 0.03, "{late_s}: {known:?}");
-            let unknown = constant(&tracks, &rows(12.0)).unwrap();
+            let unknown = constant(&tracks, &rows(12.0), 0.0).unwrap();
             assert_near(&unknown.lags[0], late_s, 0.1);
         }
     }
@@ -502,7 +526,7 @@ mod tests {
         let wrong = |seen: &Sighting| seen.later(DVec2::new(0.0, 30.0));
         let others: Vec<Sighting> = track.iter().step_by(7).map(wrong).collect();
         let tracks = [track.clone(), others.clone()];
-        let fit = constant(&tracks, &rows(0.1)).unwrap();
+        let fit = constant(&tracks, &rows(0.1), 0.0).unwrap();
         assert_near(&fit.lags[0], 0.5, 0.1);
         let off_px = |seen: &Sighting| fit.off_at_rest_px(&rows(0.1), seen).unwrap();
         assert!((off_px(&others[20]) - off_px(&track[140]) - 30.0).abs() < 1e-6);
@@ -516,6 +540,9 @@ mod tests {
 
     #[test]
     fn too_few_sightings_tell_nothing() {
-        assert_eq!(constant(&[track(|_| 0.0)[..4].to_vec()], &rows(0.1)), None);
+        assert_eq!(
+            constant(&[track(|_| 0.0)[..4].to_vec()], &rows(0.1), 0.0),
+            None
+        );
     }
 }

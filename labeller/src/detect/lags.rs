@@ -117,6 +117,7 @@ impl Flight<'_> {
             ticks.push(row.tick);
             sightings.push(Sighting {
                 time_s,
+                added_s: 0.0,
                 places_px: [first_px, second_px],
                 width_px: in_first.pixel_box.width_px,
                 sd_px: across_sd_px(in_second.pixel_box.width_px),
@@ -128,7 +129,7 @@ impl Flight<'_> {
             sd_px: CAMERA_SD_PX,
         };
         let fitted = |tracks: &[Vec<Sighting>]| {
-            let fit = lag::constant(tracks, &rows);
+            let fit = lag::constant(tracks, &rows, 0.0);
             fit.filter(|fit| fit.sightings >= MIN_SIGHTINGS)
         };
         let tracks: Vec<Vec<Sighting>> = seen.values().map(|(_, seen)| seen.clone()).collect();

@@ -1,6 +1,6 @@
 //! Offset and drift of a clock, refined with every arrival.
 //!
-//! A straight line through lags over time, by least squares; each arrival adds its sums ([`LagLine`]). The prior expects the small drift of
+//! A straight line through lags over time, by least squares; each arrival adds one ([`Lag`]). The prior expects the small drift of
 //! usual clocks.
 
 use serde::{Deserialize, Serialize};
@@ -52,73 +52,22 @@ impl Offset {
     }
 }
 
+/// An arrival's lag, and the time for which it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lag {
+    pub(crate) at_s: f64,
+    pub(crate) seconds: f64,
+    pub(crate) sd_s: f64,
+}
+
 /// Sums for a line through lags over time: weights, weighted times and squared times, weighted lags and their products with the times.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Sums {
-    pub(crate) weight: f64,
-    pub(crate) time: f64,
-    pub(crate) time_squared: f64,
-    pub(crate) lag: f64,
-    pub(crate) lag_times_time: f64,
-}
-
-impl Sums {
-    fn plus(self, other: Self) -> Self {
-        Self {
-            weight: self.weight + other.weight,
-            time: self.time + other.time,
-            time_squared: self.time_squared + other.time_squared,
-            lag: self.lag + other.lag,
-            lag_times_time: self.lag_times_time + other.lag_times_time,
-        }
-    }
-
-    pub(crate) fn scaled(self, part: f64) -> Self {
-        Self {
-            weight: part * self.weight,
-            time: part * self.time,
-            time_squared: part * self.time_squared,
-            lag: part * self.lag,
-            lag_times_time: part * self.lag_times_time,
-        }
-    }
-
-    /// Adds an error with this standard deviation that all lags share.
-    pub(crate) fn with_common_error(self, sd_s: f64) -> Self {
-        let lost = (sd_s.powi(-2) + self.weight).recip();
-        Self {
-            weight: self.weight - lost * self.weight * self.weight,
-            time: self.time - lost * self.weight * self.time,
-            time_squared: self.time_squared - lost * self.time * self.time,
-            lag: self.lag - lost * self.weight * self.lag,
-            lag_times_time: self.lag_times_time - lost * self.time * self.lag,
-        }
-    }
-
-    /// Sums with all times moved by `by_s`.
-    fn later(self, by_s: f64) -> Self {
-        Self {
-            time: self.time + by_s * self.weight,
-            time_squared: self.time_squared + by_s * (2.0 * self.time + by_s * self.weight),
-            lag_times_time: self.lag_times_time + by_s * self.lag,
-            ..self
-        }
-    }
-}
-
-/// An arrival's lag, and its growth.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct LagLine {
-    pub(crate) zero_s: f64,
-    pub(crate) sums: Sums,
-}
-
-impl LagLine {
-    /// The time for which the lag is best known; `None` if it is not known at all.
-    pub(crate) fn best_s(&self) -> Option<f64> {
-        let since_s = self.sums.time / self.sums.weight;
-        since_s.is_finite().then_some(self.zero_s + since_s)
-    }
+struct Sums {
+    weight: f64,
+    time: f64,
+    time_squared: f64,
+    lag: f64,
+    lag_times_time: f64,
 }
 
 /// Estimated offset and drift.
@@ -154,9 +103,14 @@ impl ClockOffset {
     }
 
     /// Adds an arrival's lag.
-    pub(crate) fn with(mut self, line: LagLine) -> Self {
-        let zero_s = *self.zero_s.get_or_insert(line.zero_s);
-        self.sums = self.sums.plus(line.sums.later(line.zero_s - zero_s));
+    pub(crate) fn with(mut self, lag: Lag) -> Self {
+        let since_s = lag.at_s - *self.zero_s.get_or_insert(lag.at_s);
+        let weight = lag.sd_s.powi(-2);
+        self.sums.weight += weight;
+        self.sums.time += weight * since_s;
+        self.sums.time_squared += weight * since_s * since_s;
+        self.sums.lag += weight * lag.seconds;
+        self.sums.lag_times_time += weight * since_s * lag.seconds;
         self
     }
 
@@ -191,47 +145,12 @@ impl ClockOffset {
 mod tests {
     use super::*;
 
-    /// An arrival that tells a lag for one time.
-    fn lag(time_s: f64, seconds: f64) -> LagLine {
-        let weight = 0.007_f64.powi(-2);
-        LagLine {
-            zero_s: time_s,
-            sums: Sums {
-                weight,
-                time: 0.0,
-                time_squared: 0.0,
-                lag: weight * seconds,
-                lag_times_time: 0.0,
-            },
+    fn lag(at_s: f64, seconds: f64) -> Lag {
+        Lag {
+            at_s,
+            seconds,
+            sd_s: 0.007,
         }
-    }
-
-    #[test]
-    fn a_common_error_is_added_to_the_offset_and_leaves_the_drift() {
-        let sums = Sums {
-            weight: 2e4,
-            time: 1e6,
-            time_squared: 3e8,
-            lag: 1e4,
-            lag_times_time: 6e5,
-        };
-        let at = |sums| {
-            let line = LagLine { zero_s: 70.0, sums };
-            ClockOffset::of(None, RECORDING_DRIFT_SD)
-                .with(line)
-                .at(200.0)
-                .unwrap()
-        };
-        let (alone, common) = (at(sums), at(sums.with_common_error(0.005)));
-        assert!(
-            (common.sd_s - alone.sd_s.hypot(0.005)).abs() < 1e-9,
-            "{common:?}"
-        );
-        assert!(
-            (common.offset_s - alone.offset_s).abs() < 1e-3,
-            "{common:?}"
-        );
-        assert!((common.drift_sd_ppm - alone.drift_sd_ppm).abs() < 1e-6);
     }
 
     #[test]

@@ -4,9 +4,10 @@
 //! clocks are; aircraft refine it.
 
 use dataset::geometry::camera::Camera;
+use sight::lag::Sighting;
 
-use crate::clocks::clock_offset::{ClockOffset, LagLine, Offset};
-use crate::clocks::vertical_lag::{Sighting, VerticalLag};
+use crate::clocks::clock_offset::{ClockOffset, Lag, Offset};
+use crate::clocks::vertical_lag::VerticalLag;
 use crate::output::MAX_COASTING_S;
 
 /// An offset is used, and changed, once its standard deviation is below this, seconds. One that is expected from the start is used at once.
@@ -50,7 +51,7 @@ impl FreeClock {
         let before = ClockOffset::of(expected, drift_sd);
         let at_start = before.at(0.0);
         Self {
-            arrival: VerticalLag::between(cameras, drift_sd),
+            arrival: VerticalLag::between(cameras),
             cameras,
             drift_sd,
             max_sd_s: at_start.map_or(MAX_SD_S, |expected| MAX_SD_S.max(expected.sd_s)),
@@ -100,7 +101,7 @@ impl FreeClock {
 
     /// Forgets the arrival up to now, as after a turn of a camera: it does not fit the rest.
     pub(crate) fn forget_arrival(&mut self) {
-        self.arrival = VerticalLag::between(self.cameras, self.drift_sd);
+        self.arrival = VerticalLag::between(self.cameras);
         self.with_arrival = None;
     }
 
@@ -161,11 +162,10 @@ impl FreeClock {
     }
 
     /// The offset after this lag.
-    fn joined(&self, lag: LagLine) -> ClockOffset {
+    fn joined(&self, lag: Lag) -> ClockOffset {
         let alone = ClockOffset::of(None, self.drift_sd).with(lag);
         let is_other = || {
-            let best_s = lag.best_s()?;
-            let (found, known) = (alone.at(best_s)?, self.before.at(best_s)?);
+            let (found, known) = (alone.at(lag.at_s)?, self.before.at(lag.at_s)?);
             let sd_s = known.sd_s.hypot(found.sd_s);
             Some((found.offset_s - known.offset_s).abs() > MAX_DEVIATIONS * sd_s)
         };

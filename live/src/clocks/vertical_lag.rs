@@ -1,222 +1,93 @@
-//! Lag between the clocks of two cameras, from an aircraft that both see during an arrival.
+//! Lag between the clocks of two cameras, from an aircraft that both see during an arrival ([`sight::lag`]).
 //!
-//! At any time, the aircraft is on the epipolar line of the first view's pixel in the other view. An image taken at a different time shows
-//! it off the line by its motion across the line during the lag. That motion is mostly vertical: almost none on the glide path far out, two
-//! pixels per second in level flight and near the runway. So the distance from the line is linear in the motion, and the lag is the slope.
-//! Camera errors (direction, roll, focal length) add a linear function of the places, which is fitted with the lag. Along the line, lag and
-//! displacement cannot be distinguished.
-//!
-//! The motion is measured in the other view by its own clock, uncorrected, in the middle of the lag. Motion is less certain than place, so
-//! distances after a correction weigh more.
+//! The aircraft is on the epipolar line of the first view's pixel in the other view. The motion off that line is measured in the other view
+//! by its own clock, uncorrected.
+
+use std::slice::from_ref;
 
 use dataset::geometry::camera::Camera;
-use dataset::geometry::rays::{EpipolarLine, LAG_STEP_S, across_sd_px};
-use dataset::numbers::least_squares::NormalEquations;
-use dataset::numbers::motion::motion_at;
-use glam::DVec2;
+use dataset::geometry::rays::{EpipolarLine, LAG_STEP_S};
+use sight::lag::{self, PLACE_TERMS, Rows, Sighting};
 
-use crate::clocks::clock_offset::{ClockOffset, LagLine, Sums};
+use crate::clocks::clock_offset::Lag;
 
-/// Time between the places for the motion, s, and their maximum number.
-const PLACE_STEP_S: f64 = 0.19;
-const MAX_PLACES: usize = 3_000;
-/// Standard deviation per place, px: boxes of ten recorded flights have 0.26 to 0.65.
-const PLACE_SD_PX: f64 = 0.4;
-/// The lag, its growth, the error of the directions, and its change with column and row in the first view and with the columns between the
-/// views.
-const UNKNOWNS: usize = 6;
-const OF_PLACES: std::ops::Range<usize> = 3..6;
-/// Unit of the places, pixels, and the standard deviation of that change, pixels for each: with it, ten recorded flights tell drifts as
-/// well as they state.
-const UNIT_PX: f64 = 1_000.0;
-const OF_PLACES_SD_PX: f64 = 0.06;
-/// Measurements before there is a lag, and the most that are kept.
-const MIN_MEASUREMENTS: usize = 20;
-const MAX_MEASUREMENTS: usize = 600;
+/// Time between sightings, s, and their maximum number.
+const STEP_S: f64 = 0.19;
+const MAX_SIGHTINGS: usize = 3_000;
+/// Standard deviations of what cameras add to rows, pixels: a direction that is unknown, and slopes over a thousand pixels. With these,
+/// ten recorded flights tell lags as well as they state.
+const CAMERA_SD_PX: [f64; PLACE_TERMS] = [100.0, 0.06, 0.06, 0.06];
+/// Minimum number of sightings that count.
+const MIN_COUNTING: usize = 20;
 /// Minimum standard deviation of lags, s: light and shade change the visible parts.
 const MIN_LAG_SD_S: f64 = 0.005;
 /// A lag with a larger one is none, seconds.
 const MAX_LAG_SD_S: f64 = 1.0;
-/// Rounds of reweighting with the previous lag.
-const ROUNDS: usize = 3;
-
-/// An aircraft in the images of two cameras that have the same time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Sighting {
-    pub(crate) time_s: f64,
-    /// Pixels of the same point of the aircraft in the first view and in the other.
-    pub(crate) places_px: [DVec2; 2],
-    /// Width of the aircraft in the other view.
-    pub(crate) width_px: f64,
-    /// Seconds that were already added to the time of the other view's image.
-    pub(crate) added_s: f64,
-}
 
 /// Measures a camera's lag behind the first one over one arrival.
 #[derive(Debug, Clone)]
 pub(crate) struct VerticalLag {
     cameras: [Camera; 2],
-    drift_sd: f64,
-    /// Places in the other view, by its own clock.
-    places: Vec<(f64, DVec2)>,
-    seen: Vec<Measurement>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Measurement {
-    time_s: f64,
-    /// Column and row in the first view, and columns between the views, in units of [`UNIT_PX`].
-    places: [f64; 3],
-    /// Unit vector across the line, and the distance from it.
-    across: DVec2,
-    off_px: f64,
-    sd_px: f64,
-    added_s: f64,
-}
-
-/// A measurement with the motion across the line.
-struct Moving {
-    seen: Measurement,
-    motion_px_s: f64,
-    weight: f64,
+    seen: Vec<Sighting>,
+    measured_s: f64,
+    /// The last lag, seconds.
+    about_s: f64,
 }
 
 impl VerticalLag {
-    /// `drift_sd`: see [`ClockOffset::of`].
-    pub(crate) fn between(cameras: [Camera; 2], drift_sd: f64) -> Self {
+    pub(crate) fn between(cameras: [Camera; 2]) -> Self {
         Self {
             cameras,
-            drift_sd,
-            places: Vec::new(),
             seen: Vec::new(),
+            measured_s: f64::NEG_INFINITY,
+            about_s: 0.0,
         }
     }
 
-    /// Takes sightings in the order of time; true if this one is measured.
+    /// Takes sightings in the order of time; true if it is worth measuring again.
     pub(crate) fn take(&mut self, sighting: Sighting) -> bool {
-        let Sighting {
-            time_s,
-            places_px: [first_px, other_px],
-            added_s,
-            ..
-        } = sighting;
-        let own_s = time_s - added_s;
-        if is_due(self.places.last().map(|place| place.0), own_s, PLACE_STEP_S) {
-            push(&mut self.places, (own_s, other_px), MAX_PLACES);
-        }
-        if !is_due(self.seen.last().map(|seen| seen.time_s), time_s, LAG_STEP_S) {
+        let time_s = sighting.time_s;
+        if self
+            .seen
+            .last()
+            .is_some_and(|last| time_s < last.time_s + STEP_S)
+        {
             return false;
         }
+        if self.seen.len() == MAX_SIGHTINGS {
+            self.seen.remove(0);
+        }
+        self.seen.push(sighting);
+        let is_due = time_s >= self.measured_s + LAG_STEP_S;
+        if is_due {
+            self.measured_s = time_s;
+        }
+        is_due
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.seen.is_empty()
+    }
+
+    /// The lag, to be added to the times of the other view's images; `None` of too few sightings, and if the motion was always the same.
+    pub(crate) fn lag(&mut self) -> Option<Lag> {
         let [first, other] = &self.cameras;
-        let Some(line) = EpipolarLine::of([first, other], first_px) else {
-            return false;
+        let rows = Rows {
+            off_px: &|[here_px, there_px]| {
+                Some(EpipolarLine::of([first, other], here_px)?.off_px(there_px))
+            },
+            sd_px: CAMERA_SD_PX,
         };
-        let seen = Measurement {
-            time_s,
-            places: [first_px.x, first_px.y, other_px.x - first_px.x].map(|px| px / UNIT_PX),
-            across: line.across,
-            off_px: line.off_px(other_px),
-            sd_px: across_sd_px(sighting.width_px),
-            added_s,
-        };
-        push(&mut self.seen, seen, MAX_MEASUREMENTS);
-        true
+        let fit = lag::constant(from_ref(&self.seen), &rows, self.about_s)?;
+        let [lag] = fit.lags[..] else { return None };
+        self.about_s = lag.seconds;
+        let is_known = fit.sightings >= MIN_COUNTING && lag.sd_s < MAX_LAG_SD_S;
+        is_known.then(|| Lag {
+            at_s: fit.best_s,
+            seconds: lag.seconds,
+            sd_s: lag.sd_s.hypot(MIN_LAG_SD_S),
+        })
     }
-
-    /// The lag, to be added to the times of the other view's images, with its growth; `None` of too few measurements, and if the motion was
-    /// always the same.
-    pub(crate) fn lag(&self) -> Option<LagLine> {
-        let zero_s = self.seen.first()?.time_s;
-        let mut lag_s = self.seen.last()?.added_s;
-        let mut line = None;
-        for _ in 0..ROUNDS {
-            let found = line_through(&self.moving(lag_s), zero_s, self.drift_sd)?;
-            let best_s = found.best_s()?;
-            lag_s = ClockOffset::of(None, self.drift_sd)
-                .with(found)
-                .at(best_s)?
-                .offset_s;
-            line = Some(found);
-        }
-        line
-    }
-
-    /// The measurements whose motion is known, for about this lag.
-    fn moving(&self, lag_s: f64) -> Vec<Moving> {
-        let moving = |seen: &Measurement| {
-            let left_s = lag_s - seen.added_s;
-            let motion = motion_at(&self.places, seen.time_s - (seen.added_s + lag_s) / 2.0)?;
-            let unknown_px = left_s * motion.unit_sd_per_s * PLACE_SD_PX;
-            Some(Moving {
-                seen: *seen,
-                motion_px_s: seen.across.dot(motion.per_s),
-                weight: (seen.sd_px.powi(2) + unknown_px.powi(2)).recip(),
-            })
-        };
-        self.seen.iter().filter_map(moving).collect()
-    }
-}
-
-/// The lag and its growth by least squares, whatever the cameras' errors.
-fn line_through(moving: &[Moving], zero_s: f64, drift_sd: f64) -> Option<LagLine> {
-    if moving.len() < MIN_MEASUREMENTS {
-        return None;
-    }
-    let mut normal = NormalEquations::new(UNKNOWNS);
-    let mut expect_zero = |unknown: usize, sd: f64| {
-        let mut row = [0.0; UNKNOWNS];
-        row[unknown] = 1.0;
-        normal.add(&row, 0.0, sd.powi(-2));
-    };
-    expect_zero(1, drift_sd);
-    OF_PLACES.for_each(|unknown| expect_zero(unknown, OF_PLACES_SD_PX));
-    let row = |one: &Moving| {
-        let [column, row, apart] = one.seen.places;
-        let growing = (one.seen.time_s - zero_s) * one.motion_px_s;
-        [one.motion_px_s, growing, 1.0, column, row, apart]
-    };
-    // As if nothing had been added.
-    let off_px = |one: &Moving| one.seen.off_px + one.seen.added_s * one.motion_px_s;
-    for one in moving {
-        normal.add(&row(one), off_px(one), one.weight);
-    }
-    let unknowns = normal.solve_for::<UNKNOWNS>()?;
-    let left = |one: &Moving| {
-        let terms = row(one).into_iter().zip(unknowns);
-        let expected = terms.map(|(factor, unknown)| factor * unknown);
-        one.weight * (off_px(one) - expected.sum::<f64>()).powi(2)
-    };
-    // Errors that are larger than expected count, smaller ones may be chance.
-    let excess = moving.iter().map(left).sum::<f64>() / (moving.len() - UNKNOWNS) as f64;
-    let covariance = normal.inverse()?;
-    let [lag, together, growth] = [covariance[0][0], covariance[0][1], covariance[1][1]];
-    let determinant = lag * growth - together * together;
-    let [weight, time, time_squared] = [growth, -together, lag].map(|of| of / determinant);
-    let sums = Sums {
-        weight,
-        time,
-        // The expectation of the growth is the clock's own.
-        time_squared: (time_squared - drift_sd.powi(-2)).max(0.0),
-        lag: weight * unknowns[0] + time * unknowns[1],
-        lag_times_time: time * unknowns[0] + time_squared * unknowns[1],
-    };
-    let sums = sums.scaled(excess.max(1.0).recip());
-    (sums.weight > MAX_LAG_SD_S.powi(-2)).then(|| LagLine {
-        zero_s,
-        sums: sums.with_common_error(MIN_LAG_SD_S),
-    })
-}
-
-fn is_due(last_s: Option<f64>, time_s: f64, step_s: f64) -> bool {
-    last_s.is_none_or(|last_s| time_s >= last_s + step_s)
-}
-
-/// Adds a thing, and forgets the oldest one if there are too many.
-fn push<T>(all: &mut Vec<T>, one: T, most: usize) {
-    if all.len() == most {
-        all.remove(0);
-    }
-    all.push(one);
 }
 
 #[cfg(test)]
@@ -224,10 +95,10 @@ mod tests {
     use dataset::geometry::camera::CameraPose;
     use dataset::geometry::geodesy::Geodetic;
     use dataset::geometry::pose::Pose;
-    use glam::DVec3;
+    use glam::{DVec2, DVec3};
 
     use super::*;
-    use crate::clocks::clock_offset::{Offset, RECORDING_DRIFT_SD};
+    use crate::clocks::clock_offset::{ClockOffset, Offset, RECORDING_DRIFT_SD};
 
     /// Cameras beside a runway that look along the approach, 500 m apart.
     fn cameras() -> [Camera; 2] {
@@ -261,7 +132,7 @@ mod tests {
     fn found(slow_s: impl Fn(f64) -> f64, added_s: impl Fn(f64) -> f64, gust_m: f64) -> Offset {
         const LASTS_S: u32 = 250;
         let cameras = cameras();
-        let mut lag = VerticalLag::between(cameras, RECORDING_DRIFT_SD);
+        let mut lag = VerticalLag::between(cameras);
         for tick in 0..LASTS_S * 5 {
             let time_s = f64::from(tick) / 5.0;
             let noise_px = 0.04 * (f64::from(tick) * 12.9898).sin() * 1.4;
@@ -275,6 +146,7 @@ mod tests {
                     there_px.unwrap() + DVec2::new(1.5, noise_px - 0.8),
                 ],
                 width_px: 30.0,
+                sd_px: 0.1,
                 added_s: added_s(time_s),
             });
         }
@@ -307,23 +179,14 @@ mod tests {
     }
 
     #[test]
-    fn an_arrival_tells_that_a_lag_grows() {
-        for drift in [100e-6, -100e-6] {
-            let found = found(|time_s| 0.5 + drift * time_s, |_| 0.5, 0.0);
-            assert_found(found, 0.5 + 250.0 * drift, 0.015);
-            let part = found.drift_ppm * 1e-6 / drift;
-            assert!((0.25..1.2).contains(&part), "{drift}: {found:?}");
-        }
-    }
-
-    #[test]
     fn a_lag_needs_motion_that_changes() {
-        let mut lag = VerticalLag::between(cameras(), RECORDING_DRIFT_SD);
+        let mut lag = VerticalLag::between(cameras());
         for second in 0..60 {
             let sighting = Sighting {
                 time_s: f64::from(second),
                 places_px: [DVec2::new(900.0, 600.0); 2],
                 width_px: 30.0,
+                sd_px: 0.1,
                 added_s: 0.0,
             };
             assert!(lag.take(sighting) && !lag.take(sighting));

@@ -3,6 +3,7 @@
 use std::fs;
 
 use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::rays::across_sd_px;
 use glam::{DVec2, DVec3};
 use testkit::rig::{VIEWS, placed};
 use testkit::{changi_02l, repository};
@@ -56,6 +57,7 @@ fn sighting_at(second: u32, [from_s, slow_s, added_s]: [f64; 3]) -> Sighting {
         time_s: from_s + flown_s,
         places_px: [left.project(place_m(flown_s)).unwrap(), there.unwrap()],
         width_px: 20.0,
+        sd_px: across_sd_px(20.0),
         added_s,
     }
 }
@@ -282,6 +284,7 @@ fn four_recorded_arrivals_tell_a_slow_clock_and_its_drift_as_well_as_they_state(
                 time_s,
                 places_px: [row.places_px[0], there],
                 width_px: row.width_px,
+                sd_px: across_sd_px(row.width_px),
                 added_s,
             });
             if let Some(News::Known(offset)) = clock.take(time_s, sighting) {
