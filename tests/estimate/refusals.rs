@@ -216,8 +216,8 @@ fn a_gpu_that_is_not_there_is_refused_with_what_to_do() {
     let workshop = Workshop::shared();
     for decoder in ["vaapi", "cuda"] {
         // Neither camera is there.
-        let absent = "rtsp://127.0.0.1:9/x";
-        let mut command = workshop.command([absent, absent]);
+        let absent = ["rtsp://127.0.0.1:9/left", "rtsp://127.0.0.1:9/right"];
+        let mut command = workshop.command(absent);
         command
             .args(["--decoder", decoder])
             .ends_with(2, &[decoder, "give cpu"]);

@@ -186,12 +186,7 @@ impl InverseRange {
 
     /// Views whose rows are known.
     pub(crate) fn pairs(&self) -> Vec<Pair<'_>> {
-        let rows = self.rows.iter();
-        rows.map(|row| Pair {
-            views: row.views,
-            off_px: Box::new(|places_px| row.off_by_px(places_px)),
-        })
-        .collect()
+        self.rows.iter().filter_map(RowRelation::pair).collect()
     }
 
     /// Deviations of registered rows from their expected positions at a tick ([`row_misfits`]).

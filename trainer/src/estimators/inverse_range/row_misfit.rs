@@ -4,9 +4,11 @@
 //! it, mostly in rows, it contains only error. Clouds behind the aircraft, light and air displace both: where rows scatter more, distances
 //! do.
 
+use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::samples::camera_health::late_images::Pair;
 use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::MIN_SD_PX;
@@ -16,6 +18,9 @@ use crate::samples::{Observation, Sample};
 const UNKNOWNS: usize = 4;
 /// Minimum number of shifts.
 const MIN_SHIFTS: usize = 30;
+/// Number of parts in which flights are left out, and the minimum number of flights that show how well lags are told.
+const PARTS: usize = 4;
+const MIN_FLIGHTS: usize = 4;
 /// Maximum number of shifts; more do not change the fit.
 const MAX_SHIFTS: usize = 20_000;
 
@@ -25,6 +30,31 @@ pub(super) struct RowRelation {
     /// Indices of the reference view and of the second view.
     pub(super) views: [usize; 2],
     pub(super) coefficients_px: [f64; UNKNOWNS],
+    /// Standard deviation of the lags of training flights by rows that were learned from others, s: they have none. Missing with few
+    /// flights.
+    lag_sd_s: Option<f64>,
+}
+
+/// Standard deviation of lags by rows of other flights, seconds; `None` with too few flights.
+fn lag_sd_s(views: [usize; 2], training: &[&Sample]) -> Option<f64> {
+    let flights: Vec<&[&Sample]> = (training.chunk_by(|a, b| a.scenario == b.scenario)).collect();
+    let parts = (0..PARTS).flat_map(|part| {
+        let flights = flights.iter().enumerate();
+        let (own, others): (Vec<_>, Vec<_>) = flights.partition(|(index, _)| index % PARTS == part);
+        let others: Vec<&Sample> = others
+            .into_iter()
+            .flat_map(|(_, of)| *of)
+            .copied()
+            .collect();
+        let relation = RowRelation::of(views, &others);
+        let lag_s = move |flight: &[&Sample]| {
+            let observed: Vec<&Observation> = flight.iter().map(|of| &of.observed).collect();
+            relation.as_ref()?.pair_of(0.0).lag_s(&observed)
+        };
+        own.into_iter().filter_map(move |(_, flight)| lag_s(flight))
+    });
+    let lags_s: Vec<f64> = parts.collect();
+    (lags_s.len() >= MIN_FLIGHTS).then(|| deviation_from_zero(lags_s.into_iter()))
 }
 
 /// Terms and measured row.
@@ -58,7 +88,25 @@ impl RowRelation {
     /// Relations for all views that were registered with each other often enough.
     pub(super) fn all(views: usize, training: &[&Sample]) -> Vec<Self> {
         let pairs = (0..views).flat_map(|a| (0..views).map(move |b| [a, b]));
-        pairs.filter_map(|pair| Self::of(pair, training)).collect()
+        let learned = pairs.filter_map(|pair| Self::of(pair, training));
+        let learned = learned.map(|relation| Self {
+            lag_sd_s: lag_sd_s(relation.views, training),
+            ..relation
+        });
+        learned.collect()
+    }
+
+    /// For measuring lags; `None` if it is not known how well they are told.
+    pub(super) fn pair(&self) -> Option<Pair<'_>> {
+        Some(self.pair_of(self.lag_sd_s?))
+    }
+
+    fn pair_of(&self, lag_sd_s: f64) -> Pair<'_> {
+        Pair {
+            views: self.views,
+            off_px: Box::new(|[first, second]| self.off_px(&row_of(first, second - first))),
+            lag_sd_s,
+        }
     }
 
     fn of(views: [usize; 2], training: &[&Sample]) -> Option<Self> {
@@ -77,11 +125,8 @@ impl RowRelation {
         Some(Self {
             views,
             coefficients_px: coefficients.map(|coefficient| finer * coefficient),
+            lag_sd_s: None,
         })
-    }
-
-    pub(super) fn off_by_px(&self, [first, second]: [DVec2; 2]) -> f64 {
-        self.off_px(&row_of(first, second - first))
     }
 
     fn off_px(&self, (terms, row_px): &Row) -> f64 {

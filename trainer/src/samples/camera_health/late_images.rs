@@ -43,6 +43,73 @@ pub(crate) struct Pair<'a> {
     pub views: [usize; 2],
     /// Pixels down from the expected row in the second view, by the places in both.
     pub off_px: Box<dyn Fn([DVec2; 2]) -> f64 + 'a>,
+    /// Standard deviation of the lags that these rows tell of punctual flights, s.
+    pub lag_sd_s: f64,
+}
+
+impl Pair<'_> {
+    /// Lag of a flight, if it does not change, seconds; `None` of too few sightings.
+    pub(crate) fn lag_s(&self, flight: &[&Observation]) -> Option<f64> {
+        let lags = self.fitted(flight, |tracks, rows| lag::constant(tracks, rows, 0.0))?;
+        Some(lags[0].seconds)
+    }
+
+    /// Lags of the second view, with what more sightings of the flight do not reduce.
+    fn lags(&self, flight: &[&Observation]) -> Option<Vec<Lag>> {
+        let mut lags = self.fitted(flight, lag::changing)?;
+        for lag in &mut lags {
+            lag.sd_s = lag.sd_s.hypot(self.lag_sd_s);
+        }
+        Some(lags)
+    }
+
+    fn fitted(
+        &self,
+        flight: &[&Observation],
+        fit: impl Fn(&[Vec<Sighting>], &Rows) -> Option<lag::Fit>,
+    ) -> Option<Vec<Lag>> {
+        let [reference, view] = self.views;
+        let mut tracks: BTreeMap<[Option<u32>; 2], Vec<Sighting>> = BTreeMap::new();
+        let mut row_sd_px = ROW_SD_PX;
+        for observed in flight {
+            let shift = observed.shifts[view].filter(|shift| shift.reference == reference);
+            let (Some(shift), Some(seen)) = (shift, &observed.boxes[reference]) else {
+                continue;
+            };
+            let here_px = centre_and_size(seen).0;
+            let common = observed
+                .common_errors
+                .iter()
+                .filter(|of| self.views.contains(&of.view));
+            row_sd_px =
+                row_sd_px.max(common.fold(ROW_SD_PX, |sum_px, of| sum_px.hypot(of.sd_px.y)));
+            tracks
+                .entry(self.views.map(|view| observed.tracks[view]))
+                .or_default()
+                .push(Sighting {
+                    time_s: observed.time_s(),
+                    added_s: 0.0,
+                    places_px: [here_px, here_px + shift.shift_px],
+                    width_px: seen.width_px,
+                    sd_px: shift.sd_px.y.hypot(across_sd_px(seen.width_px)),
+                });
+        }
+        let tracks: Vec<Vec<Sighting>> = tracks.into_values().collect();
+        let slope_sd_px = SLOPE_SD_PX.hypot(row_sd_px - ROW_SD_PX);
+        let mut sd_px = [slope_sd_px; PLACE_TERMS];
+        sd_px[0] = row_sd_px;
+        let off_px = |places_px: [DVec2; 2]| Some((self.off_px)(places_px));
+        Some(
+            fit(
+                &tracks,
+                &Rows {
+                    off_px: &off_px,
+                    sd_px,
+                },
+            )?
+            .lags,
+        )
+    }
 }
 
 /// Lags per view, as `dtd detect` measured them.
@@ -76,7 +143,7 @@ fn lags_by(
     };
     let measured: Vec<(usize, Vec<Lag>)> = (pairs.iter())
         .filter(|pair| pair.views[0] == reference)
-        .filter_map(|pair| Some((pair.views[1], lags_of(pair, flight)?)))
+        .filter_map(|pair| Some((pair.views[1], pair.lags(flight)?)))
         .filter(|(view, lags)| is_better(*view, &lags[0]))
         .collect();
     if measured.is_empty() {
@@ -155,50 +222,6 @@ fn counted(lag: Lag) -> Lag {
 fn sd_s(lag: &Lag) -> f64 {
     let systematic_s = (MIN_LAG_SD_MS / 1e3).hypot(PART_SD * lag.seconds);
     lag.sd_s.hypot(systematic_s)
-}
-
-/// Lags of the second view.
-fn lags_of(pair: &Pair, flight: &[&Observation]) -> Option<Vec<Lag>> {
-    let [reference, view] = pair.views;
-    let mut tracks: BTreeMap<[Option<u32>; 2], Vec<Sighting>> = BTreeMap::new();
-    let mut row_sd_px = ROW_SD_PX;
-    for observed in flight {
-        let shift = observed.shifts[view].filter(|shift| shift.reference == reference);
-        let (Some(shift), Some(seen)) = (shift, &observed.boxes[reference]) else {
-            continue;
-        };
-        let here_px = centre_and_size(seen).0;
-        let common = observed
-            .common_errors
-            .iter()
-            .filter(|of| pair.views.contains(&of.view));
-        row_sd_px = row_sd_px.max(common.fold(ROW_SD_PX, |sum_px, of| sum_px.hypot(of.sd_px.y)));
-        tracks
-            .entry(pair.views.map(|view| observed.tracks[view]))
-            .or_default()
-            .push(Sighting {
-                time_s: observed.time_s(),
-                added_s: 0.0,
-                places_px: [here_px, here_px + shift.shift_px],
-                width_px: seen.width_px,
-                sd_px: shift.sd_px.y.hypot(across_sd_px(seen.width_px)),
-            });
-    }
-    let tracks: Vec<Vec<Sighting>> = tracks.into_values().collect();
-    let slope_sd_px = SLOPE_SD_PX.hypot(row_sd_px - ROW_SD_PX);
-    let mut sd_px = [slope_sd_px; PLACE_TERMS];
-    sd_px[0] = row_sd_px;
-    let off_px = |places_px: [DVec2; 2]| Some((pair.off_px)(places_px));
-    Some(
-        lag::changing(
-            &tracks,
-            &Rows {
-                off_px: &off_px,
-                sd_px,
-            },
-        )?
-        .lags,
-    )
 }
 
 /// The view, of two, whose own path skips some seconds at a time, by which the lag of the second one grows; `None` if neither does: then
@@ -463,6 +486,7 @@ mod tests {
         let pair = Pair {
             views: [0, 1],
             off_px: Box::new(|[first, second]: [DVec2; 2]| second.y - first.y - 3.0),
+            lag_sd_s: 0.01,
         };
         lags_by(&[pair], &[], 2, &flight.iter().collect::<Vec<_>>()).unwrap()
     }
