@@ -428,7 +428,7 @@ impl Conductor {
                 places_px: [here_px, there_px],
                 width_px: best.pixel_box.width_px,
                 sd_px: across_sd_px(best.pixel_box.width_px),
-                added_s: searched.added_s - first_added_s - later_s,
+                taken_off_s: first_added_s + later_s - searched.added_s,
             }
         });
         let news = first.and_then(|_| self.clocks.take((view, tie), own_s, sighting));

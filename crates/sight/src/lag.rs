@@ -48,8 +48,8 @@ const JUMP_SD: f64 = 5.0;
 pub struct Sighting {
     /// Time of the images.
     pub time_s: f64,
-    /// What was already added to the time of the second view's image, s.
-    pub added_s: f64,
+    /// Lag that was already taken off the time of the second view's image, s.
+    pub taken_off_s: f64,
     /// In the first view and in the second.
     pub places_px: [DVec2; 2],
     /// Its width in the first view.
@@ -168,7 +168,7 @@ impl Fit {
     /// Pixels down from the expected row in the second view; `None` without one, and where the motion during the lag is not known.
     /// `places`: of the same track in the second view, by time.
     pub fn off_px(&self, rows: &Rows, places: &[(f64, DVec2)], seen: &Sighting) -> Option<f64> {
-        let left_s = lag_at(&self.lags, seen.time_s)?.seconds - seen.added_s;
+        let left_s = lag_at(&self.lags, seen.time_s)?.seconds - seen.taken_off_s;
         let [from, to] = moved(places, seen.own_s(), left_s)?.map(|end| end.place);
         self.off_as_seen_px(rows, &seen.later(to - from), left_s)
     }
@@ -188,7 +188,7 @@ impl Fit {
 impl Sighting {
     /// Time of the second view's image by its own clock.
     fn own_s(&self) -> f64 {
-        self.time_s - self.added_s
+        self.time_s + self.taken_off_s
     }
 
     fn later(&self, by_px: DVec2) -> Self {
@@ -286,12 +286,12 @@ fn equations(tracks: &[Vec<Sighting>], rows: &Rows, lags: &[Lag]) -> Vec<Equatio
             .iter()
             .map(|seen| (seen.own_s(), seen.places_px[1]))
             .collect();
-        // What is added may have changed.
+        // What was taken off may have changed.
         places.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(lag) = part.first().and_then(|seen| lag_at(lags, seen.time_s)) else {
             continue;
         };
-        let scatter_px = if part.iter().all(|seen| seen.added_s == lag.seconds) {
+        let scatter_px = if part.iter().all(|seen| seen.taken_off_s == lag.seconds) {
             DVec2::ZERO
         } else {
             scatter(&places)
@@ -302,7 +302,7 @@ fn equations(tracks: &[Vec<Sighting>], rows: &Rows, lags: &[Lag]) -> Vec<Equatio
                 continue;
             }
             last_s = seen.time_s;
-            let left_s = lag.seconds - seen.added_s;
+            let left_s = lag.seconds - seen.taken_off_s;
             all.extend(equation(seen, (&places, left_s, scatter_px), rows));
         }
     }
@@ -447,7 +447,7 @@ mod tests {
             let second = place_px(time_s - late_s(time_s)) + DVec2::new(70.0, noise_px + 0.04);
             Sighting {
                 time_s,
-                added_s: 0.0,
+                taken_off_s: 0.0,
                 places_px: [place_px(time_s), second],
                 width_px: 30.0,
                 sd_px: 0.05,

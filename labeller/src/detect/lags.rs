@@ -117,7 +117,7 @@ impl Flight<'_> {
             ticks.push(row.tick);
             sightings.push(Sighting {
                 time_s,
-                added_s: 0.0,
+                taken_off_s: 0.0,
                 places_px: [first_px, second_px],
                 width_px: in_first.pixel_box.width_px,
                 sd_px: across_sd_px(in_second.pixel_box.width_px),

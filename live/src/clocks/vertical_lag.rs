@@ -65,10 +65,6 @@ impl VerticalLag {
         is_due
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
-        self.seen.is_empty()
-    }
-
     /// The lag, to be added to the times of the other view's images; `None` of too few sightings, and if the motion was always the same.
     pub(crate) fn lag(&mut self) -> Option<Lag> {
         let [first, other] = &self.cameras;
@@ -84,7 +80,8 @@ impl VerticalLag {
         let is_known = fit.sightings >= MIN_COUNTING && lag.sd_s < MAX_LAG_SD_S;
         is_known.then(|| Lag {
             at_s: fit.best_s,
-            seconds: lag.seconds,
+            // A late image has too late a time.
+            seconds: -lag.seconds,
             sd_s: lag.sd_s.hypot(MIN_LAG_SD_S),
         })
     }
@@ -147,7 +144,7 @@ mod tests {
                 ],
                 width_px: 30.0,
                 sd_px: 0.1,
-                added_s: added_s(time_s),
+                taken_off_s: -added_s(time_s),
             });
         }
         let clock = ClockOffset::of(None, RECORDING_DRIFT_SD).with(lag.lag().unwrap());
@@ -174,7 +171,7 @@ mod tests {
         let corrected = |time_s: f64| if time_s < 70.0 { 0.0 } else { 0.52 };
         for slow_s in [0.5, -0.5] {
             let added_s = |time_s: f64| f64::copysign(corrected(time_s), slow_s);
-            assert_found(found(|_| slow_s, added_s, 3.0), slow_s, 0.008);
+            assert_found(found(|_| slow_s, added_s, 3.0), slow_s, 0.015);
         }
     }
 
@@ -187,7 +184,7 @@ mod tests {
                 places_px: [DVec2::new(900.0, 600.0); 2],
                 width_px: 30.0,
                 sd_px: 0.1,
-                added_s: 0.0,
+                taken_off_s: 0.0,
             };
             assert!(lag.take(sighting) && !lag.take(sighting));
         }

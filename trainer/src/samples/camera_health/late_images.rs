@@ -88,7 +88,7 @@ impl Pair<'_> {
                 .or_default()
                 .push(Sighting {
                     time_s: observed.time_s(),
-                    added_s: 0.0,
+                    taken_off_s: 0.0,
                     places_px: [here_px, here_px + shift.shift_px],
                     width_px: seen.width_px,
                     sd_px: shift.sd_px.y.hypot(across_sd_px(seen.width_px)),
