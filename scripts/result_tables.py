@@ -51,7 +51,12 @@ def name_of(row):
     return f"focal length {row.removeprefix('focal')} %" if row.startswith("focal") else row
 
 
-def cameras(measured):
+def older_parts(row, now):
+    """Parts of the program that have another version since a row was measured."""
+    return {name for name, number in now.items() if row["versions"].get(name) != number}
+
+
+def cameras(measured, now):
     """The table of cameras.json."""
     lines = [
         "| right camera | flights | filter: MAPE, % | worst flight | 90 % intervals hold | worst flight | smoother | `self_calibrated` | answers |",
@@ -64,7 +69,7 @@ def cameras(measured):
         filtered, smoothed, calibrated = (of[name] for name in ("inverse_range_filtered", "inverse_range_smoothed", "self_calibrated"))
         errors, held = known(filtered["mape_pct_by_flight"]), known(filtered["held_90_by_flight"])
         cells = [
-            name_of(row),
+            name_of(row) + (" \\*" if older_parts(of, now) else ""),
             str(len(filtered["answered_by_flight"])),
             number(filtered["mape_pct"], 4),
             number(max(errors, default=None), 3),
@@ -80,18 +85,17 @@ def cameras(measured):
 
 def remark(measured, now):
     """Line for a table of an older version; none otherwise."""
-    rows = measured["rows"].values()
-    older = {name for row in rows for name, number in now.items() if row["versions"].get(name) != number}
+    older = set().union(*(older_parts(row, now) for row in measured["rows"].values()))
     if not older:
         return []
-    return ["", f"Some rows are of an earlier version of the program ({', '.join(sorted(older))}): measure them again."]
+    return ["", f"\\* By an earlier version of the program ({', '.join(sorted(older))}); to be measured again."]
 
 
 def main():
     page, now = PAGE.read_text(), versions()
     for name, table in {"cameras": cameras}.items():
         measured = json.loads((ROOT / f"docs/results/{name}.json").read_text())
-        lines = [f"<!-- {name}.json -->", *table(measured), *remark(measured, now), "<!-- end -->"]
+        lines = [f"<!-- {name}.json -->", *table(measured, now), *remark(measured, now), "<!-- end -->"]
         page, count = re.subn(rf"<!-- {name}\.json -->\n.*?<!-- end -->", lambda _, lines=lines: "\n".join(lines), page, flags=re.DOTALL)
         if count != 1:
             sys.exit(f"docs/results.md has {count} places for the table of {name}.json, expected 1: `<!-- {name}.json -->` to `<!-- end -->`")

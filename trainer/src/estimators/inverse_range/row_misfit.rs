@@ -30,6 +30,8 @@ pub(super) struct RowRelation {
     /// Indices of the reference view and of the second view.
     pub(super) views: [usize; 2],
     pub(super) coefficients_px: [f64; UNKNOWNS],
+    /// Standard deviation of rows in training, pixels.
+    sd_px: f64,
     /// Standard deviation of the lags of training flights by rows that were learned from others, s: they have none. Missing with few
     /// flights.
     lag_sd_s: Option<f64>,
@@ -105,6 +107,7 @@ impl RowRelation {
         Pair {
             views: self.views,
             off_px: Box::new(|[first, second]| self.off_px(&row_of(first, second - first))),
+            row_sd_px: self.sd_px,
             lag_sd_s,
         }
     }
@@ -121,10 +124,11 @@ impl RowRelation {
         let finer = UNIT_PX / FINE_UNIT_PX;
         let points = rows.iter().step_by(step);
         let points = points.map(|(terms, row_px)| (terms.map(|term| finer * term), *row_px, 1.0));
-        let (coefficients, _) = robust_line(&points.collect::<Vec<_>>())?;
+        let (coefficients, sd_px) = robust_line(&points.collect::<Vec<_>>())?;
         Some(Self {
             views,
             coefficients_px: coefficients.map(|coefficient| finer * coefficient),
+            sd_px,
             lag_sd_s: None,
         })
     }

@@ -43,6 +43,8 @@ pub(crate) struct Pair<'a> {
     pub views: [usize; 2],
     /// Pixels down from the expected row in the second view, by the places in both.
     pub off_px: Box<dyn Fn([DVec2; 2]) -> f64 + 'a>,
+    /// Standard deviation of rows in training, pixels.
+    pub row_sd_px: f64,
     /// Standard deviation of the lags that these rows tell of punctual flights, s.
     pub lag_sd_s: f64,
 }
@@ -70,13 +72,14 @@ impl Pair<'_> {
     ) -> Option<Vec<Lag>> {
         let [reference, view] = self.views;
         let mut tracks: BTreeMap<[Option<u32>; 2], Vec<Sighting>> = BTreeMap::new();
-        let mut row_sd_px = ROW_SD_PX;
+        let mut row_sd_px = ROW_SD_PX.max(self.row_sd_px);
         for observed in flight {
             let shift = observed.shifts[view].filter(|shift| shift.reference == reference);
             let (Some(shift), Some(seen)) = (shift, &observed.boxes[reference]) else {
                 continue;
             };
             let here_px = centre_and_size(seen).0;
+            let own_sd_px = shift.sd_px.y.hypot(across_sd_px(seen.width_px));
             let common = observed
                 .common_errors
                 .iter()
@@ -91,7 +94,7 @@ impl Pair<'_> {
                     taken_off_s: 0.0,
                     places_px: [here_px, here_px + shift.shift_px],
                     width_px: seen.width_px,
-                    sd_px: shift.sd_px.y.hypot(across_sd_px(seen.width_px)),
+                    sd_px: own_sd_px.max(self.row_sd_px),
                 });
         }
         let tracks: Vec<Vec<Sighting>> = tracks.into_values().collect();
@@ -486,6 +489,7 @@ mod tests {
         let pair = Pair {
             views: [0, 1],
             off_px: Box::new(|[first, second]: [DVec2; 2]| second.y - first.y - 3.0),
+            row_sd_px: 0.05,
             lag_sd_s: 0.01,
         };
         lags_by(&[pair], &[], 2, &flight.iter().collect::<Vec<_>>()).unwrap()
