@@ -7,6 +7,7 @@ cd "$(dirname "$0")/.."
 
 python3 scripts/check_prose.py
 python3 scripts/check_modules.py
+python3 scripts/result_tables.py --check
 bash scripts/setup-build.sh
 cargo fmt --all --check
 
