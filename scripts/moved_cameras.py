@@ -96,7 +96,9 @@ def made(run, sweep, out, row):
     _, at_evaluation = dtd("evaluate", run, "--corpus", corpus, "--side", "all", "--out", judged)
     if os.environ.get("KEEP") != "1":
         shutil.rmtree(corpus)
-    return {"faults": FAULTS[row], "versions": versions, **of_judged(judged), "detect_said": at_detection, "evaluate_said": at_evaluation}
+    told = {"detect_said": at_detection, "evaluate_said": at_evaluation}
+    told = {name: [line.replace(f"{out}/", "") for line in lines] for name, lines in told.items()}
+    return {"faults": FAULTS[row], "versions": versions, **of_judged(judged), **told}
 
 
 def versions_of(run, corpus):
