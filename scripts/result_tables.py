@@ -102,7 +102,7 @@ def main():
     if page == PAGE.read_text():
         return
     if "--check" in sys.argv[1:]:
-        sys.exit("docs/results.md has tables that are not those of docs/results/*.json: run scripts/result_tables.py")
+        sys.exit("tables in docs/results.md differ from docs/results/*.json: run scripts/result_tables.py")
     PAGE.write_text(page)
 
 

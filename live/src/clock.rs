@@ -33,7 +33,7 @@ impl ClockSource {
     }
 }
 
-/// What ties a clock to those of other views. Two clocks are tied like the less tied one.
+/// Common source of two clocks. Of two clocks with different sources, the weaker tie counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Tie {

@@ -32,7 +32,7 @@ struct StoredOffsets {
 struct StoredOffset {
     /// Sources of the first view and of this one, without secrets.
     sources: [String; 2],
-    /// What tied their clocks: other clocks have other offsets.
+    /// Tie of the clocks that the offset belongs to.
     #[serde(default)]
     tie: Tie,
     offset: Offset,
@@ -96,7 +96,7 @@ impl StoredOffsets {
 #[derive(Debug)]
 pub(crate) struct Clocks {
     names: Vec<String>,
-    /// By view and by what ties it to the first one; none for the first view and for views with a given offset.
+    /// Clocks by view and by their tie to the first view; none for the first view and for views with a given offset.
     clocks: BTreeMap<(usize, Tie), FreeClock>,
     /// The clocks that are in use.
     ties: Vec<Tie>,

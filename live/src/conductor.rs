@@ -134,7 +134,7 @@ struct Conductor {
     pairing: Pairing<Option<Box<Searched>>>,
     motions: Vec<TrackMotion>,
     clocks: Clocks,
-    /// What is to be added to each view's clock to have the first one's time.
+    /// Corrections that bring each view's clock to the first view's time.
     offsets: Vec<Correction>,
     answers: Answers,
     news: Vec<ViewNews>,
@@ -149,9 +149,9 @@ struct Conductor {
     withheld: Vec<WithheldNews>,
     /// Backgrounds with the times of their last images and how often the camera had been turned, until the tick that shows them.
     backgrounds: Vec<Option<(f64, u32, Background)>>,
-    /// How often each camera had been turned when it was last placed by its background. A turned one does not count until then.
+    /// Number of turns of each camera up to its last comparison with the training. A camera that turned since then does not count.
     placed: Vec<u32>,
-    /// What each camera showed of its surroundings.
+    /// Result of the last comparison of each camera.
     shown: Vec<Shown>,
     serves_metrics: bool,
 }
@@ -343,7 +343,7 @@ impl Conductor {
         }
     }
 
-    /// What a view sees, before clocks are compared.
+    /// Content of a view at a tick, before clocks are compared.
     fn sees(&self, joined: &Joined<Box<Searched>>, view: usize) -> Sees {
         let image = joined.images[view].as_ref();
         let Some((_, searched)) = image.filter(|(_, searched)| best_of(searched).is_some()) else {

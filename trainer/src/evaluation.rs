@@ -254,7 +254,7 @@ impl TrainedRun {
         Ok(moved)
     }
 
-    /// Whole flights with boxes from one aircraft, without boxes that are unlike training and those of views that contradict each other.
+    /// Whole flights with the boxes of one aircraft. Boxes unlike the training's and boxes in contradicting views are removed.
     pub(crate) fn believed(
         &self,
         observations: &[Observation],
@@ -328,7 +328,7 @@ impl TrainedRun {
         Ok(())
     }
 
-    /// Views whose rows are known in these samples: those of the training's cameras, where they stood.
+    /// Views whose rows are known: none if the cameras or the airport differ from the training's.
     fn pairs(&self, samples: &Samples) -> Vec<Pair<'_>> {
         if self.is_elsewhere || self.has_other_cameras(samples) {
             return Vec::new();

@@ -16,9 +16,9 @@ use glam::DVec2;
 
 /// Terms of what cameras add to rows: constant, and change with column and row in the first view and with the columns between the views.
 pub const PLACE_TERMS: usize = 4;
-/// These, and that of sizes.
+/// Terms of the cameras, and one of the size.
 const TERMS: usize = PLACE_TERMS + 1;
-/// Unit of the places, pixels.
+/// Unit of places, pixels.
 const UNIT_PX: f64 = 1_000.0;
 /// Images that were taken at different times show an aircraft in different sizes. A registration then follows a point beside the one that
 /// it should, by part of the height: rows are off by up to this much for each second of lag, for an aircraft this wide. Views that were
@@ -27,9 +27,9 @@ const SIZE_SD_PX_PER_S: f64 = 0.15;
 const SIZE_UNIT_PX: f64 = 100.0;
 /// Minimum number of sightings before and after a change.
 const MIN_SIGHTINGS: usize = 5;
-/// Standard deviation before any sighting, seconds.
+/// Standard deviation of a lag before any sighting, seconds; a fit that ends beyond it has failed. `dtd detect` writes no larger lag.
 const PRIOR_SD_S: f64 = 10.0;
-/// Lags change by more than this in one round of the fit if it does not converge, seconds; the motion is known for such a time.
+/// Maximum step of a lag in one round of the fit, seconds: a cubic follows the path for such a time, so lags of five seconds converge.
 const MAX_STEP_S: f64 = 3.0;
 /// A change that is smaller than this ends the fit, seconds.
 const EXACTLY_S: f64 = 1e-3;
@@ -100,7 +100,7 @@ pub fn moved_sd_px([from, to]: &[Motion; 2], by_s: f64, scatter_px: DVec2) -> DV
     scatter_px * near.min((from.unit_variance + to.unit_variance).sqrt())
 }
 
-/// Places by time that have one lag, and so one motion: those of each track, from each change to the next.
+/// Parts of a track, from each change of the lag to the next: within a part, places follow one motion.
 pub fn with_one_lag<'a, T>(
     track: &'a [T],
     lags: &'a [Lag],
@@ -173,7 +173,7 @@ impl Fit {
         self.off_as_seen_px(rows, &seen.later(to - from), left_s)
     }
 
-    /// The same for an aircraft that does not move during the lag.
+    /// Pixels down from the expected row for an aircraft that does not move during the lag.
     pub fn off_at_rest_px(&self, rows: &Rows, seen: &Sighting) -> Option<f64> {
         self.off_as_seen_px(rows, seen, 0.0)
     }
@@ -228,15 +228,7 @@ pub fn changing(tracks: &[Vec<Sighting>], rows: &Rows) -> Option<Fit> {
         let Some(change_s) = change(&equations, rows, lags) else {
             return Some(fit);
         };
-        let place = lags.partition_point(|lag| lag.from_s <= change_s);
-        let mut split = lags.clone();
-        split.insert(
-            place,
-            Lag {
-                from_s: change_s,
-                ..lags[place - 1]
-            },
-        );
+        let (place, split) = split(lags, change_s);
         let Some((changed, better)) = converged(tracks, rows, split) else {
             return Some(fit);
         };
@@ -351,7 +343,7 @@ fn solved(equations: &[Equation], rows: &Rows, lags: &[Lag]) -> Option<Solution>
     };
     let rows_of: Vec<Vec<f64>> = equations.iter().map(row).collect();
     let mut weights = vec![1.0; equations.len()];
-    let mut solution = None;
+    let mut fitted = None;
     for _ in 0..REWEIGHTINGS {
         let mut normal = NormalEquations::new(TERMS + lags.len());
         let sds = rows.sd_px.into_iter().chain([SIZE_SD_PX_PER_S]);
@@ -373,25 +365,24 @@ fn solved(equations: &[Equation], rows: &Rows, lags: &[Lag]) -> Option<Solution>
         for (weight, left) in weights.iter_mut().zip(&left) {
             *weight = 1.0 / (1.0 + (left / (HALF_WEIGHT * excess)).powi(2));
         }
-        let inverse = normal.inverse()?;
-        let off_px = left.iter().zip(equations).map(|(left, of)| left * of.sd_px);
-        solution = Some(Solution {
-            terms: unknowns[..TERMS].try_into().ok()?,
-            by_s: unknowns[TERMS..].to_vec(),
-            best_s: best_s(equations),
-            sightings: equations.len(),
-            sd_px: deviation_from_zero(off_px),
-            sds_s: (TERMS..unknowns.len())
-                .map(|i| excess * inverse[i][i].sqrt())
-                .collect(),
-            loss: left
-                .iter()
-                .map(|left| HALF_WEIGHT.powi(2) * (left / HALF_WEIGHT).powi(2).ln_1p())
-                .sum(),
-            excess,
-        });
+        fitted = Some((normal, unknowns, left, excess));
     }
-    solution
+    let (normal, unknowns, left, excess) = fitted?;
+    let inverse = normal.inverse()?;
+    let off_px = left.iter().zip(equations).map(|(left, of)| left * of.sd_px);
+    let losses = left.iter().map(|left| (left / HALF_WEIGHT).powi(2).ln_1p());
+    Some(Solution {
+        terms: unknowns[..TERMS].try_into().ok()?,
+        by_s: unknowns[TERMS..].to_vec(),
+        best_s: best_s(equations),
+        sightings: equations.len(),
+        sd_px: deviation_from_zero(off_px),
+        sds_s: (TERMS..unknowns.len())
+            .map(|i| excess * inverse[i][i].sqrt())
+            .collect(),
+        loss: HALF_WEIGHT.powi(2) * losses.sum::<f64>(),
+        excess,
+    })
 }
 
 /// Mean time, weighted by what each equation tells of the lag.
@@ -402,18 +393,24 @@ fn best_s(equations: &[Equation]) -> f64 {
     sum_s / of_all.max(f64::MIN_POSITIVE)
 }
 
-/// Where another change explains most.
+/// Lags with one that begins at a time, and its index.
+fn split(lags: &[Lag], from_s: f64) -> (usize, Vec<Lag>) {
+    let place = lags.partition_point(|lag| lag.from_s <= from_s);
+    let mut split = lags.to_vec();
+    split.insert(
+        place,
+        Lag {
+            from_s,
+            ..lags[place - 1]
+        },
+    );
+    (place, split)
+}
+
+/// Time at which another change of the lag explains most.
 fn change(equations: &[Equation], rows: &Rows, lags: &[Lag]) -> Option<f64> {
     let loss = |from_s: f64| {
-        let place = lags.partition_point(|lag| lag.from_s <= from_s);
-        let mut changed = lags.to_vec();
-        changed.insert(
-            place,
-            Lag {
-                from_s,
-                ..lags[place - 1]
-            },
-        );
+        let (_, changed) = split(lags, from_s);
         Some((solved(equations, rows, &changed)?.loss, from_s))
     };
     let losses = equations.iter().filter_map(|of| loss(of.time_s));

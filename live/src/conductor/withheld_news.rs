@@ -4,12 +4,12 @@ use trainer::live::{Answer, Phase};
 
 use crate::output::{Event, MAX_COASTING_S, Reason};
 
-/// A reason is told once it has lasted so long, s: a view that sees an aircraft alone counts after ten seconds.
+/// Duration of a reason before it is reported, s: a view that sees an aircraft alone counts after ten seconds.
 const MIN_S: f64 = 12.0;
-/// Shortest time between two reasons of a view, s.
+/// Shortest time between two reports for a view, s.
 const EACH_S: f64 = 20.0;
 
-/// What a view sees at a tick.
+/// Content of a view at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Sees {
     /// No aircraft, or the view cannot be measured.

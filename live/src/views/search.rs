@@ -57,7 +57,7 @@ const TURNED_S: f64 = 5.0;
 /// Images in a row whose search may fail before there is no point in going on.
 const MAX_FAILURES: u32 = 30;
 
-/// Watches when a camera may have a new direction, so that its background and its usual direction are learned anew.
+/// Watches when a camera may have a new direction, so that the search starts again with a new background.
 #[derive(Debug, Default)]
 pub(crate) struct Direction {
     connection: Option<u32>,

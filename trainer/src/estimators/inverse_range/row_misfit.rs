@@ -18,7 +18,7 @@ use crate::samples::{Observation, Sample};
 const UNKNOWNS: usize = 4;
 /// Minimum number of shifts.
 const MIN_SHIFTS: usize = 30;
-/// Number of parts in which flights are left out, and the minimum number of flights that show how well lags are told.
+/// Number of parts in which flights are left out, and the minimum number of flights that show how accurate lags are.
 const PARTS: usize = 4;
 const MIN_FLIGHTS: usize = 4;
 /// Maximum number of shifts; more do not change the fit.
@@ -98,7 +98,7 @@ impl RowRelation {
         learned.collect()
     }
 
-    /// For measuring lags; `None` if it is not known how well they are told.
+    /// The rows of these views, for measuring lags; `None` if too few flights showed how accurate such lags are.
     pub(super) fn pair(&self) -> Option<Pair<'_>> {
         Some(self.pair_of(self.lag_sd_s?))
     }

@@ -278,7 +278,7 @@ fn in_time(flight: &mut [&mut Observation], lags: &[Vec<Lag>], counts: &mut Corr
     let paths: Vec<_> = paths.collect();
     for observed in flight {
         let time_s = observed.time_s();
-        // Movement per view with its standard deviation, and that of the lag.
+        // Per view: movement, its standard deviation, and the error that the lag leaves.
         let motions = (0..lags.len()).map(|view| {
             let lag = lag_at(&lags[view], time_s).filter(is_corrected);
             let Some(lag) = lag else {

@@ -160,7 +160,7 @@ pub(crate) struct FaultyCameras {
     faults: Vec<CameraFault>,
     seed: u64,
     views: BTreeMap<u32, View>,
-    /// The first tick of the flight, with the cameras of the rig: those of the views that were requested in it.
+    /// The first tick of the flight, and the cameras that were requested in it.
     first_tick: Option<u32>,
     rig: BTreeMap<u32, CameraPose>,
 }
