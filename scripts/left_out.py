@@ -33,7 +33,7 @@ def figures(row, run):
         shares = row[name]["intervals_90"]
         of[name]["intervals_held"] = shares["held"]
         of[name]["intervals_held_by_flight"] = shares["held_by_flight"]
-    return {"ticks": row["ticks"], **of}
+    return {"commit": row["commit"], "versions": row["versions"], "ticks": row["ticks"], **of}
 
 
 def main():

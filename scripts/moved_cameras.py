@@ -18,6 +18,7 @@ from pathlib import Path
 import not_ideal_figures as figures
 import numpy as np
 import pyarrow.parquet as pq
+from made_by import made_by
 
 HERE = Path(__file__).parent
 DTD = Path(os.environ.get("DTD", HERE.parent / "target/release/dtd")).resolve()
@@ -27,6 +28,11 @@ FOCAL_PX = 960 / math.tan(math.radians(5))
 # A drift has no end, and each of its images needs a backdrop of its own: fewer flights.
 DRIFTS = {"drift": "drift=1:0.1:300"}
 DRIFTING_FLIGHTS = 10
+# Lens and mast of both cameras, other than in the training: settings of the sweep's [imaging].
+IMAGING = {
+    "blur-0-3px": "blur_sigma_px = { min = 0, max = 3 }",
+    "sway-2px": "sway = { rms_px = 2, frequency_hz = { min = 0.5, max = 3 } }",
+}
 
 
 def degrees(px):
@@ -43,6 +49,9 @@ FAULTS = {
     "both-yaw-2px": f"turn=0:{degrees(2)}:0,turn=1:{degrees(2)}:0",
     "opposite-yaw-2px": f"turn=0:{degrees(-2)}:0,turn=1:{degrees(2)}:0",
     **DRIFTS,
+    **dict.fromkeys(IMAGING, ""),
+    # Far beyond the turns that are looked for: a different place.
+    "yaw-2deg": "turn=1:2:0",
     "exchanged": "source=0:1,source=1:0",
     "one-twice": "source=1:0",
     **{f"late-{seconds}s": f"late=1:{1000 * seconds:.0f}" for seconds in (0.2, 1, 5)},
@@ -87,25 +96,22 @@ def flights(sweep, row):
 def made(run, sweep, out, row):
     """A row: recorded, searched and judged."""
     corpus, judged = out / row, out / "judged" / row
+    if row in IMAGING:
+        seen_otherwise = out / f"{row}.toml"
+        seen_otherwise.write_text(f"{sweep.read_text()}\n[imaging]\n{IMAGING[row]}\n")
+        sweep = seen_otherwise
     with stand_in(FAULTS[row]) as address:
         dtd("generate", sweep, "--sim", address, "--out", corpus, *flights(sweep, row))
     dtd("label", corpus)
     _, at_detection = dtd("detect", corpus, "--rows", "380:1020")
-    versions = versions_of(run, corpus)
+    program = made_by(run, corpus)
     shutil.rmtree(judged, ignore_errors=True)
     _, at_evaluation = dtd("evaluate", run, "--corpus", corpus, "--side", "all", "--out", judged)
     if os.environ.get("KEEP") != "1":
         shutil.rmtree(corpus)
     told = {"detect_said": at_detection, "evaluate_said": at_evaluation}
     told = {name: [line.replace(f"{out}/", "") for line in lines] for name, lines in told.items()}
-    return {"faults": FAULTS[row], "versions": versions, **of_judged(judged), **told}
-
-
-def versions_of(run, corpus):
-    """Versions of what the row was made with, named as in result_tables.py."""
-    record = json.loads(next(corpus.glob("scenarios/*/detections/*.json")).read_text())
-    of_detections = {"tracking": record["tracking"], **{part: record[part]["method"] for part in ("health", "registration")}}
-    return {"run": json.loads((run / "run.json").read_text())["format"], **of_detections}
+    return {**program, "faults": FAULTS[row], **of_judged(judged), **told}
 
 
 def of_judged(folder):
@@ -147,17 +153,16 @@ def main():
         sys.exit(f"unknown row {unknown[0]}, expected {', '.join(FAULTS)}")
     (out / "rows").mkdir(parents=True, exist_ok=True)
     path_of = {row: out / "rows" / f"{row}.json" for row in FAULTS}
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=HERE, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
     for row in dict.fromkeys(["untouched", *wanted]):
         if path_of[row].exists():
             continue
-        figures_of = {"commit": commit, **made(run, sweep, out, row)}
+        figures_of = made(run, sweep, out, row)
         untouched = figures_of if row == "untouched" else json.loads(path_of["untouched"].read_text())
         add_coverage(figures_of, untouched)
         path_of[row].write_text(json.dumps(figures_of, indent=1) + "\n")
         print(f"{row}: done", flush=True)
     rows = {row: json.loads(path.read_text()) for row, path in path_of.items() if path.exists()}
-    found = {"commit": commit, "dtd": dtd("--version")[0].strip(), "rows": rows}
+    found = {"dtd": dtd("--version")[0].strip(), "rows": rows}
     (out / "cameras.json").write_text(json.dumps(found, indent=1) + "\n")
 
 

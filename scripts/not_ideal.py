@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import not_ideal_figures as figures
+from made_by import made_by
 
 HERE = Path(__file__).parent
 DTD = Path(os.environ.get("DTD", HERE.parent / "target/release/dtd")).resolve()
@@ -72,7 +73,7 @@ def train(corpus, run, *settings):
     config.write_text(CONFIG)
     dtd("train", corpus, "--out", fresh(run), "--config", config, *settings)
     dtd("evaluate", run, "--corpus", corpus)
-    return figures.of_judged(run)
+    return {**made_by(run, corpus), **figures.of_judged(run)}
 
 
 def recorded(run, out, row):
@@ -82,6 +83,7 @@ def recorded(run, out, row):
     dtd("evaluate", run, "--corpus", out / row, "--side", "all", "--out", judged)
     found = subprocess.run([DTD, "verify", out / row, "--json"], stdout=subprocess.PIPE, text=True, check=False)
     return {
+        **made_by(run, out / row),
         **figures.of_judged(judged),
         "health": figures.of_health(out / row, out / "untouched", row),
         "verify": figures.of_verify(json.loads(found.stdout)),
@@ -97,8 +99,9 @@ def composed(run, out, row):
     dtd("evaluate", run, "--corpus", out / row, "--side", "all", "--out", judged)
     others = out / row / "other-arrivals.json"
     others = json.loads(others.read_text()) if others.exists() else None
+    found = {**made_by(run, out / row), **figures.of_judged(judged, others)}
     shutil.rmtree(out / row)
-    return figures.of_judged(judged, others)
+    return found
 
 
 def trained(out, row):
