@@ -3,7 +3,7 @@
 # packets (`-c copy`). One run, rounds alternating, so that a busy machine is busy for both; prints the best of each, and the ratio of their
 # pictures per second. `dtd` also checks every file against its seal, and hashes what it writes.
 #
-# Usage: benches/export_pictures.sh CORPUS [ROUNDS [coco|mcap|lerobot|huggingface]]
+# Usage: benches/export_pictures.sh CORPUS [ROUNDS [coco|mcap|huggingface]]
 #     (a labelled corpus with two scenarios or more; the first two are exported)
 # Needs the release build and ffmpeg. Writes nothing into CORPUS.
 set -euo pipefail

@@ -17,8 +17,8 @@ packages=(
     strace
     # A browser, for the page of `dtd view` (tests/view.rs).
     chromium
-    # Loads what `dtd export --to lerobot` writes, and the Dataset of python/ (requirements-torch.txt).
-    python3-torch python3-torchvision
+    # Loads the Dataset of python/ (requirements-torch.txt).
+    python3-torch
     # A server of camera streams (tests/judges/rtsp_server.py).
     gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-good python3-gi
 )
@@ -36,14 +36,13 @@ if ! cat scripts/requirements.txt scripts/requirements-alone.txt | cmp -s - "$st
 fi
 
 stamp=.venv-torch/requirements.installed
-if ! cat scripts/requirements-torch.txt scripts/requirements-torch-alone.txt | cmp -s - "$stamp"; then
+if ! cmp -s scripts/requirements-torch.txt "$stamp"; then
     say "installing Python packages into .venv-torch"
     rm -rf .venv-torch
     # The Python for which Debian built its torch, whichever is first on the PATH.
     /usr/bin/python3 -m venv --system-site-packages .venv-torch
     .venv-torch/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements-torch.txt >&2
-    .venv-torch/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/requirements-torch-alone.txt >&2
-    cat scripts/requirements-torch.txt scripts/requirements-torch-alone.txt >"$stamp"
+    cp scripts/requirements-torch.txt "$stamp"
 fi
 
 stamp=.venv-openvino/requirements.installed

@@ -168,7 +168,7 @@ pub(crate) const EXPORT: &str = "\
 Examples:
   dtd export corpus --to coco --out coco-folder
   dtd export corpus --to yolo --out yolo-folder --every 10 --pictures jpeg
-  dtd export corpus --to lerobot --out lerobot-folder --rate 10";
+  dtd export corpus --to mcap --out recordings --only 1200-clear-r1";
 
 pub(crate) const DOCTOR: &str = "\
 Examples:

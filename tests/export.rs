@@ -9,21 +9,17 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
-use std::sync::LazyLock;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::detections::models_of;
 use dataset::corpus::splits::{Assignment, Side, Splits};
-use dataset::numbers::frame_rate::FrameRate;
-use dataset::video::{CodedPicture, PacketReader};
 use dataset::work::watch::Silent;
 use serde_json::Value;
-use tempfile::TempDir;
 use testkit::command::{Dtd, Ending, json, said, words};
 use testkit::files::{contents, copy_folder};
+use testkit::judged;
 use testkit::short_corpus;
 use testkit::sweep::THREE_VIEWS;
-use testkit::{judged, program_of_venv, python_with_torch, repository};
 use tiny::Tiny;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -558,22 +554,6 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
             .all(|(found, row)| found["time_ns"] == row.time_ns)
     );
 
-    let words = "30000/1001 images per second; lerobot needs a whole number: choose one from 1 to 29 with --rate";
-    let lerobot = "export corpus --to lerobot --out lerobot";
-    command_in(folder.path(), lerobot).ends_with(2, &[words]);
-    assert!(!path("lerobot").exists() && !path("lerobot.partial").exists());
-    let resampled = export("lerobot", "--rate 10");
-    let (fps, frames, furthest_s) = judge_lerobot(&path("lerobot"), &path("corpus"), 5, false);
-    assert_eq!(
-        (fps, resampled["pictures"].as_u64()),
-        (10, Some(3 * frames))
-    );
-    let half_a_tick_s = 1001.0 / 30_000.0 / 2.0;
-    assert!(
-        furthest_s > 0.001 && furthest_s <= half_a_tick_s + 1e-6,
-        "{furthest_s} s"
-    );
-
     let few = "--every 40 --views lens,tower_2";
     let pictures = export("webdataset", few)["pictures"].as_u64().unwrap();
     let read = judged("web_dataset.py", &[&path("webdataset")]);
@@ -586,173 +566,6 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     }
 }
 
-/// A video's coded images, with their times in units of the frame rate.
-fn coded_pictures(path: &Path, rate: FrameRate) -> Vec<CodedPicture> {
-    let mut packets = PacketReader::open(path, rate).unwrap().unwrap();
-    let mut all = Vec::new();
-    while let Some(picture) = packets.next_picture().unwrap() {
-        all.push(picture);
-    }
-    all
-}
-
-/// Judges a LeRobot dataset by the published layout, and by the library itself: every `step`th frame has its tick's state and images.
-/// Returns the dataset's rate and number of frames, and the largest difference between a frame's time and its tick's, seconds.
-fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> (u64, u64, f64) {
-    let readers = [
-        ("layout", program_of_venv("python")),
-        ("lerobot", python_with_torch()),
-    ];
-    let opened = Corpus::open(corpus).unwrap();
-    let scenarios: BTreeMap<String, _> = opened
-        .scenarios()
-        .unwrap()
-        .into_iter()
-        .map(|folder| (folder.id(), folder.open().unwrap().frames().unwrap()))
-        .collect();
-    let mut said_of_it = None;
-    for (reader, python) in readers {
-        let output = Command::new(python)
-            .arg(repository().join("tests/judges/lerobot_frames.py"))
-            .arg(reader)
-            .args([dataset, corpus])
-            .arg(step.to_string())
-            .succeeds();
-        let read = json(&output);
-        let mut furthest_s = 0.0_f64;
-        let mut offs = Vec::new();
-        for frame in read["frames"].as_array().unwrap() {
-            let frames = &scenarios[frame["scenario"].as_str().unwrap()];
-            let tick = frame["tick"].as_u64().unwrap();
-            let row = &frames.rows[tick as usize];
-            let labels = row.labels.unwrap();
-            for (name, expected) in [
-                ("latitude_deg", row.pose.latitude_deg),
-                ("longitude_deg", row.pose.longitude_deg),
-                ("altitude_msl_m", row.pose.altitude_msl_m),
-                ("heading_true_deg", row.pose.heading_true_deg),
-                ("pitch_deg", row.pose.pitch_deg),
-                ("roll_deg", row.pose.roll_deg),
-                ("velocity_east_mps", row.velocity_ned_mps[1]),
-                ("dtd_m", labels.dtd_m),
-                ("along_track_m", labels.along_track_m),
-                ("cross_track_m", labels.cross_track_m),
-                ("height_over_target_m", labels.height_over_target_m),
-            ] {
-                let found = frame["state"][name].as_f64().unwrap();
-                // The library returns single precision.
-                let apart = (found - expected).abs();
-                assert!(
-                    apart <= 1e-6 * expected.abs().max(1.0),
-                    "{reader}, tick {tick}, {name}: {found}, expected {expected}"
-                );
-            }
-            for (view, resembled) in frame["pictures"].as_object().unwrap() {
-                let off = resembled.as_i64().unwrap() - tick as i64;
-                assert!(off == 0 || !is_whole, "{reader}: {view} of {frame}");
-                offs.push(off as f64);
-            }
-            assert_eq!(frame["time_ns"], row.time_ns);
-            let time_s = frame["timestamp_s"].as_f64().unwrap();
-            furthest_s = furthest_s.max((time_s - row.time_ns as f64 / 1e9).abs());
-        }
-        // Encoded again, an aircraft of two pixels may look like the one at a neighbouring tick, but not always like the dataset's next
-        // one, three ticks away.
-        let off = offs.iter().sum::<f64>() / offs.len() as f64;
-        assert!(off.abs() < 1.0, "{reader}: images are {off} ticks off");
-        let found = (
-            read["fps"].as_u64().unwrap(),
-            read["total"].as_u64().unwrap(),
-            furthest_s,
-        );
-        assert_eq!(*said_of_it.get_or_insert(found), found, "{reader}");
-    }
-    said_of_it.unwrap()
-}
-
-/// A folder with the labelled corpus of three views at 30 images per second, to which tests add exports under different names.
-fn at_30_hz() -> &'static Path {
-    static MADE: LazyLock<TempDir> =
-        LazyLock::new(|| DTD.recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30")));
-    MADE.path()
-}
-
-#[test]
-fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_videos_of_the_corpus() {
-    let folder = at_30_hz();
-    let path = |name: &str| folder.join(name);
-    let export = |out: &str, more: &str| {
-        let line = format!("export corpus --to lerobot --out {out} --json {more}");
-        command_in(folder, &line)
-    };
-    let exported = |out: &str, more: &str| json(&export(out, more).succeeds());
-    let corpus = Corpus::open(&path("corpus")).unwrap();
-    let mut scenarios = corpus.scenarios().unwrap();
-    let counts = exported("whole", "");
-    let (fps, frames, furthest_s) = judge_lerobot(&path("whole"), &path("corpus"), 17, true);
-    assert_eq!((fps, counts["pictures"].as_u64()), (30, Some(3 * frames)));
-    assert_eq!(counts["boxes"], 0);
-    assert!(furthest_s < 1e-6, "{furthest_s}");
-    let splits = corpus.splits().unwrap();
-    scenarios.sort_by_key(|folder| splits.scenarios[&folder.id()].side);
-    for (episode, scenario) in scenarios.iter().enumerate() {
-        for view in ["lens", "mast", "tower_2"] {
-            let key = format!("observation.images.{view}");
-            let copy = path("whole/videos").join(format!("{key}/chunk-000/file-{episode:03}.mp4"));
-            let rate = scenario.open().unwrap().record().unwrap().frame_rate;
-            let recorded = coded_pictures(&scenario.video_path(view), rate);
-            assert!(coded_pictures(&copy, rate) == recorded, "{view}");
-        }
-    }
-    exported("third", "--every 3 --views mast,lens");
-    let (fps, of_third, furthest_s) = judge_lerobot(&path("third"), &path("corpus"), 7, false);
-    assert!(of_third.abs_diff(frames / 3) <= 2 && fps == 10);
-    assert!(furthest_s < 1e-6, "{furthest_s}");
-    for (more, words) in [
-        ("--every 7", "30/7 images per second"),
-        ("--rate 31", "fewer than --rate 31"),
-        ("--rate 5 --every 3", "cannot be used with"),
-        ("--boxes detections", "no place for boxes"),
-    ] {
-        export("none", more).ends_with(2, &[words]);
-        assert!(!path("none").exists() && !path("none.partial").exists());
-    }
-}
-
-#[test]
-fn lerobot_merges_our_datasets_with_a_picture_for_every_frame() {
-    let folder = at_30_hz();
-    let path = |name: &str| folder.join(name);
-    let corpus = Corpus::open(&path("corpus")).unwrap();
-    let ids: Vec<String> = (corpus.scenarios().unwrap().iter())
-        .map(|scenario| scenario.id())
-        .collect();
-    let mut frames = 0;
-    // Three parts: the first two files could be joined even with a coarse unit of time.
-    for (out, only, more) in [
-        ("one", &ids[0], ""),
-        ("two", &ids[1], ""),
-        ("three", &ids[0], "--every 1"),
-    ] {
-        let line = format!("export corpus --to lerobot --out {out} --only {only} --json {more}");
-        let exported = json(&run_in(folder, &line));
-        frames += exported["pictures"].as_u64().unwrap() / 3;
-    }
-    let output = Command::new(python_with_torch())
-        .arg(repository().join("tests/judges/lerobot_merge.py"))
-        .args(["merged", "one", "two", "three"].map(path))
-        .succeeds();
-    let merged = json(&output);
-    assert_eq!(
-        (&merged["episodes"], &merged["frames"]),
-        (&3.into(), &frames.into())
-    );
-    for (camera, found) in merged["cameras"].as_object().unwrap() {
-        assert_eq!(found["pictures"], frames, "{camera}");
-        assert_eq!(found["frames_with_picture"], frames, "{camera}");
-    }
-}
-
 /// Options after `export corpus`, and words of the message.
 #[rustfmt::skip]
 const WRONG_REQUESTS: &[(&str, &str)] = &[
@@ -762,9 +575,7 @@ const WRONG_REQUESTS: &[(&str, &str)] = &[
     ("--to huggingface --out out --run corpus", "no predictions"),
     ("--to huggingface --out out --license free,for,all", "SPDX"),
     ("--to mcap --out out --every 2", "no use for --every"),
-    ("--to lerobot --out out", "1/8 images per second"),
     ("--to coco --out out --run run", "no use for --run"),
-    ("--to coco --out out --rate 1", "no use for --rate"),
     ("--to coco --out out --license CC-BY-4.0", "no use for --license"),
     ("--to coco --out out --only nowhere", "nowhere"),
     ("--to coco --out out --views top", "top"),
@@ -772,7 +583,6 @@ const WRONG_REQUESTS: &[(&str, &str)] = &[
     ("--to coco --out out --crop-px 96x64", "no use for --crop-px"),
     ("--to crops --out out --crop-px 481x64", "a crop of 481x64 px does not fit into images of 480x320 px"),
     ("--to crops --out out --crop-px 0x64", "is not a size"),
-    ("--to crops --out out --rate 1", "no use for --rate"),
     ("--to crops --out out --run run", "no use for --run"),
     ("--to crops --out out --detections other", "aircraft.onnx"),
     ("--to coco --out corpus", "is a corpus"),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use dataset::corpus::splits::Side;
-use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
+use exporter::{BoxSource, ExportRequest, Format, StillFormat};
 
 use crate::args::folder;
 use crate::args::shared::choice::{Choices, choice, from_one, size};
@@ -31,9 +31,6 @@ pub(crate) struct ExportArgs {
     /// Export every N-th tick, from the first
     #[arg(long, value_name = "N", default_value = "1", value_parser = from_one)]
     every: NonZeroU32,
-    /// Export N ticks per second, each the nearest to its time (lerobot)
-    #[arg(long, value_name = "N", value_parser = from_one, conflicts_with = "every")]
-    rate: Option<NonZeroU32>,
     /// Side of the split to export [default: all]
     #[arg(long, value_parser = choice(SIDES))]
     side: Option<Side>,
@@ -54,7 +51,7 @@ pub(crate) struct ExportArgs {
     /// Evaluated run whose predictions to export (huggingface); may be repeated
     #[arg(long, value_name = "RUN")]
     run: Vec<PathBuf>,
-    /// Licence that the dataset card states: an SPDX identifier or a URL (huggingface, lerobot)
+    /// Licence that the dataset card states: an SPDX identifier or a URL (huggingface)
     #[arg(long, value_name = "SPDX|URL", value_parser = license)]
     license: Option<String>,
     /// Print the result as JSON
@@ -62,7 +59,7 @@ pub(crate) struct ExportArgs {
     pub(crate) json: bool,
 }
 
-const FORMATS: Choices<Format, 7> = [
+const FORMATS: Choices<Format, 6> = [
     ("coco", "COCO: annotations.json and images/", Format::Coco),
     (
         "yolo",
@@ -88,11 +85,6 @@ const FORMATS: Choices<Format, 7> = [
         "mcap",
         "MCAP for Foxglove: a file per scenario, with its videos",
         Format::Mcap,
-    ),
-    (
-        "lerobot",
-        "LeRobotDataset v3.0: an episode per scenario, with its videos; whole rates only",
-        Format::LeRobot,
     ),
 ];
 
@@ -141,7 +133,7 @@ impl ExportArgs {
             only: self.only.clone(),
             views: self.views.clone(),
             side: self.side,
-            ticks: self.rate.map_or(Ticks::Every(self.every), Ticks::PerSecond),
+            every: self.every,
             boxes: self.boxes.unwrap_or(BoxSource::Truth),
             crop_px: self.crop_px,
             detections: self.detections.clone(),

@@ -41,7 +41,6 @@ fn failure(error: Error) -> Failure {
 
 fn print_summary(outcome: &ExportOutcome, format: Format) {
     let boxes = match outcome.boxes {
-        _ if !format.has_boxes() => String::new(),
         1 => " with 1 box".to_owned(),
         boxes => format!(" with {boxes} boxes"),
     };

@@ -35,7 +35,6 @@ pub use conversion::jpeg::jpeg;
 pub use conversion::luma::Luma;
 pub use decoded_image::{DecodedImage, ImageConverter};
 pub use index::fragments::recorded_pictures;
-pub use index::refine_time_base;
 pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::{RgbPicture, VideoReader};
 pub use time_base::TimeBase;

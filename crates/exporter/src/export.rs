@@ -9,8 +9,6 @@ use std::thread;
 use dataset::corpus::Corpus;
 use dataset::corpus::detections::{NoChoice, choose};
 use dataset::corpus::splits::Side;
-use dataset::plan::Plan;
-use dataset::video::VideoSettings;
 use dataset::work::watch::Watch;
 use dataset::work::workers;
 use serde::Serialize;
@@ -71,10 +69,6 @@ pub fn export(
     for LostScenario { id, reason } in &lost {
         watch.warn(&format!("scenario {id} is left out: {reason}"));
     }
-    if abilities.by_side {
-        selection.sort_by_key(|selected| selected.side);
-    }
-    let plan = Plan::of_corpus(corpus)?;
     let mut export = Export {
         request,
         abilities,
@@ -82,7 +76,6 @@ pub fn export(
         scenarios: Vec::new(),
         sides: BTreeSet::new(),
         about: About::new(corpus, request.license.clone())?,
-        video: plan.map_or_else(VideoSettings::default, |plan| plan.common.video),
     };
     format.prepare(&export)?;
     let mut outcome = ExportOutcome {
@@ -187,7 +180,6 @@ impl Export<'_> {
             self.scenarios.push(PlannedScenario {
                 selected,
                 pictures: outcome.pictures - before,
-                number: self.scenarios.len(),
             });
         }
         if self.abilities.boxes == BoxUse::Crops && outcome.pictures == 0 {
@@ -231,7 +223,6 @@ impl Export<'_> {
             let part = format.write(&Writing {
                 export: self,
                 source: self.open(&scenario.selected)?,
-                number: scenario.number,
                 folder: unfinished.files(),
                 watch,
                 count: &count,
@@ -258,7 +249,6 @@ fn model_of(
     boxes: BoxUse,
 ) -> Result<Option<String>> {
     match boxes {
-        BoxUse::None => return Ok(None),
         // It has no place for detections beside the ground-truth boxes.
         BoxUse::Certain if request.boxes == BoxSource::Truth => return Ok(None),
         _ => {}
@@ -287,14 +277,13 @@ mod tests {
     use std::num::NonZeroU32;
     use std::sync::atomic::AtomicU64;
 
-    use dataset::numbers::frame_rate::FrameRate;
     use dataset::work::watch::Silent;
     use testkit::files::contents;
     use testkit::short_corpus;
     use testkit::watch::Calls;
 
     use super::*;
-    use crate::request::{Format, Ticks};
+    use crate::request::Format;
 
     const SIZE_PX: [u32; 2] = [160, 96];
 
@@ -311,7 +300,7 @@ mod tests {
     fn request(format: Format, every: u32) -> ExportRequest {
         ExportRequest {
             views: Some(vec!["right".into()]),
-            ticks: Ticks::Every(NonZeroU32::new(every).unwrap()),
+            every: NonZeroU32::new(every).unwrap(),
             crop_px: (format == Format::Crops).then_some([48, 32]),
             ..ExportRequest::whole(format)
         }
@@ -376,7 +365,6 @@ mod tests {
             Format::WebDataset,
             Format::Crops,
             Format::Mcap,
-            Format::LeRobot,
         ] {
             let name = formats::implementation(format).abilities().word;
             let straight = temporary.path().join(format!("{name}-straight"));
@@ -395,32 +383,6 @@ mod tests {
             assert!(contents(&out) == contents(&straight), "{name}");
             assert!(!temporary.path().join(format!("{name}.partial")).exists());
         }
-    }
-
-    #[test]
-    fn scenarios_of_two_rates_or_without_labels_do_not_become_a_lerobot_dataset() {
-        let temporary = tempfile::tempdir().unwrap();
-        let root = temporary.path().join("corpus");
-        for (id, hz) in [("0001-a", 1), ("0002-b", 2)] {
-            let rate = FrameRate::new(hz, 1).unwrap();
-            short_corpus::write_flight(&root, id, SIZE_PX, rate, 3, &|_, _, _| {});
-        }
-        let corpus = Corpus::open(&root).unwrap();
-        let out = temporary.path().join("out");
-        let refused = || {
-            let error = export_until(&corpus, Format::LeRobot, &out, u64::MAX).unwrap_err();
-            assert!(!out.exists() && !temporary.path().join("out.partial").exists());
-            error.to_string()
-        };
-        assert!(refused().contains("`dtd label`"), "{}", refused());
-        labeller::label_corpus(&corpus, &Silent).unwrap();
-        let words = "0002-b has 2 images per second, right of 160x96";
-        assert!(refused().contains(words), "{}", refused());
-        let one = ExportRequest {
-            only: Some(vec!["0002-b".into()]),
-            ..request(Format::LeRobot, 1)
-        };
-        assert_eq!(export(&corpus, &one, &out, &Silent).unwrap().pictures, 3);
     }
 
     #[test]

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use dataset::corpus::splits::Side;
-use dataset::video::VideoSettings;
 use dataset::work::watch::Watch;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -56,16 +55,12 @@ pub(crate) struct Export<'a> {
     /// Sides of the split with images; scenarios without a side are for training.
     pub(crate) sides: BTreeSet<Side>,
     pub(crate) about: About,
-    /// Settings of the encoder, if videos are encoded.
-    pub(crate) video: VideoSettings,
 }
 
 /// A checked scenario of an export.
 pub(crate) struct PlannedScenario {
     pub(crate) selected: Selected,
     pub(crate) pictures: u64,
-    /// Index in the export.
-    pub(crate) number: usize,
 }
 
 impl Export<'_> {
@@ -80,8 +75,6 @@ impl Export<'_> {
 pub(crate) struct Writing<'a> {
     pub(crate) export: &'a Export<'a>,
     pub(crate) source: Source<'a>,
-    /// Index in the export.
-    pub(crate) number: usize,
     /// Folder of the export.
     pub(crate) folder: PathBuf,
     pub(crate) watch: &'a dyn Watch,

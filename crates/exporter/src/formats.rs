@@ -2,7 +2,6 @@
 
 mod coco;
 mod huggingface;
-mod lerobot;
 mod mcap_files;
 mod picture_files;
 mod webdataset;
@@ -19,7 +18,6 @@ pub(crate) fn implementation(format: Format) -> Box<dyn FileFormat> {
         Format::WebDataset => Box::new(webdataset::WebDataset),
         Format::Crops => Box::new(webdataset::crops::Crops),
         Format::Mcap => Box::new(mcap_files::Mcap),
-        Format::LeRobot => Box::<lerobot::LeRobot>::default(),
     }
 }
 
@@ -31,10 +29,5 @@ impl Format {
         } else {
             "whose aircraft may be hidden by a cloud or is mostly outside, which the format cannot say"
         }
-    }
-
-    /// True if it has a place for boxes.
-    pub fn has_boxes(self) -> bool {
-        implementation(self).abilities().boxes != BoxUse::None
     }
 }

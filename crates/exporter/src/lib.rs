@@ -22,6 +22,6 @@ mod still;
 
 pub use error::{Error, Result};
 pub use export::{ExportOutcome, export};
-pub use request::{BoxSource, ExportRequest, Format, Ticks};
+pub use request::{BoxSource, ExportRequest, Format};
 pub use scenarios::LostScenario;
 pub use still::StillFormat;

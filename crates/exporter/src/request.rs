@@ -25,8 +25,6 @@ pub enum Format {
     Crops,
     /// A file per scenario for Foxglove.
     Mcap,
-    /// LeRobotDataset v3.0: an episode per scenario, with its videos.
-    LeRobot,
 }
 
 /// Format abilities.
@@ -40,23 +38,10 @@ pub(crate) struct Abilities {
     pub(crate) has_card: bool,
     /// True if it has a place for predictions.
     pub(crate) has_predictions: bool,
-    /// True if its splits are ranges, so that scenarios are written side by side of the split.
-    pub(crate) by_side: bool,
-    /// Ticks that it can leave out.
-    pub(crate) ticks: TickChoice,
+    /// True if it can leave out ticks; a video's image needs those before it.
+    pub(crate) has_every: bool,
     /// Boxes that it has.
     pub(crate) boxes: BoxUse,
-}
-
-/// Choices of ticks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum TickChoice {
-    /// All ticks, as a video's image needs those before it.
-    All,
-    /// Every n-th tick.
-    EveryNth,
-    /// Any rate.
-    AnyRate,
 }
 
 /// Uses of boxes.
@@ -68,8 +53,6 @@ pub(crate) enum BoxUse {
     Certain,
     /// Boxes of confirmed tracks, each with a crop around it.
     Crops,
-    /// No boxes.
-    None,
 }
 
 impl Abilities {
@@ -80,8 +63,7 @@ impl Abilities {
             has_stills: true,
             has_card: false,
             has_predictions: false,
-            by_side: false,
-            ticks: TickChoice::EveryNth,
+            has_every: true,
             boxes: BoxUse::All,
         }
     }
@@ -93,21 +75,6 @@ impl Abilities {
             ..Self::of_stills(word)
         }
     }
-}
-
-/// Exported ticks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Ticks {
-    /// Every n-th, from tick 0.
-    Every(NonZeroU32),
-    /// This many per second, each the nearest to its time.
-    PerSecond(NonZeroU32),
-}
-
-impl Ticks {
-    /// All ticks.
-    pub const ALL: Self = Self::Every(NonZeroU32::MIN);
 }
 
 /// Box source.
@@ -136,8 +103,8 @@ pub struct ExportRequest {
     pub views: Option<Vec<String>>,
     /// A side of the split; `None`: all.
     pub side: Option<Side>,
-    /// Ticks to export.
-    pub ticks: Ticks,
+    /// Every n-th tick is exported, from tick 0.
+    pub every: NonZeroU32,
     /// Boxes to export. Crops are around them.
     pub boxes: BoxSource,
     /// Width and height of crops, pixels; `None`: [`USUAL_CROP_PX`], or no crops.
@@ -161,7 +128,7 @@ impl ExportRequest {
             only: None,
             views: None,
             side: None,
-            ticks: Ticks::ALL,
+            every: NonZeroU32::MIN,
             boxes: BoxSource::Truth,
             crop_px: None,
             detections: None,
@@ -183,26 +150,13 @@ impl ExportRequest {
     /// Refuses options that the format has no place for.
     pub(crate) fn check(&self, can: &Abilities) -> Result<()> {
         let is_of_crops = can.boxes == BoxUse::Crops;
-        let has_boxes = can.boxes != BoxUse::None;
-        let ticks = match (can.ticks, self.ticks) {
-            (TickChoice::AnyRate, _)
-            | (_, Ticks::ALL)
-            | (TickChoice::EveryNth, Ticks::Every(_)) => None,
-            (TickChoice::All, Ticks::Every(_)) => {
-                Some(("--every", "an image of a video needs those before it"))
-            }
-            (_, Ticks::PerSecond(_)) => Some(("--rate", "it states the time of every image")),
-        };
-        let no_boxes = "it has no place for boxes";
         let refused = [
             (self.stills.is_some() && !can.has_stills)
                 .then_some(("--pictures", "it contains videos")),
-            ticks,
+            (self.every.get() > 1 && !can.has_every)
+                .then_some(("--every", "an image of a video needs those before it")),
             (self.crop_px.is_some() && !is_of_crops)
                 .then_some(("--crop-px", "its images are whole")),
-            (self.boxes == BoxSource::Detections && !has_boxes)
-                .then_some(("--boxes detections", no_boxes)),
-            (self.detections.is_some() && !has_boxes).then_some(("--detections", no_boxes)),
             (!self.runs.is_empty() && !can.has_predictions)
                 .then_some(("--run", "it has no place for predictions")),
             (self.license.is_some() && !can.has_card)

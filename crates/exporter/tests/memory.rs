@@ -63,7 +63,6 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
         Format::WebDataset,
         Format::Crops,
         Format::Mcap,
-        Format::LeRobot,
     ] {
         let mut peaks = Vec::new();
         for (size, corpus) in sizes.iter().zip(&corpora) {

@@ -40,7 +40,7 @@ use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
 use dataset::tables::image_rows::ImageRow;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use dataset::tables::registrations::{NoShift, Registration};
-use dataset::video::{VideoSettings, VideoWriter, refine_time_base};
+use dataset::video::{VideoSettings, VideoWriter};
 use testkit::changi_02l as runway;
 
 const SIZE_PX: u32 = 64;

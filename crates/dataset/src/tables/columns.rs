@@ -11,11 +11,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use arrow_array::builder::{ListBuilder, StringBuilder};
 use arrow_array::types::Int32Type;
 use arrow_array::{
-    Array, ArrayRef, BinaryArray, BooleanArray, DictionaryArray, FixedSizeListArray, Float32Array,
-    Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array, UInt64Array,
+    Array, ArrayRef, BinaryArray, BooleanArray, DictionaryArray, Float64Array, Int64Array,
+    RecordBatch, StringArray, UInt32Array, UInt64Array,
 };
 use arrow_schema::{DataType, Field, Schema};
 use bytes::Bytes;
@@ -52,7 +51,6 @@ const BATCH_ROWS: usize = 1_024;
 pub struct TableWriter {
     fields: Vec<Field>,
     arrays: Vec<ArrayRef>,
-    notes: HashMap<String, String>,
     limits: HashMap<String, Limits>,
     out_of_limits: Option<(usize, FieldOutOfLimits)>,
 }
@@ -73,43 +71,6 @@ impl TableWriter {
     /// Adds a column of floats.
     pub fn f64(self, name: &str, values: impl IntoIterator<Item = f64>) -> Self {
         self.push(name, false, Float64Array::from_iter_values(values))
-    }
-
-    /// Adds a column of single-precision floats.
-    pub fn f32(self, name: &str, values: impl IntoIterator<Item = f32>) -> Self {
-        self.push(name, false, Float32Array::from_iter_values(values))
-    }
-
-    /// Adds a column with `N` floats in each row.
-    pub fn f64s<const N: usize>(
-        self,
-        name: &str,
-        values: impl IntoIterator<Item = [f64; N]>,
-    ) -> Self {
-        let values = Float64Array::from_iter_values(values.into_iter().flatten());
-        let field = Arc::new(Field::new_list_field(DataType::Float64, true));
-        let rows = FixedSizeListArray::new(field, N as i32, Arc::new(values), None);
-        self.push(name, false, rows)
-    }
-
-    /// Adds a column with strings in each row.
-    pub fn texts<S: AsRef<str>>(
-        self,
-        name: &str,
-        values: impl IntoIterator<Item = Vec<S>>,
-    ) -> Self {
-        let mut lists = ListBuilder::new(StringBuilder::new());
-        for words in values {
-            lists.append_value(words.into_iter().map(|word| Some(word)));
-        }
-        self.push(name, false, lists.finish())
-    }
-
-    /// Adds a note about the whole table, which libraries look up by its key.
-    #[must_use]
-    pub fn note(mut self, key: &str, value: String) -> Self {
-        self.notes.insert(key.to_owned(), value);
-        self
     }
 
     /// Adds a column of floats that may be missing.
@@ -267,7 +228,7 @@ impl TableParts {
     pub fn add(&mut self, part: TableWriter) -> Result<()> {
         part.check(&self.path)?;
         let failed = |error| not_written(&self.path, error);
-        let schema = Arc::new(Schema::new_with_metadata(part.fields, part.notes));
+        let schema = Arc::new(Schema::new(part.fields));
         let batch = RecordBatch::try_new(schema.clone(), part.arrays)
             .map_err(|error| Error::table(&self.path, error))?;
         let writer = match &mut self.writer {

@@ -2,7 +2,7 @@
 //!
 //! Fragments survive a kill, but a fragmented file does not say how many images it has, and many tools read it from end to end before they
 //! show it. So a finished recording's packets are copied, without re-encoding, into a file with one index, which then replaces the
-//! fragmented file atomically. Exports are copied in the same way for a finer unit of their timestamps.
+//! fragmented file atomically.
 
 pub(crate) mod fragments;
 
@@ -10,14 +10,11 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use ffmpeg_next::{Packet, Rational, encoder, format, media};
+use ffmpeg_next::{Packet, encoder, format, media};
 
 use super::writer::{check_time_base, exact_timestamps};
-use super::{fault, ffmpeg_path, start_ffmpeg};
+use super::{fault, ffmpeg_path};
 use crate::error::{Error, Result};
-
-/// Units a second that FFmpeg's MP4 muxer has at least.
-const FINE_TIME_SCALE: i32 = 10_000;
 
 /// Suffix of the plain file until it replaces the fragmented one.
 const UNFINISHED: &str = ".indexing";
@@ -25,7 +22,7 @@ const UNFINISHED: &str = ".indexing";
 /// Adds the index to a finished recording of `pictures` images and makes it durable. `container`: FFmpeg's name of the format.
 pub(super) fn add(path: &Path, container: &str, pictures: u32) -> Result<()> {
     let plain = beside(path);
-    let copied = copy(path, &plain, container, |recorded| recorded)?;
+    let copied = copy(path, &plain, container)?;
     if copied != pictures {
         return Err(fault(
             path,
@@ -39,44 +36,21 @@ pub(super) fn add(path: &Path, container: &str, pictures: u32) -> Result<()> {
     fs::rename(&plain, path).map_err(Error::io("rename", &plain))
 }
 
-/// Divides the unit of the video's timestamps by powers of two until a second has at least [`FINE_TIME_SCALE`] units. Times and images
-/// stay the same. Programs that join videos without encoding expect such a unit, which FFmpeg chooses by default: with a coarser one they
-/// round the length of the first file and put the images of the next ones out of order.
-pub fn refine_time_base(path: &Path) -> Result<()> {
-    start_ffmpeg();
-    let fine = beside(path);
-    let container = path.extension().and_then(|ending| ending.to_str());
-    copy(path, &fine, container.unwrap_or("mp4"), |recorded| {
-        let mut time_base = recorded;
-        while time_base.denominator() < FINE_TIME_SCALE * time_base.numerator() {
-            time_base.1 *= 2;
-        }
-        time_base
-    })?;
-    fs::rename(&fine, path).map_err(Error::io("rename", &fine))
-}
-
 fn beside(path: &Path) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(UNFINISHED);
     name.into()
 }
 
-/// Copies all packets, converts their timestamps to a finer unit that divides the file's unit, and returns their number.
-fn copy(
-    from: &Path,
-    to: &Path,
-    container: &str,
-    unit: impl Fn(Rational) -> Rational,
-) -> Result<u32> {
+/// Copies all packets, and returns their number.
+fn copy(from: &Path, to: &Path, container: &str) -> Result<u32> {
     let mut input =
         format::input(&ffmpeg_path(from)?).map_err(|e| fault(from, "read it back", e))?;
     let recorded = input
         .streams()
         .best(media::Type::Video)
         .ok_or_else(|| fault(from, "read it back", "there is no video stream in it"))?;
-    let recorded_base = recorded.time_base();
-    let time_base = unit(recorded_base);
+    let time_base = recorded.time_base();
     let mut output =
         format::output_as(&ffmpeg_path(to)?, container).map_err(|e| fault(to, "create it", e))?;
     let mut stream = output
@@ -96,7 +70,6 @@ fn copy(
             Ok(()) => {
                 packet.set_position(-1);
                 packet.set_stream(0);
-                packet.rescale_ts(recorded_base, time_base);
                 packet
                     .write_interleaved(&mut output)
                     .map_err(|e| fault(to, "write", e))?;

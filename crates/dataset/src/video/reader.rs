@@ -47,7 +47,6 @@ pub struct VideoReader {
     pub(super) frames_announced: u64,
     frames_read: u64,
     all_sent: bool,
-    only_keys: bool,
 }
 
 impl VideoReader {
@@ -101,7 +100,6 @@ impl VideoReader {
             frames_announced,
             frames_read: 0,
             all_sent: false,
-            only_keys: false,
         })
     }
 
@@ -113,21 +111,6 @@ impl VideoReader {
     /// Height of the images, pixels.
     pub fn height(&self) -> u32 {
         self.height_px
-    }
-
-    /// FFmpeg's names of the codec and the pixel format.
-    pub fn codec_and_pixels(&self) -> [&'static str; 2] {
-        let pixels = self.decoder.format().descriptor();
-        [
-            self.decoder.id().name(),
-            pixels.map_or("", |descriptor| descriptor.name()),
-        ]
-    }
-
-    /// Leaves out all images but key frames from here on: a sample that takes little time.
-    pub fn leave_out_all_but_keys(&mut self) {
-        self.only_keys = true;
-        self.frames_announced = 0;
     }
 
     /// Unit of the file's timestamps.
@@ -293,7 +276,6 @@ impl VideoReader {
             let mut packet = Packet::empty();
             match packet.read(&mut self.input) {
                 Ok(()) if packet.stream() != self.stream => {}
-                Ok(()) if self.only_keys && !packet.is_key() => {}
                 Ok(()) => {
                     return self.decoder.send_packet(&packet).map_err(|e| {
                         self.fault(format!("decode after image {}", self.frames_read), e)

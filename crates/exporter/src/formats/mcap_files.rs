@@ -28,7 +28,7 @@ use self::foxglove::{
 };
 use crate::error::{Error, Result};
 use crate::file_format::{Export, FileFormat, Writing, Written};
-use crate::request::{Abilities, BoxSource, TickChoice};
+use crate::request::{Abilities, BoxSource};
 use crate::scenarios::{LabelledBox, Source};
 
 const WORLD: &str = "touchdown";
@@ -60,7 +60,7 @@ pub(super) struct Mcap;
 impl FileFormat for Mcap {
     fn abilities(&self) -> Abilities {
         Abilities {
-            ticks: TickChoice::All,
+            has_every: false,
             ..Abilities::of_videos("mcap")
         }
     }

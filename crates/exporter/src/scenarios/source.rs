@@ -1,7 +1,6 @@
 //! A scenario to export, with everything but its images.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::num::NonZeroU32;
 
 use dataset::conditions::sight::{CloudBase, Sight};
 use dataset::corpus::ScenarioFolder;
@@ -9,14 +8,13 @@ use dataset::corpus::calibration::{Calibration, CameraEntry};
 use dataset::corpus::detections::{Detection, models_of};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::scenario::ScenarioRecord;
-use dataset::numbers::frame_rate::FrameRate;
 use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::pixel_box::TruthBox;
 
 use super::labelled_box::{LabelledBox, TruthFigures};
 use super::selection::Selected;
 use crate::error::{Error, Result};
-use crate::request::{BoxSource, BoxUse, ExportRequest, Ticks};
+use crate::request::{BoxSource, BoxUse, ExportRequest};
 
 /// Boxes by view and tick.
 type ByPicture = BTreeMap<(String, u32), Vec<LabelledBox>>;
@@ -31,9 +29,8 @@ pub(crate) struct Source<'a> {
     pub(crate) model: Option<String>,
     pub(crate) calibration: Calibration,
     cloud_base: CloudBase,
-    ticks: Ticks,
-    /// Requested ticks, by tick.
-    asked_for: Vec<bool>,
+    /// Every n-th tick is requested.
+    every: u32,
     /// True if its ground truth is among the boxes.
     pub(crate) has_truth: bool,
     boxes: ByPicture,
@@ -72,7 +69,6 @@ impl<'a> Source<'a> {
         let mut left_out = BTreeSet::new();
         let mut has_truth = request.boxes == BoxSource::Truth;
         let (boxes, beside) = match request.boxes {
-            _ if boxes_used == BoxUse::None => Default::default(),
             BoxSource::Truth => {
                 let mut boxes = Vec::new();
                 for real in scenario.truth_boxes()? {
@@ -104,13 +100,12 @@ impl<'a> Source<'a> {
                 (by_picture(confirmed.map(of_detection)), by_picture(truth))
             }
         };
-        let asked_for = asked_for(request.ticks, record.frame_rate, frames.rows.len());
+        let every = request.every.get();
         if boxes_used == BoxUse::Crops {
-            left_out = without_crops(selected, &asked_for, &boxes);
+            left_out = without_crops(selected, frames.rows.len(), every, &boxes);
         }
         Ok(Self {
-            ticks: request.ticks,
-            asked_for,
+            every,
             frames,
             calibration: scenario.calibration()?,
             cloud_base,
@@ -143,17 +138,7 @@ impl<'a> Source<'a> {
 
     /// True if this tick is requested.
     pub(crate) fn is_asked_for(&self, tick: u32) -> bool {
-        self.asked_for.get(tick as usize) == Some(&true)
-    }
-
-    /// True if every tick is requested, at the rate of the corpus.
-    pub(crate) fn is_whole(&self) -> bool {
-        let is_same_rate = match self.ticks {
-            Ticks::Every(_) => true,
-            // A short scenario may keep all ticks at a slightly lower rate.
-            Ticks::PerSecond(hz) => is_of_all(hz, self.record.frame_rate),
-        };
-        is_same_rate && !self.asked_for.contains(&false)
+        tick.is_multiple_of(self.every)
     }
 
     pub(crate) fn has_picture(&self, view: &str, tick: u32) -> bool {
@@ -215,47 +200,18 @@ impl<'a> Source<'a> {
 /// Images of ticks at which some view has no box to crop around.
 fn without_crops(
     selected: &Selected,
-    asked_for: &[bool],
+    ticks: usize,
+    every: u32,
     boxes: &ByPicture,
 ) -> BTreeSet<(String, u32)> {
     let mut left_out = BTreeSet::new();
-    for (tick, _) in (0..)
-        .zip(asked_for)
-        .filter(|(_, is_asked_for)| **is_asked_for)
-    {
+    for tick in (0..ticks as u32).step_by(every as usize) {
         let pictures = || selected.views.iter().map(|view| (view.clone(), tick));
         if !pictures().all(|picture| boxes.contains_key(&picture)) {
             left_out.extend(pictures());
         }
     }
     left_out
-}
-
-fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {
-    match ticks {
-        Ticks::Every(n) => (0..count)
-            .map(|tick| tick % n.get() as usize == 0)
-            .collect(),
-        Ticks::PerSecond(hz) if is_of_all(hz, rate) => vec![true; count],
-        Ticks::PerSecond(hz) => {
-            let mut asked_for = vec![false; count];
-            // Doubled, so that half a tick is a whole number.
-            let (ticks, over) = (
-                2 * u128::from(rate.numerator),
-                2 * u128::from(rate.denominator) * u128::from(hz.get()),
-            );
-            let nearest = (0..).map(|k: u128| ((k * ticks + over / 2) / over) as usize);
-            for tick in nearest.take_while(|tick| *tick < count) {
-                asked_for[tick] = true;
-            }
-            asked_for
-        }
-    }
-}
-
-/// True if this number per second covers all images.
-fn is_of_all(hz: NonZeroU32, rate: FrameRate) -> bool {
-    u64::from(hz.get()) * u64::from(rate.denominator) >= u64::from(rate.numerator)
 }
 
 fn sight_of(real: &TruthBox, frames: &Frames, cloud_base: CloudBase) -> Sight {
@@ -295,28 +251,4 @@ fn by_picture(boxes: impl Iterator<Item = OfPicture>) -> ByPicture {
         all.entry(picture).or_default().push(labelled);
     }
     all
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ticks_a_second_are_the_nearest_and_a_rate_beyond_the_corpus_asks_for_all() {
-        let rate = |numerator, denominator| FrameRate {
-            numerator,
-            denominator,
-        };
-        let per_second = |hz| Ticks::PerSecond(NonZeroU32::new(hz).unwrap());
-        let asked = |ticks, rate, count| -> Vec<usize> {
-            let asked = asked_for(ticks, rate, count).into_iter().enumerate();
-            asked.filter_map(|(tick, is)| is.then_some(tick)).collect()
-        };
-        assert_eq!(asked(per_second(10), rate(30, 1), 7), [0, 3, 6]);
-        assert_eq!(asked(per_second(2), rate(5, 1), 6), [0, 3, 5]);
-        assert_eq!(
-            asked(per_second(u32::MAX), rate(30_000, 1_001), 3),
-            [0, 1, 2]
-        );
-    }
 }

@@ -48,6 +48,8 @@ fn floats<T: ArrowPrimitiveType>(
 mod tests {
     use std::path::Path;
 
+    use arrow_array::Float32Array;
+
     use super::*;
     use crate::tables::columns::TableWriter;
 
@@ -59,7 +61,7 @@ mod tests {
             .i64("signed", [-1, 2])
             .u32("unsigned", [1, u32::MAX])
             .u64("long", [0, 1 << 52])
-            .f32("single", [0.5, 1.5])
+            .push("single", false, Float32Array::from(vec![0.5, 1.5]))
             .optional_f64("missing", [None, Some(0.1)])
             .text("words", ["one", "two"])
             .write(&path)
