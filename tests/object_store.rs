@@ -508,28 +508,6 @@ fn detect(corpus: &Path, score: f64) -> PathBuf {
 }
 
 #[test]
-fn what_a_killed_push_left_in_the_store_is_cleared_by_the_next_one() {
-    let url = bucket("leftovers");
-    let unfinished = || {
-        let (status, answer) = SERVER.ask("GET", "/leftovers?uploads", "");
-        assert_eq!(status, 200, "{answer}");
-        let keys = answer.split("<Key>").skip(1);
-        keys.map(|rest| rest.split("</Key>").next().unwrap().to_owned())
-            .collect::<Vec<_>>()
-    };
-    let elsewhere = "a/corpus/scenarios/of-somebody-else/views/left.mp4";
-    for key in ["a/corpus/scenarios/1200-clear-r1/views/left.mp4", elsewhere] {
-        let (status, answer) = SERVER.ask("POST", &format!("/leftovers/{key}?uploads"), "");
-        assert_eq!(status, 200, "{answer}");
-    }
-    assert_eq!(unfinished().len(), 2);
-    let pushed = json(&push(&IN_A_FOLDER, &url));
-    assert_eq!(pushed["cleared"], 1, "{pushed}");
-    assert_eq!(unfinished(), [elsewhere]);
-    assert_same(&url);
-}
-
-#[test]
 fn amazons_own_client_finds_the_files_that_the_manifest_lists() {
     let url = bucket("judged");
     let stage = tempdir().unwrap();

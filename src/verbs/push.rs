@@ -33,7 +33,6 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
             "replaced_detections": report.replaced_detections,
             "mended_detections": report.mended_detections,
             "corpus_files": report.corpus_files,
-            "cleared": report.cleared,
             "bytes": pushed.bytes,
             "left": report.left,
             "stopped": pushed.stopped,

@@ -16,7 +16,7 @@ use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
 use dataset::work::watch::Watch;
 use futures_util::TryStreamExt;
-use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
+use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as ObjectPath;
 use object_store::{
@@ -30,7 +30,7 @@ use crate::location::StoreUrl;
 use crate::stored::file_name;
 
 /// Folder of the scenarios, as on disk.
-pub(crate) const SCENARIOS: &str = "scenarios";
+const SCENARIOS: &str = "scenarios";
 /// Key of the metadata that holds an object's BLAKE3 hash.
 const HASH: &str = "blake3";
 /// Folder of the locks in a `file://` store, as in a corpus.
@@ -60,8 +60,6 @@ pub struct CorpusStore {
     pub(crate) root: ObjectPath,
     /// Folder in a `file://` URL: its objects carry no metadata, and an entry may not be a regular file.
     pub(crate) folder: Option<PathBuf>,
-    /// The bucket in an `s3://` URL, which lists unfinished uploads.
-    pub(crate) bucket: Option<Arc<AmazonS3>>,
     /// The URL, for messages.
     pub(crate) name: String,
     /// Longest time without progress while the store does not answer.
@@ -107,7 +105,6 @@ impl CorpusStore {
                 client: Arc::new(client),
                 root: ObjectPath::default(),
                 folder: Some(folder),
-                bucket: None,
                 name,
                 timeout,
             });
@@ -118,14 +115,12 @@ impl CorpusStore {
                 "{name}: the environment lacks what is needed to reach it: {error}"
             ))
         })?;
-        let bucket = Arc::new(bucket);
         let root = ObjectPath::from_url_path(url.0.path())
             .map_err(|error| StoreError::bad_url(&name, error))?;
         Ok(Self {
-            client: bucket.clone(),
+            client: Arc::new(bucket),
             root,
             folder: None,
-            bucket: Some(bucket),
             name,
             timeout,
         })

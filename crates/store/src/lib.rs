@@ -26,7 +26,6 @@ mod corpus_files;
 mod detections;
 mod download;
 mod error;
-mod leftovers;
 mod location;
 mod mirror;
 mod stored;

@@ -48,8 +48,6 @@ pub struct MirrorReport {
     pub left_detections: Vec<(String, String)>,
     /// Decisions about the files of the whole corpus.
     pub corpus_files: Vec<String>,
-    /// Unfinished uploads from earlier calls that were cleared.
-    pub cleared: usize,
     /// Scenarios that the transfer has not reached.
     pub left: VecDeque<String>,
 }
@@ -87,14 +85,6 @@ impl Connection<'_> {
         let files = self.files_to_push(corpus, sweeps, report).await?;
         let folders = corpus.scenarios()?;
         let ids: BTreeSet<String> = folders.iter().map(ScenarioFolder::id).collect();
-        match self.clear_unfinished(&ids).await {
-            Ok(cleared) => report.cleared = cleared,
-            // They use space and do no harm; permission to write does not imply permission to list.
-            Err(error) => {
-                let line = format!("unfinished uploads are left there: {error}");
-                self.watch.warn(&line);
-            }
-        }
         let decision = self.settle(&files, sweeps).await?;
         report.add_replaced("the store's ", &decision.replaced);
         if decision.has_more {

@@ -77,7 +77,6 @@ fn over(client: Arc<dyn ObjectStore>) -> CorpusStore {
         client,
         root: ObjectPath::from("corpora/small"),
         folder: None,
-        bucket: None,
         name: "memory:///corpora/small".into(),
         timeout: TIMEOUT,
     }

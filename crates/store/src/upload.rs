@@ -385,10 +385,9 @@ impl Connection<'_> {
         blake3: &str,
     ) -> Result<Option<PutResult>> {
         let doing = format!("write {name}");
-        // Whoever clears unfinished uploads cannot know that this one is active: it starts over.
         let failed = |error: object_store::Error| match error {
             object_store::Error::NotFound { .. } => {
-                let message = "this upload was cleared, e.g. by a second `dtd push`";
+                let message = "this upload was aborted, e.g. by a lifecycle rule of the bucket";
                 self.store.away(&doing, message)
             }
             error => self.store.error(&doing, &error),
