@@ -10,6 +10,7 @@
 //!                                                      uploads: one scenario to the object store  <-
 //! ```
 
+mod encoder_trial;
 mod error;
 mod event;
 mod freeze;
@@ -21,7 +22,6 @@ mod run;
 mod session;
 mod space;
 pub mod stand_in;
-mod trial;
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -50,7 +50,6 @@ pub use session::restart::Restart;
 pub use session::simulators::Simulators;
 pub use session::{BadSimulator, SimulatorTarget};
 pub use space::free_bytes;
-pub use trial::trial;
 
 use crate::plan::{counted, expand, room_bytes};
 use crate::sweep::Sweep;
@@ -153,7 +152,7 @@ pub fn generate<'a>(
         if let Some(encoder) = options.encoder
             && !to_make.is_empty()
         {
-            trial::encoder_trial::pass(&plan.common, encoder, &reporter).await?;
+            encoder_trial::pass(&plan.common, encoder, &reporter).await?;
         }
         // A missing simulator is detected before anything is written.
         let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;

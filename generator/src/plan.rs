@@ -15,7 +15,7 @@ mod split;
 pub(crate) mod tests;
 
 pub(crate) use duration::counted;
-pub use duration::{Durations, Pacing, WeatherCost};
+pub use duration::{Durations, Pacing};
 pub use estimate::{Estimate, MeasuredSize, room_bytes};
 pub use expand::{expand, is_seeded_by};
 pub(crate) use fly_request::fly_request;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use dataset::corpus::Corpus;
 use dataset::corpus::scenario::Flight;
 use generator::against::{Against, Standing};
-use generator::generate::{Cancel, Event, GenerateError, SimulatorTarget, trial};
+use generator::generate::{Event, SimulatorTarget};
 use generator::plan::{Estimate, Pacing, expand};
 use mock_xplane::server::{BuiltIn, Engine, SceneRenderer, SceneSetting};
 use store::SPLIT_AGAIN;
@@ -116,37 +116,6 @@ async fn computed_flights_are_only_shown_by_the_simulator_and_the_corpus_says_so
     let error = run(&sweep_of(&live), one.path(), only_draws, &[]).await;
     let error = error.unwrap_err();
     assert!(error.is_bad_input(), "{error}");
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_trial_measures_a_scenario_of_every_weather() {
-    let sweep = sweep_of(&sweep_toml());
-    let options = options(stand_in().await, &[]);
-    let costs = trial(&sweep, &options, &Cancel::new()).await.unwrap();
-    let weathers: Vec<&str> = costs.keys().map(String::as_str).collect();
-    assert_eq!(weathers, ["clear", "foggy"]);
-    for (weather, cost) in costs {
-        let parts = [
-            cost.picture_s,
-            cost.scenario_s,
-            cost.loading_s,
-            cost.weather_s,
-            cost.flying_s,
-        ];
-        assert!(parts.iter().all(|part| *part >= 0.0), "{weather}: {cost:?}");
-        assert!(
-            cost.picture_s + cost.scenario_s > 0.0,
-            "{weather}: {cost:?}"
-        );
-    }
-
-    let nobody = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
-    let nobody = SimulatorTarget::Address(nobody.local_addr().unwrap());
-    let error = trial(&sweep, &small_corpus::options(nobody, &[]), &Cancel::new()).await;
-    assert!(
-        matches!(error, Err(GenerateError::Simulator(_))),
-        "{error:?}"
-    );
 }
 
 #[tokio::test(flavor = "multi_thread")]

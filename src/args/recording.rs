@@ -27,8 +27,8 @@ pub(crate) struct PlanArgs {
     pub(crate) against: Option<CorpusLocation>,
     /// Estimate the recording time with this simulator
     ///
-    /// `mock` records a few images of every weather with the bundled simulator on this machine and measures. For an X-Plane (HOST:PORT, or
-    /// `auto`), the profile measured by `dtd doctor` is used. By default, figures of the bundled simulator on two cores are used.
+    /// For an X-Plane (HOST:PORT, or `auto`), the profile measured by `dtd doctor` is used. By default, and with `mock`, figures of the
+    /// bundled simulator on two cores are used.
     #[arg(long, value_name = "mock|auto|HOST:PORT")]
     pub(crate) sim: Option<SimulatorTarget>,
     #[command(flatten)]

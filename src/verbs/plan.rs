@@ -48,7 +48,7 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
             None => None,
         },
     };
-    let pacing = pacing::pacing(args, &sweep)?;
+    let pacing = pacing::pacing(args)?;
     let report = Report::new(&sweep, &plan, &pacing, outlook, compared.as_ref());
     report.warn();
     if args.json {

@@ -4,7 +4,7 @@ mod blocks;
 mod encoders;
 pub(crate) mod image_source;
 mod lockstep;
-pub(crate) mod steps;
+mod steps;
 mod workplace;
 
 use std::sync::Arc;
@@ -56,8 +56,6 @@ pub(super) struct Work<'a> {
 /// A scenario that was recorded and committed.
 pub(super) struct Recorded {
     pub(super) ticks: u32,
-    /// Step durations; absent if an earlier run had recorded it and only the renaming was left.
-    pub(super) steps: Option<Steps>,
     /// Reported weather at the aircraft.
     pub(super) effective_weather: Option<EffectiveWeather>,
     /// Differences from the planned weather.
@@ -65,10 +63,9 @@ pub(super) struct Recorded {
 }
 
 impl Recorded {
-    fn of(record: ScenarioRecord, steps: Option<Steps>) -> Self {
+    fn of(record: ScenarioRecord) -> Self {
         Self {
             ticks: record.ticks,
-            steps,
             marks: record.weather_marks(),
             effective_weather: record.effective_weather,
         }
@@ -88,7 +85,7 @@ pub(super) async fn record(
     {
         let record = left.folder().open()?.record()?;
         commit_folder(left.folder().root(), committed.root())?;
-        return Ok(Recorded::of(record, None));
+        return Ok(Recorded::of(record));
     }
     let workplace = Workplace::clear(work.corpus, &scenario.id, claim)?;
     let folder = workplace.folder();
@@ -117,7 +114,7 @@ pub(super) async fn record(
             if let Err(error) = simulator.release().await {
                 tracing::warn!(%error, "the scenario is complete, but the simulator did not confirm its release");
             }
-            Ok(Recorded::of(record, Some(steps)))
+            Ok(Recorded::of(record))
         }
         Err(error) => {
             workplace.abandon();
@@ -192,13 +189,14 @@ async fn record_into(
                 ScenarioError::Flight(fault)
             }
         })?;
+    // The flight counts for none of them.
+    watch.lap();
     let steps = Steps {
         loading,
         weather,
-        flying: watch.lap(),
         recording: Duration::ZERO,
     };
-    let states = attempt.part_of(trajectory.resample(window, picture.frame_rate));
+    let states = trajectory.resample(window, picture.frame_rate);
     attempt.reporter.tell(Event::Flown {
         id: attempt.id,
         ticks: states.len() as u32,

@@ -232,7 +232,6 @@ impl<'a> Run<'a> {
             cancel: &self.tally.halt,
             reporter: &self.reporter,
             answer_limit: self.patience.answer,
-            most_ticks: None,
         };
         let recorded = record(&self.work, scenario, claim, session, &attempt).await;
         let recorded = match session.tape() {

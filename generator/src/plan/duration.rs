@@ -1,8 +1,6 @@
 //! Duration of recording, part by part: images, flights that are flown live, loading, weather.
 //!
-//! Every part has a source: a trial with the stand-in on this machine, an X-Plane's profile, or an assumption, which is said.
-
-use std::collections::BTreeMap;
+//! Every part has a source: an X-Plane's profile, a measurement with the stand-in, or an assumption, which is said.
 
 use dataset::corpus::scenario::Flight;
 use dataset::plan::{Common, PlannedScenario};
@@ -26,28 +24,11 @@ const ROLL_OUT_S: f64 = 3.0;
 /// Images per second that X-Plane is assumed to deliver.
 const ASSUMED_PICTURES_PER_S: f64 = 8.0;
 
-/// Measured costs in one weather, seconds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WeatherCost {
-    /// An image.
-    pub picture_s: f64,
-    /// A scenario, besides its images and what follows.
-    pub scenario_s: f64,
-    /// Until the flight can begin.
-    pub loading_s: f64,
-    /// Until the weather is there.
-    pub weather_s: f64,
-    /// Flying it, in whatever time the simulator needs.
-    pub flying_s: f64,
-}
-
 /// Source of an estimate's figures.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Pacing {
     /// Stand-in's figures on the reference machine.
     StandIn,
-    /// A trial with the stand-in on this machine; cost by weather.
-    Trial(BTreeMap<String, WeatherCost>),
     /// An X-Plane, with its profile if it has one.
     XPlane(Option<Box<Profile>>),
 }
@@ -84,7 +65,6 @@ impl Durations {
         let count = Count::of(common, scenarios);
         match pacing {
             Pacing::StandIn => count.with_the_stand_in(common),
-            Pacing::Trial(costs) => trial(common, scenarios, costs),
             Pacing::XPlane(profile) => count.with_x_plane(common, profile.as_deref()),
         }
     }
@@ -121,10 +101,10 @@ impl Count {
         Durations {
             pictures_h: self.pictures / per_s / 3_600.0,
             pictures_basis: format!(
-                "{per_s:.0} per second, measured with the bundled simulator on two cores at 30 images per second of flight; --sim mock measures yours"
+                "{per_s:.0} per second, measured with the bundled simulator on two cores at 30 images per second of flight"
             ),
             live_flying_basis: "the bundled simulator does not fly in real time".into(),
-            loading_basis: "not counted; --sim mock measures it".into(),
+            loading_basis: "not counted".into(),
             weather_basis: "the bundled simulator changes its weather at once".into(),
             ..Durations::default()
         }
@@ -203,40 +183,6 @@ pub(crate) fn counted(number: usize, thing: &str) -> String {
         1 => format!("1 {thing}"),
         _ => format!("{number} {thing}s"),
     }
-}
-
-fn trial(
-    common: &Common,
-    scenarios: &[&PlannedScenario],
-    costs: &BTreeMap<String, WeatherCost>,
-) -> Durations {
-    let mut durations = Durations::default();
-    let mut pictures = 0.0;
-    for scenario in scenarios {
-        let Some(cost) = costs.get(&scenario.weather) else {
-            continue;
-        };
-        let of_scenario = f64::from(scenario.ticks) * common.cameras.len() as f64;
-        pictures += of_scenario;
-        durations.pictures_h += of_scenario * cost.picture_s / 3_600.0;
-        durations.loading_h += (cost.scenario_s + cost.loading_s) / 3_600.0;
-        durations.weather_h += cost.weather_s / 3_600.0;
-        if scenario.parameters.flight == Flight::Live {
-            durations.live_flying_h += cost.flying_s / 3_600.0;
-        }
-    }
-    const BASIS: &str = "measured now, by a trial with the bundled simulator";
-    durations.pictures_basis = match durations.pictures_h {
-        0.0 => BASIS.into(),
-        hours => format!("{:.1} per second, {BASIS}", pictures / (hours * 3_600.0)),
-    };
-    durations.live_flying_basis = BASIS.into();
-    durations.loading_basis = format!(
-        "{:.1} s a scenario, {BASIS}",
-        durations.loading_h * 3_600.0 / scenarios.len().max(1) as f64
-    );
-    durations.weather_basis = BASIS.into();
-    durations
 }
 
 /// Image size relative to the measured one.

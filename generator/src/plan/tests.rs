@@ -564,30 +564,3 @@ fn computed_flights_take_no_time_to_fly_and_the_plan_of_live_ones_is_what_it_was
     let estimate = Estimate::new(&computed.common, &computed.scenarios, &pacing, None);
     assert_eq!(estimate.durations.live_flying_h, 0.0);
 }
-
-#[test]
-fn a_trial_counts_each_weather_by_its_own_cost() {
-    let plan = expand(&sweep_of(SMALL));
-    let cost = |picture_s| WeatherCost {
-        picture_s,
-        scenario_s: 1.0,
-        loading_s: 2.0,
-        weather_s: 3.0,
-        flying_s: 4.0,
-    };
-    let costs = [("clear", 0.01), ("foggy", 0.03)];
-    let costs = costs.map(|(weather, picture_s)| (weather.to_owned(), cost(picture_s)));
-    let found = seconds(&Pacing::Trial(costs.into()));
-    let of = |weather: &str| -> f64 {
-        let ticks = plan.scenarios.iter().filter(|s| s.weather == weather);
-        ticks.map(|s| 2.0 * f64::from(s.ticks)).sum()
-    };
-    let pictures = 0.01 * of("clear") + 0.03 * of("foggy");
-    let expected = [pictures, 8.0 * 4.0, 8.0 * 3.0, 8.0 * 3.0, pictures + 80.0];
-    for (found, expected) in found.iter().zip(expected) {
-        assert!(
-            (found - expected).abs() < 1e-6,
-            "{found}, expected {expected}"
-        );
-    }
-}

@@ -1,25 +1,21 @@
-//! Basis of the estimate of the recording time: a trial with the stand-in, a running X-Plane's profile, or assumptions.
+//! Basis of the estimate of the recording time: the bundled simulator's figures, or a running X-Plane's profile.
 
 use std::net::SocketAddr;
 
-use generator::generate::{GenerateError, SimulatorTarget, trial};
+use generator::generate::SimulatorTarget;
 use generator::plan::Pacing;
-use generator::sweep::Sweep;
 use xplane_bridge::profile::KnownProfile;
 use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, ConnectOptions, LocalUdp, Simulator};
 
 use crate::args::recording::PlanArgs;
 use crate::failure::Failure;
-use crate::signals::CleanStop;
 use crate::verbs::async_runtime::async_runtime;
-use crate::verbs::generate::options;
 
-pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> {
+pub(super) fn pacing(args: &PlanArgs) -> Result<Pacing, Failure> {
     match &args.sim {
-        None => Ok(Pacing::StandIn),
-        Some(target @ (SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn)) => {
-            tried(target, sweep)
+        None | Some(SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn) => {
+            Ok(Pacing::StandIn)
         }
         Some(SimulatorTarget::Tape(_)) => Err(Failure::bad_input_message(
             "--sim tape:FILE: a tape says nothing of how long an X-Plane takes; name an X-Plane, or `mock`",
@@ -32,19 +28,6 @@ pub(super) fn pacing(args: &PlanArgs, sweep: &Sweep) -> Result<Pacing, Failure> 
             let announced = the_announced(DISCOVERY_TIMEOUT, &local_udp).await?;
             connected(announced.address, local_udp).await
         }),
-    }
-}
-
-fn tried(target: &SimulatorTarget, sweep: &Sweep) -> Result<Pacing, Failure> {
-    eprintln!(
-        "plan: recording a few images of every weather with the bundled simulator, to measure how long they take here"
-    );
-    let options = options(target.clone().into())?;
-    let stop = CleanStop::begin();
-    match async_runtime()?.block_on(trial(sweep, &options, stop.switch())) {
-        Ok(costs) => Ok(Pacing::Trial(costs)),
-        Err(GenerateError::Cancelled) => Err(Failure::TryAgain(GenerateError::Cancelled.into())),
-        Err(error) => Err(Failure::bad_input_if(error.is_bad_input(), error)),
     }
 }
 

@@ -1,15 +1,13 @@
-//! Step durations per scenario, for the log and for the estimates of `dtd plan`.
+//! Step durations per scenario, for the log and for the installation's profile.
 
 use std::time::{Duration, Instant};
 
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug)]
 pub(crate) struct Steps {
     /// Connecting, and starting the flight or travelling to it.
     pub(crate) loading: Duration,
     /// Writing the weather, until it is there.
     pub(crate) weather: Duration,
-    /// Flying or computing the flight.
-    pub(crate) flying: Duration,
     /// All images, the tables, and the seal.
     pub(crate) recording: Duration,
 }

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use dataset::geometry::pose::FlightState;
 use tokio::time::timeout;
 use xplane_bridge::BridgeError;
 
@@ -17,23 +16,9 @@ pub(crate) struct Attempt<'a, 'r> {
     pub(crate) reporter: &'a Reporter<'r>,
     /// Answer timeout while images are taken.
     pub(crate) answer_limit: Duration,
-    /// Maximum number of ticks, for a trial.
-    pub(crate) most_ticks: Option<u32>,
 }
 
 impl Attempt<'_, '_> {
-    /// States to record: all, or for a trial some that lie evenly between the first and the last. The times of images count ticks, so that
-    /// clouds move from one to the next as in a whole scenario.
-    pub(crate) fn part_of(&self, states: Vec<FlightState>) -> Vec<FlightState> {
-        match self.most_ticks.map(|most| most as usize) {
-            Some(most) if most < states.len() => {
-                let at = |tick: usize| states[tick * states.len() / most];
-                (0..most).map(at).collect()
-            }
-            _ => states,
-        }
-    }
-
     /// Waits for an answer of the simulator, until the timeout or until the run is cancelled.
     pub(crate) async fn answered<T>(
         &self,
