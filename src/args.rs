@@ -27,7 +27,7 @@ use dataset::work::memory::Bytes;
 use store::{CorpusLocation, redacted};
 
 use crate::help;
-use corpus::{FetchArgs, LabelArgs, PushArgs, VerifyArgs};
+use corpus::{FetchArgs, LabelArgs, PushArgs, StatusArgs, VerifyArgs};
 use detector::{DetectArgs, EvaluateDetectorArgs, TrainDetectorArgs};
 use estimate::EstimateArgs;
 use estimator::{EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs};
@@ -202,6 +202,9 @@ pub(crate) enum Verb {
     /// Export a corpus to the formats of other tools; resumes
     #[command(after_help = help::EXPORT)]
     Export(ExportArgs),
+    /// Show how far a corpus is, and the time left
+    #[command(after_help = help::STATUS)]
+    Status(StatusArgs),
     /// Check that a corpus is sound, and name every fault
     #[command(after_help = help::VERIFY)]
     Verify(VerifyArgs),

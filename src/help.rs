@@ -139,10 +139,17 @@ Examples:
 Environment:
   ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
 
+pub(crate) const STATUS: &str = "\
+Examples:
+  dtd status corpus
+  dtd status corpus --watch                   every 5 s, until all is recorded
+  dtd status s3://bucket/corpus --json";
+
 pub(crate) const VERIFY: &str = "\
 Examples:
   dtd verify corpus
   dtd verify corpus --no-decode               hashes, tables and plan only
+  dtd verify corpus --against expected        and labels as in an earlier one
   dtd verify s3://bucket/corpus               one scenario after the other";
 
 pub(crate) const VIEW: &str = "\

@@ -28,6 +28,7 @@ mod predict;
 mod push;
 mod refit;
 mod schema;
+mod status;
 mod stdin_ended;
 mod tape;
 mod tracks;
@@ -63,6 +64,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::ExportEstimators(args) => export_estimators::run(&args),
         Verb::EvaluateDetector(args) => evaluate_detector::run(&args),
         Verb::Export(args) => export::run(&args),
+        Verb::Status(args) => status::run(&args),
         Verb::Verify(args) => verify::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),

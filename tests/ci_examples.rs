@@ -2,9 +2,12 @@
 //! workflows are valid as well.
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 use std::{env, fs};
 
+use dataset::corpus::Corpus;
+use dataset::corpus::seal::seal_folder;
+use dataset::tables::frames::Frames;
 use testkit::{program_of_venv, repository};
 
 /// Files, and the schemas that `check-jsonschema` has for them.
@@ -68,24 +71,49 @@ fn the_jobs_are_valid_for_github_and_gitlab() {
     }
 }
 
-#[test]
-fn the_commands_of_the_jobs_replay_label_and_verify_a_tape() {
+/// Runs a command of a job.
+fn run(command: &str, folder: &Path) -> Output {
     let program = Path::new(env!("CARGO_BIN_EXE_dtd")).parent().unwrap();
     let path = format!("{}:{}", program.display(), env::var("PATH").unwrap());
+    let mut shell = Command::new("sh");
+    shell.args(["-ec", command]).current_dir(folder);
+    shell.env("PATH", &path).output().unwrap()
+}
+
+/// Adds 10 m to the distances of a corpus.
+fn move_labels(corpus: &Path) {
+    for folder in Corpus::open(corpus).unwrap().scenarios().unwrap() {
+        let mut frames = Frames::read(&folder.frames_path()).unwrap();
+        for labels in frames.rows.iter_mut().filter_map(|row| row.labels.as_mut()) {
+            labels.dtd_m += 10.0;
+        }
+        frames.write(&folder.frames_path()).unwrap();
+        let seal = folder.seal().unwrap().unwrap();
+        seal_folder(folder.root(), &seal.config_hash).unwrap();
+    }
+}
+
+#[test]
+fn the_commands_of_the_jobs_replay_label_and_compare_and_a_label_that_differs_is_red() {
     for (file, _) in EXAMPLES {
         let commands = commands(&repository().join(file));
-        assert_eq!(commands.len(), 3, "{file}: {commands:?}");
+        let [generate, label, verify] = commands.as_slice() else {
+            panic!("{file}: {commands:?}");
+        };
         let folder = repository_of_a_user();
-        for command in commands {
-            let output = Command::new("sh")
-                .args(["-ec", &command])
-                .current_dir(&folder)
-                .env("PATH", &path)
-                .output()
-                .unwrap();
+        let succeeds = |command: &str| {
+            let output = run(command, folder.path());
             let said = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "{file}: {command}: {said}");
-        }
-        assert!(folder.path().join("corpus/scenarios").is_dir());
+        };
+        succeeds(generate);
+        succeeds(label);
+        succeeds("cp -r corpus expected && rm -r expected/scenarios/*/views");
+        succeeds(verify);
+        move_labels(&folder.path().join("expected"));
+        let output = run(verify, folder.path());
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains("frames.parquet row 0: dtd_m: is "), "{said}");
     }
 }

@@ -5,7 +5,7 @@ mod tiny;
 use std::fs;
 use std::process::{Command, Output, Stdio};
 
-use serde_json::Value;
+use serde_json::{Value, json as value};
 use testkit::command::{Dtd, json, said};
 use tiny::{MODEL, Tiny};
 
@@ -155,4 +155,61 @@ fn the_demo_prints_its_result_as_json_and_leads_to_the_viewer() {
             "{video}"
         );
     }
+}
+
+#[test]
+fn the_status_of_a_corpus_counts_stages_and_names_what_is_in_work_and_failed() {
+    let tiny = Tiny::made().copy();
+    let status = |of: &str| json(&tiny.line(&format!("status {of} --json")).succeeds());
+    tiny.line("push corpus {store}").succeeds();
+    let ids: Vec<_> = tiny
+        .scenarios()
+        .iter()
+        .map(|path| path.file_name().unwrap().to_owned())
+        .collect();
+    let scenario = |index: usize| tiny.corpus().join("scenarios").join(&ids[index]);
+
+    // The first is being recorded again, the second has failed, the third has not been searched.
+    let mut partial = scenario(0).into_os_string();
+    partial.push(".partial");
+    fs::rename(scenario(0), &partial).unwrap();
+    fs::remove_dir_all(scenario(1)).unwrap();
+    let id = ids[1].to_str().unwrap();
+    let failed = value!({ "id": id, "config_hash": "", "reasons": ["no weather", "no image"] });
+    fs::create_dir(tiny.corpus().join("failed")).unwrap();
+    fs::write(
+        tiny.corpus().join(format!("failed/{id}.json")),
+        failed.to_string(),
+    )
+    .unwrap();
+    fs::remove_dir_all(scenario(2).join("detections")).unwrap();
+
+    let found = status("corpus");
+    let counts =
+        ["planned", "recorded", "labelled", "searched"].map(|stage| found[stage].as_u64().unwrap());
+    assert_eq!(counts, [5, 3, 3, 2], "{found}");
+    assert_eq!(
+        found["in_work"][0]["id"],
+        ids[0].to_str().unwrap(),
+        "{found}"
+    );
+    assert_eq!(
+        found["failed"][id],
+        value!(["no weather", "no image"]),
+        "{found}"
+    );
+    let left_s = 2.0 * found["pace"]["s_per_scenario"].as_f64().unwrap();
+    assert_eq!(found["left_s"], left_s, "{found}");
+    let shown = said(&tiny.line("status corpus").succeeds());
+    assert!(
+        shown.contains("3 of 5 recorded, 3 labelled, 2 searched"),
+        "{shown}"
+    );
+    assert!(shown.contains("2 attempts; the last: no image"), "{shown}");
+
+    let found = status("{store}");
+    let counts =
+        ["planned", "recorded", "labelled", "searched"].map(|stage| found[stage].as_u64().unwrap());
+    assert_eq!(counts, [5; 4], "{found}");
+    assert_eq!(found["left_s"], 0.0, "{found}");
 }

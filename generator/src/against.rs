@@ -15,6 +15,7 @@ use store::{Committed, Connection, CorpusStore, Logged, StoreError};
 
 use crate::generate::FolderState;
 use crate::plan::MeasuredSize;
+use crate::status::Pace;
 
 /// Records that are read from an object store at the same time.
 const QUESTIONS_AT_ONCE: usize = 16;
@@ -48,6 +49,8 @@ pub struct Against {
     pub weather: BTreeMap<String, ReportedWeather>,
     /// Size of the complete scenarios, if their images match the plan's.
     pub size: Option<MeasuredSize>,
+    /// How fast the corpus's scenarios were recorded.
+    pub pace: Option<Pace>,
 }
 
 impl Against {
@@ -79,6 +82,7 @@ impl Against {
         };
         if frozen.as_ref().is_some_and(alike) {
             against.size = measure(&records, corpus)?;
+            against.pace = Pace::of_corpus(corpus, seals.keys());
         }
         Ok(against)
     }
@@ -163,6 +167,7 @@ impl Against {
             damaged,
             weather: BTreeMap::new(),
             size: None,
+            pace: None,
         }
     }
 

@@ -16,6 +16,7 @@ pub mod plan;
 pub mod recording;
 pub mod seed;
 pub mod spread;
+pub mod status;
 pub mod sweep;
 pub mod sweep_language;
 pub mod time_of_day;

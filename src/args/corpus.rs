@@ -20,6 +20,21 @@ pub(crate) struct LabelArgs {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct StatusArgs {
+    /// Folder of the corpus, or its URL
+    ///
+    /// Of a corpus in an object store, scenarios in work are only known to the machines that record them.
+    #[arg(value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| CorpusLocation::of(&path)))]
+    pub(crate) corpus: CorpusLocation,
+    /// Look again every 5 s, until all scenarios are recorded
+    #[arg(long)]
+    pub(crate) watch: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
     /// Folder of the corpus, or its URL
     ///
@@ -34,6 +49,11 @@ pub(crate) struct VerifyArgs {
     /// By default they are only reported, since the corpus may be unfinished.
     #[arg(long)]
     pub(crate) complete: bool,
+    /// Compare labels with those of this corpus; a distance that differs by over 1 mm is a fault
+    ///
+    /// Its videos are not read and may be missing.
+    #[arg(long, value_name = "EXPECTED", value_parser = folder())]
+    pub(crate) against: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -215,6 +215,7 @@ impl<'a> Report<'a> {
             "changed": against.difference.changed,
             "removed": against.difference.removed,
             "left": self.left,
+            "pace": against.pace,
         })
     }
 }

@@ -15,11 +15,11 @@ use store::{
     sweep_fault,
 };
 use tempfile::TempDir;
-use verify::{Finding, Verification, VerifyOptions, VerifyReport, verify_with};
+use verify::{Finding, Verification, VerifyOptions, VerifyReport, against, verify_with};
 
 use super::Outcome;
 use super::object_store::{STORE_TIMEOUT, failure_of, run_transfers};
-use super::open_corpus::{open_corpus, refuse_empty, repair};
+use super::open_corpus::{open_corpus, open_filled_corpus, refuse_empty, repair};
 use super::output::{count, listed, print_json};
 use crate::args::corpus::VerifyArgs;
 use crate::failure::{Ending, Failure};
@@ -39,11 +39,20 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     let (name, report) = match &args.corpus {
         CorpusLocation::Folder(root) => {
             let corpus = open_corpus(root)?;
-            let report = verify(&corpus, options, &watch)?;
+            let mut report = verify(&corpus, options, &watch)?;
             if report.findings.is_empty() {
                 refuse_empty(&corpus)?;
             }
+            if let Some(expected) = &args.against {
+                let expected = open_filled_corpus(expected)?;
+                report.findings.extend(against(&corpus, &expected)?);
+            }
             (root.display().to_string(), report)
+        }
+        CorpusLocation::Store(_) if args.against.is_some() => {
+            return Err(Failure::bad_input_message(
+                "--against compares a corpus in a folder: `dtd fetch` it first",
+            ));
         }
         CorpusLocation::Store(url) => {
             let store = CorpusStore::open(url, false, STORE_TIMEOUT).map_err(failure_of)?;
@@ -71,7 +80,9 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     } else {
         let is_of_scenario = report.findings.iter().any(|it| it.scenario.is_some());
         let remedy = match &args.corpus {
-            CorpusLocation::Folder(root) if is_of_scenario => format!("; {}", repair(root)),
+            CorpusLocation::Folder(root) if is_of_scenario && args.against.is_none() => {
+                format!("; {}", repair(root))
+            }
             _ => String::new(),
         };
         Err(Failure::Failed(anyhow::anyhow!(

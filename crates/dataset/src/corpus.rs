@@ -29,7 +29,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::corpus::claim::{CLAIMS, Claim, Claimed};
+use crate::corpus::claim::{CLAIMS, Claim, Claimed, Holder};
 use crate::corpus::seal::{MANIFEST, Seal};
 use crate::corpus::splits::Splits;
 use crate::error::{Error, Result};
@@ -247,6 +247,11 @@ impl Claim {
     /// Takes a claim in a corpus, or names its holder.
     pub fn take(corpus: &Corpus, name: &str) -> Result<Claimed> {
         Self::take_in(&corpus.claims(), name)
+    }
+
+    /// The process that a claim's file names, without locking it; it may have been killed.
+    pub fn holder(corpus: &Corpus, name: &str) -> Option<Holder> {
+        Holder::of_file(&corpus.claims().join(name))
     }
 
     /// Deletes the claims of killed processes in a corpus, and no other files there.

@@ -6,11 +6,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use dataset::corpus::claim::{Claim, Claimed};
 use dataset::corpus::seal::{DONE, MANIFEST};
-use dataset::corpus::{Corpus, foreign_entries, is_plan};
+use dataset::corpus::{Corpus, ScenarioFolder, foreign_entries, is_plan};
 use dataset::files::file_name::{self, BadFileName};
 use dataset::files::outside_file::{self, FileKind};
 use dataset::files::own_path::own_path;
@@ -536,13 +536,14 @@ impl Connection<'_> {
 
     /// Lists the scenarios.
     pub async fn listing(&self) -> Result<Listing> {
-        let mut sealed = BTreeSet::new();
-        for (name, _) in self.list(SCENARIOS).await? {
-            if let Some((id, DONE)) = name.split_once('/') {
-                sealed.insert(id.to_owned());
+        let mut listed: BTreeMap<String, Listed> = BTreeMap::new();
+        for (name, info) in self.list(SCENARIOS).await? {
+            if let Some((id, name)) = name.split_once('/') {
+                listed.entry(id.to_owned()).or_default().add(name, &info);
             }
         }
-        Ok(Listing(sealed))
+        listed.retain(|_, scenario| scenario.is_sealed);
+        Ok(Listing(listed))
     }
 
     /// Lists a scenario's objects, committed or not.
@@ -560,6 +561,7 @@ impl Connection<'_> {
             let info = ObjectInfo {
                 bytes: object.size,
                 e_tag: object.e_tag,
+                modified: object.last_modified.into(),
             };
             Some((parts.join("/"), info))
         };
@@ -578,20 +580,47 @@ impl Connection<'_> {
 pub(crate) struct ObjectInfo {
     pub(crate) bytes: u64,
     pub(crate) e_tag: Option<String>,
+    pub(crate) modified: SystemTime,
 }
 
 /// A scenario's objects, by their names within the scenario.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Objects(pub(crate) BTreeMap<String, ObjectInfo>);
 
-/// Names of the scenarios that have a seal.
+/// Scenarios that have a seal.
 #[derive(Debug, Default)]
-pub struct Listing(BTreeSet<String>);
+pub struct Listing(BTreeMap<String, Listed>);
+
+/// A scenario, by the names of its objects.
+#[derive(Debug, Default)]
+pub struct Listed {
+    is_sealed: bool,
+    /// True with ground-truth boxes.
+    pub is_labelled: bool,
+    /// True with detections.
+    pub is_searched: bool,
+    /// When its last video was stored.
+    pub recorded: Option<SystemTime>,
+}
+
+impl Listed {
+    fn add(&mut self, name: &str, info: &ObjectInfo) {
+        match file_name(name).as_str() {
+            DONE => self.is_sealed = true,
+            ScenarioFolder::TRUTH_BOXES => self.is_labelled = true,
+            name if name.starts_with("detections/") => self.is_searched = true,
+            name if name.starts_with("views/") => {
+                self.recorded = self.recorded.max(Some(info.modified));
+            }
+            _ => {}
+        }
+    }
+}
 
 impl Listing {
     /// Identifiers of the committed scenarios.
     pub fn committed(&self) -> BTreeSet<String> {
-        let names = self.0.iter().cloned();
+        let names = self.0.keys().cloned();
         names
             .filter(|name| file_name::check_id(name).is_ok())
             .collect()
@@ -599,8 +628,13 @@ impl Listing {
 
     /// Names that cannot be identifiers of scenarios, with the reason.
     pub fn foreign(&self) -> impl Iterator<Item = (&str, BadFileName)> {
-        let names = self.0.iter();
+        let names = self.0.keys();
         names.filter_map(|name| Some((name.as_str(), file_name::check_id(name).err()?)))
+    }
+
+    /// A scenario that has a seal.
+    pub fn scenario(&self, id: &str) -> Option<&Listed> {
+        self.0.get(id)
     }
 }
 

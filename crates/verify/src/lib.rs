@@ -8,6 +8,7 @@
 //! Pixels cannot decide everything; the seal covers the rest: whether an image whose aircraft is hidden by fog is the right one, and
 //! whether an image was doubled while the aircraft moved by less than a pixel.
 
+mod against;
 mod corpus_files;
 mod detections;
 mod faults;
@@ -23,6 +24,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+pub use against::against;
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::corpus::scenario::ScenarioRecord;

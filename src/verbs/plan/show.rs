@@ -167,6 +167,13 @@ impl Report<'_> {
         let is_rejected = !(difference.changed.is_empty() && difference.removed.is_empty());
         if let Some(left) = self.left.as_ref().filter(|_| !is_rejected) {
             show_cost("left", left);
+            if let Some(pace) = against.pace {
+                let at_pace = hours(pace.s_per_scenario * left.scenarios as f64 / 3_600.0);
+                line(
+                    "",
+                    format!("{at_pace} at the pace of the scenarios that are there"),
+                );
+            }
             let room = DecimalBytes(left.room_bytes);
             let size = size(left);
             line(

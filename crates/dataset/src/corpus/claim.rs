@@ -56,6 +56,14 @@ struct Process {
     pid: u32,
 }
 
+impl Holder {
+    /// The process named by a claim's file; `None` without a readable one.
+    pub(crate) fn of_file(path: &Path) -> Option<Self> {
+        let process = path.exists().then(|| read_json(path, "claim").ok())?;
+        process.map(|process| Self(Some(process)))
+    }
+}
+
 impl fmt::Display for Holder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.0 {

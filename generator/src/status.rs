@@ -1,0 +1,212 @@
+//! Progress of a corpus, from its files alone: the process that makes it may run on a different machine.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::SystemTime;
+
+use dataset::corpus::Corpus;
+use dataset::corpus::claim::Claim;
+use dataset::corpus::seal;
+use dataset::corpus::set_aside::{self, SetAside};
+use dataset::files::corpus_names::DETECTIONS;
+use dataset::plan::Plan;
+use serde::Serialize;
+use store::{CorpusStore, Logged, StoreError};
+
+use crate::generate::FolderState;
+
+/// A break this many times as long as the median one is a stop of the work, and does not slow the pace.
+const PAUSE: u32 = 5;
+
+/// Scenarios of a corpus by stage.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Status {
+    /// Name of the corpus.
+    pub corpus: String,
+    /// Scenarios in its plan.
+    pub planned: usize,
+    /// Recorded ones.
+    pub recorded: usize,
+    /// Recorded ones with labels.
+    pub labelled: usize,
+    /// Recorded ones with detections.
+    pub searched: usize,
+    /// Scenarios that are being recorded, or were when their process ended.
+    pub in_work: Vec<InWork>,
+    /// Scenarios that failed all attempts, with the reasons. The next run tries them again.
+    pub failed: BTreeMap<String, Vec<String>>,
+    /// Scenarios with faulty files.
+    pub damaged: BTreeMap<String, String>,
+    /// Absent before two scenarios are recorded.
+    pub pace: Option<Pace>,
+    /// Time until the missing scenarios are recorded at this pace, seconds.
+    pub left_s: Option<f64>,
+}
+
+/// A scenario that is not complete yet.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InWork {
+    /// Identifier of the scenario.
+    pub id: String,
+    /// Seconds since its files were last written.
+    pub written_s_ago: f64,
+    /// The process that holds it.
+    pub by: Option<String>,
+}
+
+/// How fast scenarios were completed, by all processes together.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Pace {
+    /// Mean time from one completed scenario to the next, seconds.
+    pub s_per_scenario: f64,
+    /// Number of these times.
+    pub of: usize,
+}
+
+impl Pace {
+    /// Pace of these scenarios.
+    pub(crate) fn of_corpus<'a>(
+        corpus: &Corpus,
+        ids: impl Iterator<Item = &'a String>,
+    ) -> Option<Self> {
+        let completed =
+            ids.filter_map(|id| last_written(&corpus.scenario(id).root().join("views")));
+        Self::of(completed.collect())
+    }
+
+    /// Pace by the times at which scenarios were completed. Pauses do not count.
+    pub fn of(mut completed: Vec<SystemTime>) -> Option<Self> {
+        completed.sort();
+        let pairs = completed.windows(2);
+        let mut steps: Vec<_> = pairs
+            .filter_map(|pair| pair[1].duration_since(pair[0]).ok())
+            .collect();
+        steps.sort();
+        let longest = *steps.get(steps.len() / 2)? * PAUSE;
+        steps.retain(|step| *step <= longest);
+        let total_s: f64 = steps.iter().map(|step| step.as_secs_f64()).sum();
+        Some(Self {
+            s_per_scenario: total_s / steps.len() as f64,
+            of: steps.len(),
+        })
+    }
+}
+
+impl Status {
+    /// Status of a corpus in a folder.
+    ///
+    /// # Errors
+    /// It has no readable plan, or cannot be listed.
+    pub fn of_folder(corpus: &Corpus) -> dataset::Result<Self> {
+        let plan = Plan::read(&corpus.plan_path())?;
+        let mut status = Self::empty(&plan);
+        let mut recorded = Vec::new();
+        for scenario in &plan.scenarios {
+            let folder = corpus.scenario(&scenario.id);
+            match FolderState::of(&folder, seal::faults_at_a_glance)? {
+                FolderState::Sealed(_) => {
+                    status.recorded += 1;
+                    status.labelled += usize::from(folder.truth_boxes_path().exists());
+                    let detections = last_written(&folder.root().join(DETECTIONS));
+                    status.searched += usize::from(detections.is_some());
+                    recorded.push(scenario.id.clone());
+                }
+                FolderState::Damaged(what) => {
+                    status.damaged.insert(scenario.id.clone(), what);
+                }
+                FolderState::Absent => status.in_work.extend(in_work(corpus, &scenario.id)),
+            }
+        }
+        let failed = SetAside::all(corpus)?.into_iter();
+        status.failed = failed.map(|(id, record)| (id, record.reasons)).collect();
+        Ok(status.at(Pace::of_corpus(corpus, recorded.iter())))
+    }
+
+    /// Status of a corpus in an object store. Scenarios in work are on the machines that record them.
+    ///
+    /// # Errors
+    /// It has no readable plan, or the store does not answer.
+    pub async fn of_store(store: &CorpusStore) -> Result<Self, StoreError> {
+        let name = store.name();
+        let store = store.watched(&Logged);
+        let plan = store.read(Corpus::PLAN).await?;
+        let plan = plan.ok_or_else(|| store.nothing_committed())?;
+        let plan = Plan::parse(&plan, &Path::new(name).join(Corpus::PLAN))?;
+        let mut status = Self::empty(&plan);
+        let listing = store.listing().await?;
+        let mut completed = Vec::new();
+        for scenario in &plan.scenarios {
+            let Some(stored) = listing.scenario(&scenario.id) else {
+                continue;
+            };
+            status.recorded += 1;
+            status.labelled += usize::from(stored.is_labelled);
+            status.searched += usize::from(stored.is_searched);
+            completed.extend(stored.recorded);
+        }
+        for name in store.names_in(set_aside::FOLDER).await? {
+            let text = store.read(&format!("{}/{name}", set_aside::FOLDER)).await?;
+            let record = text.and_then(|text| serde_json::from_slice::<SetAside>(&text).ok());
+            let reasons = record.map(|record| (record.id, record.reasons));
+            status.failed.extend(reasons);
+        }
+        Ok(status.at(Pace::of(completed)))
+    }
+
+    fn empty(plan: &Plan) -> Self {
+        Self {
+            corpus: plan.corpus.clone(),
+            planned: plan.scenarios.len(),
+            recorded: 0,
+            labelled: 0,
+            searched: 0,
+            in_work: Vec::new(),
+            failed: BTreeMap::new(),
+            damaged: BTreeMap::new(),
+            pace: None,
+            left_s: None,
+        }
+    }
+
+    fn at(mut self, pace: Option<Pace>) -> Self {
+        let left = self.planned - self.recorded - self.damaged.len();
+        self.pace = pace;
+        self.left_s = pace.map(|pace| pace.s_per_scenario * left as f64);
+        self
+    }
+}
+
+/// When the last file directly in a folder was written; `None` without files.
+fn last_written(folder: &Path) -> Option<SystemTime> {
+    let entries = fs::read_dir(folder).ok()?.flatten();
+    let times = entries.filter_map(|entry| entry.metadata().ok()?.modified().ok());
+    times.max()
+}
+
+/// The unfinished recording of a scenario, if there is one.
+fn in_work(corpus: &Corpus, id: &str) -> Option<InWork> {
+    let folder = corpus.partial_scenario(id).root().to_owned();
+    let written = last_written(&folder.join("views")).max(last_written(&folder))?;
+    Some(InWork {
+        id: id.to_owned(),
+        written_s_ago: written.elapsed().unwrap_or_default().as_secs_f64(),
+        by: Claim::holder(corpus, id).map(|holder| holder.to_string()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, UNIX_EPOCH};
+
+    use super::*;
+
+    #[test]
+    fn a_stop_of_the_work_does_not_slow_the_pace() {
+        let at = |seconds: u64| UNIX_EPOCH + Duration::from_secs(seconds);
+        let completed = vec![at(300), at(0), at(110), at(200), at(90_300), at(90_400)];
+        let pace = Pace::of(completed).unwrap();
+        assert_eq!((pace.s_per_scenario, pace.of), (100.0, 4));
+        assert_eq!(Pace::of(vec![at(7)]), None);
+    }
+}
