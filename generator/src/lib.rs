@@ -9,14 +9,13 @@
 
 #![forbid(unsafe_code)]
 
-pub mod against;
 pub mod airports;
 pub mod generate;
 pub mod plan;
+pub mod progress;
 pub mod recording;
 pub mod seed;
 pub mod spread;
-pub mod status;
 pub mod sweep;
 pub mod sweep_language;
 pub mod time_of_day;

@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use dataset::corpus::Corpus;
 use dataset::corpus::scenario::Flight;
-use generator::against::{Against, Standing};
 use generator::generate::{Event, SimulatorTarget};
 use generator::plan::{Estimate, Pacing, expand};
+use generator::progress::against::{Against, Standing};
 use mock_xplane::server::{BuiltIn, Engine, SceneRenderer, SceneSetting};
 use store::SPLIT_AGAIN;
 use verify::verify;

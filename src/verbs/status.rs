@@ -5,7 +5,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use dataset::work::watch::Watch;
-use generator::status::Status;
+use generator::progress::Status;
 use indicatif::HumanDuration;
 use store::{CorpusLocation, CorpusStore};
 

@@ -6,8 +6,8 @@ use std::fmt::Display;
 use dataset::corpus::scenario::Flight;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenario;
-use generator::against::Standing;
 use generator::plan::{Estimate, Sight};
+use generator::progress::against::Standing;
 use indicatif::DecimalBytes;
 
 use super::{Compared, Report};

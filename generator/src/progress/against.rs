@@ -15,7 +15,7 @@ use store::{Committed, Connection, CorpusStore, Logged, StoreError};
 
 use crate::generate::FolderState;
 use crate::plan::MeasuredSize;
-use crate::status::Pace;
+use crate::progress::Pace;
 
 /// Records that are read from an object store at the same time.
 const QUESTIONS_AT_ONCE: usize = 16;

@@ -1,5 +1,7 @@
 //! Progress of a corpus, from its files alone: the process that makes it may run on a different machine.
 
+pub mod against;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
