@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use ffmpeg_next::{Packet, Rational, encoder, format, media};
 
 use super::writer::{check_time_base, exact_timestamps};
-use super::{fault, ffmpeg_path, start_ffmpeg};
+use super::{fault, ffmpeg_path, open_file};
 use crate::error::{Error, Result};
 
 /// Units a second that FFmpeg's MP4 muxer has at least.
@@ -43,7 +43,6 @@ pub(super) fn add(path: &Path, container: &str, pictures: u32) -> Result<()> {
 /// stay the same. Programs that join videos without encoding expect such a unit, which FFmpeg chooses by default: with a coarser one they
 /// round the length of the first file and put the images of the next ones out of order.
 pub fn refine_time_base(path: &Path) -> Result<()> {
-    start_ffmpeg();
     let fine = beside(path);
     let container = path.extension().and_then(|ending| ending.to_str());
     copy(path, &fine, container.unwrap_or("mp4"), |recorded| {
@@ -69,8 +68,7 @@ fn copy(
     container: &str,
     unit: impl Fn(Rational) -> Rational,
 ) -> Result<u32> {
-    let mut input =
-        format::input(&ffmpeg_path(from)?).map_err(|e| fault(from, "read it back", e))?;
+    let mut input = open_file(from, || false)?;
     let recorded = input
         .streams()
         .best(media::Type::Video)
