@@ -71,7 +71,7 @@ const ACTS: [Act; 8] = [
     (
         |stream, _| {
             let video = "m=video 0 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\na=control:one\r\n";
-            answer(stream, described(video));
+            answer(stream, described(&video.repeat(2_000)));
         },
         "",
     ),

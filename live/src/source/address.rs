@@ -18,6 +18,8 @@ use crate::source::{Source, Transport, shown};
 
 /// FFmpeg's wait for reordered UDP packets, ms.
 const REORDER_MS: u32 = 60;
+/// Streams of a camera that are opened: images in some sizes, sound, data. A thousand take 950 MB.
+const MAX_STREAMS: u32 = 16;
 /// Bytes of the socket's buffer: a key frame comes in a burst.
 const UDP_BUFFER_BYTES: u32 = 4 << 20;
 
@@ -186,7 +188,7 @@ impl FfmpegSource {
         let (name, given) = match &self.place {
             Place::File(path) => {
                 return open_file(path, is_over)
-                    .map_err(|error| OpenFault::Useless(error.to_string()));
+                    .map_err(|error| OpenFault::Useless(error.beside(path)));
             }
             Place::Feed(name, options) => (name, options),
         };
@@ -225,6 +227,7 @@ fn rtp_options(format: &str, protocols: &str) -> Vec<(&'static str, String)> {
     vec![
         ("format_whitelist", format.into()),
         ("protocol_whitelist", protocols.into()),
+        ("max_streams", MAX_STREAMS.to_string()),
         ("probesize", "20000".into()),
         ("max_delay", (REORDER_MS * 1_000).to_string()),
         ("buffer_size", UDP_BUFFER_BYTES.to_string()),
