@@ -1,7 +1,9 @@
 # An image with the `dtd` command, as deploy/k8s/generate-job.yaml wants it. It contains the archive of scripts/package.sh:
 #
 #   docker build -t dtd .
-#   docker run --rm -v "$PWD:/work" dtd demo --out demo
+#   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/work" dtd demo --out demo
+#
+# Without --user, dtd runs as the user 1001, which has a home and owns nothing else; GitHub's runners have the same number.
 FROM rust:1-bookworm AS build
 WORKDIR /dtd
 COPY . .
@@ -14,6 +16,8 @@ RUN apt-get update \
     && rm -rf /var/lib/apt/lists/*
 COPY --from=build /opt/dtd /opt/dtd
 ENV PATH=/opt/dtd/bin:$PATH
+RUN useradd --uid 1001 --create-home dtd && install -d -o dtd -g dtd /work
 WORKDIR /work
+USER 1001
 ENTRYPOINT ["dtd"]
 CMD ["--help"]

@@ -43,12 +43,13 @@ if ((${#missing[@]})); then
 fi
 
 # The library is all that `dtd` uses of the package, so it needs none of its dependencies.
-onnxruntime=$(grep '^onnxruntime==' scripts/requirements.txt)
-library() { find "$PWD/.venv/lib" -name "libonnxruntime.so.${onnxruntime#*==}" -print -quit 2>/dev/null || true; }
+requirements=scripts/requirements-onnxruntime.txt
+version=$(sed -n 's/^onnxruntime==\([0-9.]*\).*/\1/p' "$requirements")
+library() { find "$PWD/.venv/lib" -name "libonnxruntime.so.$version" -print -quit 2>/dev/null || true; }
 if [ -z "$(library)" ]; then
-    say "installing $onnxruntime into .venv"
+    say "installing ONNX Runtime $version into .venv"
     python3 -m venv .venv
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps "$onnxruntime" >&2
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r "$requirements" >&2
 fi
 
 # Where `target/release/dtd` looks for ONNX Runtime: ../lib/dtd relative to the program's folder.

@@ -4,6 +4,8 @@
 mod clocks;
 #[path = "estimate/faults.rs"]
 mod faults;
+#[path = "estimate/hostile.rs"]
+mod hostile;
 #[path = "estimate/refusals.rs"]
 mod refusals;
 #[path = "estimate/running.rs"]

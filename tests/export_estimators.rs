@@ -145,9 +145,14 @@ fn onnx_runtime_answers_what_the_evaluation_stored() {
     }
     let metrics: Value =
         serde_json::from_slice(&fs::read(workshop.path("run/metrics.json")).unwrap()).unwrap();
-    let mape = &metrics["estimators"]["paper_lstm"]["dual"]["mape_pct"];
-    let mape = format!("{:.3} %", mape.as_f64().unwrap());
+    let stored = &metrics["estimators"]["paper_lstm"]["dual"]["mape_pct"];
+    let mape = format!("{:.3} %", stored.as_f64().unwrap());
     assert!(card.contains(&mape), "no {mape} in {card}");
+    let forged = metrics.to_string().replace(&stored.to_string(), "0.001");
+    fs::write(workshop.path("run/metrics.json"), forged).unwrap();
+    let output = workshop.export();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("not what the evaluation wrote"));
 }
 
 #[test]

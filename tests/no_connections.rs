@@ -70,6 +70,7 @@ impl Cell {
             .args(arguments)
             .current_dir(&self.folder)
             .env("HOME", &self.home)
+            .env("http_proxy", "http://192.0.2.1:3128")
             .env_remove("XDG_CACHE_HOME")
             .env_remove("ORT_DYLIB_PATH")
             .env_remove("ORT_DISABLE_TELEMETRY");

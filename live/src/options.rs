@@ -42,6 +42,8 @@ pub struct Options {
     pub offsets_s: BTreeMap<String, f64>,
     /// Views whose recordings have separate clocks, to be compared with the first view's.
     pub measured: BTreeSet<String>,
+    /// Views whose servers may have any certificate.
+    pub insecure_tls: BTreeSet<String>,
     /// File with the measured offsets for the next start.
     pub keep_offsets: Option<PathBuf>,
     /// Recordings are read as fast as they can be searched.
@@ -61,7 +63,8 @@ impl Options {
         let named = (self.sources.keys().map(|view| ("--view", view)))
             .chain(self.without.iter().map(|view| ("--without", view)))
             .chain(self.offsets_s.keys().map(|view| ("--offset", view)))
-            .chain(self.measured.iter().map(|view| ("--offset", view)));
+            .chain(self.measured.iter().map(|view| ("--offset", view)))
+            .chain((self.insecure_tls.iter()).map(|view| ("--insecure-tls", view)));
         for (option, view) in named {
             if !known.contains(view) {
                 return Err(Error::Views(format!(
@@ -84,6 +87,16 @@ impl Options {
                 }
                 _ => {}
             }
+        }
+        let is_unverified = |(view, source): &(&String, &Source)| {
+            matches!(source, Source::Stream(stream) if stream.is_encrypted())
+                && !self.insecure_tls.contains(*view)
+        };
+        if let Some((view, source)) = self.sources.iter().find(is_unverified) {
+            return Err(Error::Views(format!(
+                "view {view}: FFmpeg does not verify the certificate of {source}, so that anyone in between can read the password and \
+                 replace the images; give --insecure-tls {view} if nobody can be in between"
+            )));
         }
         let named = self.sources.iter().filter(|(_, of)| of.is_of_one_view());
         let mut seen: BTreeMap<String, &String> = BTreeMap::new();

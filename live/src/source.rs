@@ -2,6 +2,7 @@
 
 mod access_unit;
 pub(crate) mod address;
+mod connection;
 pub(crate) mod gpu;
 pub(crate) mod input;
 mod undecoded;
@@ -129,6 +130,10 @@ impl Stream {
         // Fails only for addresses without a host, which are rejected.
         let _ = address.set_password(password.as_deref());
         address.into()
+    }
+
+    pub(crate) fn is_encrypted(&self) -> bool {
+        self.address.scheme() == "rtsps"
     }
 
     pub(crate) fn transport(&self) -> Transport {

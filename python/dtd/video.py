@@ -21,6 +21,9 @@ from dtd.files import CorpusError, damaged
 
 Picture = npt.NDArray[np.uint8]
 
+# FFmpeg recognises a file by its content, and would open the files that a playlist (DASH, HLS, concat) or a description (SDP) names.
+_ONLY_THIS_FILE = {"format_whitelist": "mov,matroska,avi,mpegts", "protocol_whitelist": "file"}
+
 
 class Video:
     """A view's video. Images are arrays of height x width x 3, RGB, 8 bits; image k belongs to tick k.
@@ -40,9 +43,14 @@ class Video:
         """`timestamps`: the `pts` of every tick, in units of `unit_s` seconds; without it, in units of the file. `size_px`: width and height
         that the images must have. `is_threaded`: whether decoder and converter have threads, which read ahead."""
         self.path = path
-        with _named(path):
+        try:
             # Else the part of a relative path before a colon would be a protocol.
-            self._container = av.open(f"file:{path}")
+            self._container = av.open(f"file:{path}", container_options=_ONLY_THIS_FILE)
+        except (av.ArgumentError, av.InvalidDataError) as error:
+            why = "it is not an intact video file (MP4, Matroska, AVI or MPEG-TS; playlists are not followed)"
+            raise damaged(path, why) from error
+        except av.FFmpegError as error:
+            raise damaged(path, error) from error
         # Containers and streams refer to each other: one that is only dropped keeps its threads until it is collected.
         self._process = os.getpid()
         self._close = finalize(self, _close, self._container, self._process)

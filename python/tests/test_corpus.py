@@ -337,6 +337,17 @@ class Pictures(unittest.TestCase):
         finally:
             gc.enable()
 
+    def test_a_playlist_in_the_place_of_a_video_is_refused(self) -> None:
+        path, timestamps, unit, size_px = self.corpus.video_source(SCENARIO, "mast")
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "other.mp4").symlink_to(path)
+            playlist = Path(folder) / "mast.mp4"
+            playlist.write_text("ffconcat version 1.0\nfile other.mp4\n")
+            with av.open(str(playlist)) as followed:
+                self.assertEqual(followed.format.name, "concat")
+            with self.assertRaisesRegex(CorpusError, "playlists are not followed"):
+                Video(playlist, timestamps, unit, size_px)
+
     def test_a_video_that_counts_in_another_unit_has_the_same_picture_at_the_same_time(self) -> None:
         path, timestamps, unit, _ = self.corpus.video_source(SCENARIO, "mast")
         with tempfile.TemporaryDirectory() as folder:

@@ -53,6 +53,11 @@ pub(crate) struct EstimateArgs {
     /// File whose first line is the password of the view's server
     #[arg(long = "password-file", value_name = "VIEW=FILE")]
     pub(crate) password_files: Vec<OfView<PathBuf>>,
+    /// View whose rtsps:// server may have any certificate, since FFmpeg verifies none; may be repeated
+    ///
+    /// Whoever is between the camera and this computer can then read the password and replace the images.
+    #[arg(long, value_name = "VIEW")]
+    pub(crate) insecure_tls: Vec<String>,
     /// Estimator that answers [default: the training's choice, `inverse_range` with its filter]
     #[arg(long, value_name = "NAME")]
     pub(crate) estimator: Option<String>,

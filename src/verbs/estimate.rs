@@ -95,6 +95,7 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
         without: given.without,
         offsets_s: given.offsets_s,
         measured: given.measured,
+        insecure_tls: given.insecure_tls,
         keep_offsets: given.keep_offsets,
         as_fast_as_possible: args.as_fast_as_possible,
         metrics: given.metrics,

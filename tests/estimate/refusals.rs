@@ -41,7 +41,7 @@ fn what_can_never_work_is_refused_with_what_to_do() {
         ),
         (
             &["--view", &left, "--view", &of("right", text(&no_video))],
-            "no video",
+            "not an intact video file",
         ),
         (
             &["--view", &left, "--view", &of("right", text(&no_streams))],
@@ -97,6 +97,10 @@ fn what_can_never_work_is_refused_with_what_to_do() {
                 "--as-fast-as-possible",
             ],
             "is a camera",
+        ),
+        (
+            &["--view", &left, "--view", &of("right", "rtsps://host/x")],
+            "--insecure-tls right",
         ),
         (
             &["--view", &left, "--view", &right, "--without", "right"],

@@ -184,13 +184,13 @@ fn metrics(address: &str) -> String {
     text
 }
 
-fn cameras(workshop: &Workshop) -> [(&'static str, &'static Path); 2] {
+pub(crate) fn cameras(workshop: &Workshop) -> [(&'static str, &'static Path); 2] {
     let stills = stills(workshop);
     VIEWS.map(|view| (view, &*stills[view]))
 }
 
 /// A minute of each camera's view at ten images per second, with noise. Made once.
-fn stills(workshop: &Workshop) -> &'static BTreeMap<&'static str, PathBuf> {
+pub(crate) fn stills(workshop: &Workshop) -> &'static BTreeMap<&'static str, PathBuf> {
     static VIDEOS: OnceLock<BTreeMap<&'static str, PathBuf>> = OnceLock::new();
     VIDEOS.get_or_init(|| {
         let recorded = videos(&workshop.corpus());

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 import av
-from live_truth import errors, mean, truth_of
+from live_truth import NM_M, errors, mean, true_m, truth_of
 
 DTD = Path(os.environ.get("DTD", Path(__file__).parents[2] / "target/release/dtd")).resolve()
 VIEWS = ["left", "right"]
@@ -77,8 +77,12 @@ def judged(lines, truth):
     answers = [line for line in lines if line.get("dtd_m") is not None and line["state"] != "lost"]
     found = {}
     for count in (1, 2):
-        errors_pct = errors([(line["time_s"], line["dtd_m"]) for line in answers if len(line["views"]) == count], truth)
-        found[f"with_{count}"] = {"answers": len(errors_pct), "mape_pct": mean(errors_pct), "worst_pct": max(errors_pct, default=None)}
+        of_count = [line for line in answers if len(line["views"]) == count]
+        errors_pct = errors([(line["time_s"], line["dtd_m"]) for line in of_count], truth)
+        true = [(line, true_m(truth, line["time_s"])) for line in of_count]
+        held = [line["dtd_from_m"] <= dtd_m <= line["dtd_to_m"] for line, dtd_m in true if dtd_m and NM_M <= dtd_m <= 10 * NM_M]
+        figures = {"answers": len(errors_pct), "mape_pct": mean(errors_pct), "worst_pct": max(errors_pct, default=None)}
+        found[f"with_{count}"] = {**figures, "held_90": mean(held)}
     named = [line for line in lines if line.get("event") in ("camera", "withheld") and line["why"]]
     found["named_s"] = named[0]["time_s"] if named else None
     found["named"] = {line["view"]: line.get("reason") or line["shows"] for line in named}

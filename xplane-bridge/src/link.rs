@@ -6,7 +6,6 @@
 
 mod capture;
 mod description;
-pub mod doorway;
 mod flight;
 mod message;
 mod picture_bytes;

@@ -9,6 +9,7 @@ mod flight;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
+use reqwest::redirect::Policy;
 use reqwest::{Client, Method, RequestBuilder, StatusCode};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -138,7 +139,10 @@ impl WebApi {
     ) -> BoxFuture<'static, Result<Self, WebApiError>> {
         Box::pin(async move {
             let doing = "asking for its capabilities";
+            // Everything goes to this address: through no proxy of the environment, and to no other address that an answer names.
             let http = Client::builder()
+                .no_proxy()
+                .redirect(Policy::none())
                 .connect_timeout(timeout)
                 .build()
                 .map_err(|source| not_reached(address, doing, source))?;

@@ -231,3 +231,25 @@ async fn an_answer_may_have_64_kib_and_one_that_never_ends_is_cut_off() {
         );
     }
 }
+
+#[tokio::test]
+async fn a_redirect_is_not_followed() {
+    let (other, requests) = server(&[("GET /", 200, CAPABILITIES)]).await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    tokio::spawn(async move {
+        let (mut stream, _) = listener.accept().await.unwrap();
+        let head = format!(
+            "HTTP/1.1 302 X\r\nConnection: close\r\nContent-Length: 0\r\nLocation: http://{other}/\r\n\r\n"
+        );
+        stream.write_all(head.as_bytes()).await.unwrap();
+        // Until the client closes.
+        let _ = stream.read_to_end(&mut Vec::new()).await;
+    });
+    let error = WebApi::connect(address, SECOND).await.unwrap_err();
+    assert!(
+        matches!(error, WebApiError::Refused { status: 302, .. }),
+        "{error}"
+    );
+    assert!(requests.lock().unwrap().is_empty());
+}

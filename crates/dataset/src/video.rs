@@ -23,7 +23,8 @@ use std::path::Path;
 use std::sync::Once;
 
 use ffmpeg_next::codec::threading;
-use ffmpeg_next::{format, media};
+use ffmpeg_next::util::error::EINVAL;
+use ffmpeg_next::{Dictionary, format, media};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +48,10 @@ use crate::files::outside_file::{self, FileKind};
 
 /// Pixel bytes in memory: red, green, blue.
 pub const BYTES_PER_PIXEL: usize = 3;
+
+/// Formats of video files, by FFmpeg's names. FFmpeg recognises a file by its content, and a playlist (DASH, HLS, concat) or a stream
+/// description (SDP) names other files and hosts, which it would open.
+const CONTAINERS: &str = "mov,matroska,avi,mpegts";
 
 /// Recording settings. What is not given takes the default of the codec.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -189,13 +194,34 @@ fn ffmpeg_path(path: &Path) -> Result<String> {
     }
 }
 
-/// Opens a video file; also returns the first video stream's index and time unit.
-fn open_stream(path: &Path) -> Result<(format::context::Input, usize, TimeBase)> {
+/// Opens a video file, whatever its name, and nothing that its content names. FFmpeg gives up when `is_over` returns true.
+///
+/// # Errors
+/// It is not a regular file, or has none of the [`CONTAINERS`].
+pub fn open_file(
+    path: &Path,
+    is_over: impl FnMut() -> bool + Send + 'static,
+) -> Result<format::context::Input> {
     start_ffmpeg();
     let name = ffmpeg_path(path)?;
     // FFmpeg would wait for a FIFO, and read a device endlessly.
     outside_file::open(path, FileKind::VIDEO)?;
-    let input = format::input(&name).map_err(|e| fault(path, "open it", e))?;
+    let mut options = Dictionary::new();
+    options.set("format_whitelist", CONTAINERS);
+    options.set("protocol_whitelist", "file");
+    let opened = format::input_with_interrupt_and_dictionary(&name, is_over, options);
+    opened.map_err(|error| match error {
+        ffmpeg_next::Error::InvalidData | ffmpeg_next::Error::Other { errno: EINVAL } => {
+            let cause = "it is not an intact video file (MP4, Matroska, AVI or MPEG-TS; playlists are not followed)";
+            fault(path, "open it", cause)
+        }
+        error => fault(path, "open it", error),
+    })
+}
+
+/// Opens a video file; also returns the first video stream's index and time unit.
+fn open_stream(path: &Path) -> Result<(format::context::Input, usize, TimeBase)> {
+    let input = open_file(path, || false)?;
     let stream = input
         .streams()
         .best(media::Type::Video)

@@ -23,13 +23,13 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use doorway::Doorway;
 use futures_util::future::BoxFuture;
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
 use xplane_bridge::datarefs::{self as names, Generation};
 use xplane_bridge::link::LinkToken;
-use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_tape::TapeError;
 

@@ -19,6 +19,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Router, middleware};
 use dataset::corpus::Corpus;
+use doorway::serve_http;
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tokio::task::spawn_blocking;
@@ -62,9 +63,7 @@ pub async fn serve(options: ViewOptions, ready: impl FnOnce(SocketAddr)) -> Resu
     let library = Arc::new(Library::new(corpus, runs));
     read_ahead(library.clone());
     ready(address);
-    axum::serve(listener, router(library, address))
-        .await
-        .map_err(cannot_listen)
+    match serve_http("the viewer", &listener, router(library, address), true).await {}
 }
 
 /// The runs by the names of their folders, numbered where several have the same.

@@ -46,6 +46,9 @@ pub struct ViewSettings {
     pub measures_offset: bool,
     /// File with the password of its server, on the first line. `--password-file` overrides it.
     pub password_file: Option<PathBuf>,
+    /// True if its rtsps:// server may have any certificate: `--insecure-tls VIEW`.
+    #[serde(default)]
+    pub insecure_tls: bool,
 }
 
 /// The JSON Schema of a file with these settings, with a final newline. Draft 7: the newest that editors and `taplo` read.

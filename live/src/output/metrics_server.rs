@@ -1,12 +1,18 @@
 //! Serves the metrics over HTTP, at `/metrics`.
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread;
 
 use axum::Router;
+use axum::extract::Request;
+use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use doorway::{check_caller, serve_http};
+use tokio::net::TcpListener;
 use tokio::runtime::Builder;
 
 use crate::clock::RunClock;
@@ -22,29 +28,32 @@ pub(crate) fn serve(
     clock: RunClock,
 ) -> Result<SocketAddr> {
     let refused = |source| Error::Metrics { address, source };
-    let listener = TcpListener::bind(address).map_err(refused)?;
-    listener.set_nonblocking(true).map_err(refused)?;
-    let bound = listener.local_addr().map_err(refused)?;
     let runtime = (Builder::new_current_thread().enable_all().build()).map_err(Error::Thread)?;
+    let listener = (runtime.block_on(TcpListener::bind(address))).map_err(refused)?;
+    let bound = listener.local_addr().map_err(refused)?;
     let text = move || {
         let text = metrics.text(clock.now_s());
         async move { ([(CONTENT_TYPE, OPEN_METRICS)], text) }
     };
-    let router = Router::new().route("/metrics", get(text));
+    let mut router = Router::new().route("/metrics", get(text));
+    // On other addresses, this computer has names that are not known here.
+    if bound.ip().is_loopback() {
+        router = router.layer(middleware::from_fn(refuse_others));
+    }
     let serve = move || {
-        runtime.block_on(async {
-            let listener = tokio::net::TcpListener::from_std(listener)?;
-            axum::serve(listener, router).await
-        })
-    };
-    let logged = move || {
-        if let Err(error) = serve() {
-            tracing::warn!(%error, "metrics are not served any more");
-        }
+        runtime.block_on(async { match serve_http("metrics", &listener, router, false).await {} });
     };
     thread::Builder::new()
         .name("metrics".into())
-        .spawn(logged)
+        .spawn(serve)
         .map_err(Error::Thread)?;
     Ok(bound)
+}
+
+/// Refuses web pages that a browser of this computer shows.
+async fn refuse_others(request: Request, next: Next) -> Response {
+    match check_caller(request.headers()) {
+        Ok(()) => next.run(request).await,
+        Err(why) => (StatusCode::FORBIDDEN, why).into_response(),
+    }
 }

@@ -1,21 +1,25 @@
 //! FFmpeg's names, options and time limits for sources.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use dataset::corpus::Corpus;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::numbers::units::SimTime;
-use dataset::video::load_capture_devices;
+use dataset::video::{load_capture_devices, open_file};
+use ffmpeg_next::util::error::EINVAL;
 use ffmpeg_next::{Dictionary, format};
 
 use crate::clock::RunClock;
-use crate::source::{Source, Transport};
+use crate::source::connection::{self, Fault};
+use crate::source::{Source, Transport, shown};
 
 /// FFmpeg's wait for reordered UDP packets, ms.
 const REORDER_MS: u32 = 60;
+/// Streams of a camera that are opened: images in some sizes, sound, data. A thousand take 950 MB.
+const MAX_STREAMS: u32 = 16;
 /// Bytes of the socket's buffer: a key frame comes in a burst.
 const UDP_BUFFER_BYTES: u32 = 4 << 20;
 
@@ -24,6 +28,8 @@ const UDP_BUFFER_BYTES: u32 = 4 << 20;
 pub(crate) enum OpenFault {
     /// It may be there later.
     Absent(String),
+    /// A camera answers, and not with the images of this view. Others may set it right.
+    Wrong(String),
     /// It will never do.
     Useless(String),
 }
@@ -89,32 +95,31 @@ fn microseconds(seconds: f64) -> i64 {
 
 /// A source in FFmpeg's terms.
 pub(crate) struct FfmpegSource {
-    name: String,
-    options: Vec<(&'static str, String)>,
+    place: Place,
     pub(crate) is_stream: bool,
     pub(crate) can_lose: bool,
     pub(crate) recorded: Option<RecordedTimes>,
 }
 
+/// What FFmpeg opens.
+enum Place {
+    /// A video file.
+    File(PathBuf),
+    /// A camera by its name for FFmpeg. The options name its only format and its protocols, so that nothing else is opened.
+    Feed(String, Vec<(&'static str, String)>),
+}
+
 impl FfmpegSource {
     pub(crate) fn of(source: &Source, view: &str) -> Result<Self, OpenFault> {
         let useless = |error: dataset::Error| OpenFault::Useless(error.to_string());
-        let named = |name: String| Self {
-            name,
-            options: Vec::new(),
+        let of = |place: Place| Self {
+            place,
             is_stream: false,
             can_lose: false,
             recorded: None,
         };
-        let file = |path: &Path| {
-            outside_file::open(path, FileKind::VIDEO).map_err(useless)?;
-            Ok::<_, OpenFault>(Self {
-                options: vec![("protocol_whitelist", "file".into())],
-                ..named(format!("file:{}", text_of(path)?))
-            })
-        };
         match source {
-            Source::File(path) => file(path),
+            Source::File(path) => Ok(of(Place::File(path.clone()))),
             Source::Scenario { corpus, id } => {
                 let scenario = Corpus::open(corpus).and_then(|corpus| corpus.scenario(id).open());
                 let scenario = scenario.map_err(useless)?;
@@ -132,83 +137,97 @@ impl FfmpegSource {
                 });
                 Ok(Self {
                     recorded: Some(RecordedTimes::of(images)),
-                    ..file(&path)?
+                    ..of(Place::File(path))
                 })
             }
             Source::Stream(stream) => {
                 let transport = stream.transport();
-                let mut options = rtp_options();
+                let protocols = if stream.is_encrypted() {
+                    "tls,tcp,udp,rtp"
+                } else {
+                    "tcp,udp,rtp"
+                };
+                let mut options = rtp_options("rtsp", protocols);
                 options.push(("rtsp_transport", transport.name().into()));
                 Ok(Self {
-                    options,
                     is_stream: true,
                     can_lose: transport == Transport::Udp,
-                    ..named(stream.secret_address())
+                    ..of(Place::Feed(stream.secret_address(), options))
                 })
             }
             Source::Description(path) => {
                 outside_file::open(path, FileKind::SETTINGS).map_err(useless)?;
-                let mut options = rtp_options();
-                options.push(("protocol_whitelist", "file,udp,rtp".into()));
+                let options = rtp_options("sdp", "file,udp,rtp");
                 Ok(Self {
-                    options,
                     is_stream: true,
                     can_lose: true,
-                    ..named(format!("file:{}", text_of(path)?))
+                    ..of(Place::Feed(format!("file:{}", text_of(path)?), options))
                 })
             }
             Source::Device(path) => {
                 load_capture_devices().map_err(OpenFault::Useless)?;
+                let options = vec![("format_whitelist", "video4linux2".into())];
                 // Without a prefix: FFmpeg recognises devices by their path.
-                Ok(named(text_of(path)?))
+                Ok(of(Place::Feed(text_of(path)?, options)))
             }
         }
     }
 
-    /// True if it is a file of this computer, which does not change by itself.
-    fn is_file(&self) -> bool {
-        self.name.starts_with("file:")
-    }
-
-    /// Opens the source within `most_ms`. `in_pieces`: packets of streams as they come, without FFmpeg's parser.
+    /// Opens the source within `most_ms`. Larger images of a camera are not decoded. `in_pieces`: packets of streams as they come, without
+    /// FFmpeg's parser.
     pub(crate) fn open(
         &self,
         patience: &Arc<Patience>,
         most_ms: u64,
+        max_pixels: u64,
         in_pieces: bool,
     ) -> Result<format::context::Input, OpenFault> {
+        let waiting = patience.clone();
+        let is_over = move || waiting.is_over();
+        patience.wait(most_ms);
+        let (name, given) = match &self.place {
+            Place::File(path) => {
+                return open_file(path, is_over)
+                    .map_err(|error| OpenFault::Useless(error.beside(path)));
+            }
+            Place::Feed(name, options) => (name, options),
+        };
         let mut options = Dictionary::new();
-        for (name, value) in &self.options {
+        for (name, value) in given {
             options.set(name, value);
         }
         if self.is_stream && in_pieces {
             options.set("fflags", "+noparse+nofillin");
         }
-        let waiting = patience.clone();
-        patience.wait(most_ms);
-        let opened = format::input_with_interrupt_and_dictionary(
-            &self.name,
-            move || waiting.is_over(),
-            options,
-        );
-        opened.map_err(|error| match error {
-            ffmpeg_next::Error::HttpUnauthorized => OpenFault::Useless(
+        connection::open(name, options, max_pixels, is_over).map_err(|fault| match fault {
+            Fault::Redirected(to) => OpenFault::Wrong(format!(
+                "it redirects to {}, which is not followed because the password would go there; give that address if it is yours",
+                shown(&to)
+            )),
+            Fault::Ffmpeg(ffmpeg_next::Error::HttpUnauthorized) => OpenFault::Wrong(
                 "it asks for a password; give the user in the address (rtsp://USER@HOST/PATH) and the password in the environment, \
                  DTD_PASSWORD_VIEW, or with --password-file VIEW=FILE"
                     .into(),
             ),
-            ffmpeg_next::Error::Exit => OpenFault::Absent(format!("no answer in {most_ms} ms")),
-            ffmpeg_next::Error::InvalidData if self.is_file() => OpenFault::Useless(
-                "it is no video or description of a stream (SDP) that FFmpeg can read".into(),
+            Fault::Ffmpeg(ffmpeg_next::Error::Exit) => {
+                OpenFault::Absent(format!("no answer in {most_ms} ms"))
+            }
+            Fault::Ffmpeg(
+                ffmpeg_next::Error::InvalidData | ffmpeg_next::Error::Other { errno: EINVAL },
+            ) if name.starts_with("file:") => OpenFault::Useless(
+                "it is no description of a stream (SDP) that FFmpeg can read".into(),
             ),
-            error => OpenFault::Absent(error.to_string()),
+            Fault::Ffmpeg(error) => OpenFault::Absent(error.to_string()),
         })
     }
 }
 
 /// Options of streams that come as RTP: short probing, because the description names the codec.
-fn rtp_options() -> Vec<(&'static str, String)> {
+fn rtp_options(format: &str, protocols: &str) -> Vec<(&'static str, String)> {
     vec![
+        ("format_whitelist", format.into()),
+        ("protocol_whitelist", protocols.into()),
+        ("max_streams", MAX_STREAMS.to_string()),
         ("probesize", "20000".into()),
         ("max_delay", (REORDER_MS * 1_000).to_string()),
         ("buffer_size", UDP_BUFFER_BYTES.to_string()),
@@ -229,10 +248,13 @@ mod tests {
     fn a_device_is_opened_by_its_path_with_ffmpegs_own_reader() {
         let source = Source::Device("/dev/video97".into());
         let place = FfmpegSource::of(&source, "left").ok().unwrap();
-        assert_eq!((&*place.name, place.is_stream), ("/dev/video97", false));
+        let Place::Feed(name, _) = &place.place else {
+            panic!("it is no file")
+        };
+        assert_eq!((&**name, place.is_stream), ("/dev/video97", false));
         let stop = Arc::new(AtomicBool::new(false));
         let patience = Patience::new(RunClock::start(), stop);
-        let fault = place.open(&patience, 4_000, true).err().unwrap();
+        let fault = place.open(&patience, 4_000, 1, true).err().unwrap();
         // It may be plugged in later.
         let OpenFault::Absent(why) = fault else {
             panic!("{fault:?}")

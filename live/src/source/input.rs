@@ -15,10 +15,13 @@ use ffmpeg_next::{Packet, decoder, format, frame, media};
 use crate::clock::UsualInterval;
 use crate::source::access_unit::{AccessUnit, AccessUnits, UnitCodec};
 use crate::source::address::{FfmpegSource, OpenFault, Patience, RecordedTimes};
+use crate::source::connection;
 use crate::source::gpu::Gpu;
 use crate::source::undecoded::Undecoded;
 use crate::source::{Decoder, Source};
 
+/// Side of the largest block of a codec (H.265, AV1), pixels.
+const MAX_BLOCK_PX: u64 = 128;
 /// Images whose arrival is remembered until they are decoded.
 const MAX_IN_DECODER: usize = 64;
 /// Minimum gap that means a lost image, in usual intervals.
@@ -75,17 +78,19 @@ pub(crate) struct Input {
 }
 
 impl Input {
-    /// Opens a view's source within `most_ms`.
+    /// Opens a view's source within `most_ms`, for images of this size.
     pub(crate) fn open(
         source: &Source,
         decoder: Decoder,
         view: &str,
+        size_px: [u32; 2],
         patience: Arc<Patience>,
         most_ms: u64,
     ) -> Result<Self, OpenFault> {
         start_ffmpeg();
         let place = FfmpegSource::of(source, view)?;
-        let input = place.open(&patience, most_ms, true)?;
+        let max_pixels = coded_pixels(size_px);
+        let input = place.open(&patience, most_ms, max_pixels, true)?;
         let codec_id = video_of(&input)?.parameters().id();
         let codec = match codec_id {
             codec::Id::H264 => Some(UnitCodec::H264),
@@ -95,16 +100,20 @@ impl Input {
         let units = codec.filter(|_| place.is_stream).map(AccessUnits::new);
         let input = match units {
             // Other codecs need FFmpeg's parser.
-            None if place.is_stream => place.open(&patience, most_ms, false)?,
+            None if place.is_stream => place.open(&patience, most_ms, max_pixels, false)?,
             _ => input,
         };
         let stream = video_of(&input)?;
         let (index, unit) = (stream.index(), f64::from(stream.time_base()));
-        let useless = |cause: ffmpeg_next::Error| {
-            OpenFault::Useless(format!("FFmpeg has no decoder for it: {cause}"))
+        let announced_px = connection::announced_px(&stream.parameters());
+        if announced_px.into_iter().map(u64::from).product::<u64>() > max_pixels {
+            return Err(other_size(announced_px, size_px));
+        }
+        let wrong = |cause: ffmpeg_next::Error| {
+            OpenFault::Wrong(format!("FFmpeg has no decoder for it: {cause}"))
         };
         let mut context =
-            codec::context::Context::from_parameters(stream.parameters()).map_err(useless)?;
+            codec::context::Context::from_parameters(stream.parameters()).map_err(wrong)?;
         context.set_threading(threading::Config {
             kind: threading::Type::Slice,
             count: 1,
@@ -117,8 +126,13 @@ impl Input {
         if let Some(gpu) = &gpu {
             gpu.attach_to(&mut context);
         }
+        let found = decoder::find(codec_id).ok_or(ffmpeg_next::Error::DecoderNotFound);
+        let opened = found.and_then(|found| {
+            let options = connection::decoder_options(max_pixels);
+            context.decoder().open_as_with(found, options)?.video()
+        });
         Ok(Self {
-            decoder: context.decoder().video().map_err(useless)?,
+            decoder: opened.map_err(wrong)?,
             gpu,
             stream: index,
             seconds_per_unit: unit,
@@ -288,7 +302,22 @@ impl Input {
 
 fn video_of(input: &format::context::Input) -> Result<format::stream::Stream<'_>, OpenFault> {
     let video = input.streams().best(media::Type::Video);
-    video.ok_or_else(|| OpenFault::Useless("there is no video in it".into()))
+    video.ok_or_else(|| OpenFault::Wrong("there is no video in it".into()))
+}
+
+/// Pixels of a coded image, whose sides are rounded up to whole blocks.
+fn coded_pixels(size_px: [u32; 2]) -> u64 {
+    let sides = size_px.map(|side| u64::from(side).next_multiple_of(MAX_BLOCK_PX));
+    sides.into_iter().product()
+}
+
+/// Images have another size than in the training.
+pub(crate) fn other_size(found_px: [u32; 2], expected_px: [u32; 2]) -> OpenFault {
+    let [width, height] = found_px;
+    let [known_width, known_height] = expected_px;
+    OpenFault::Wrong(format!(
+        "its images have {width}x{height} pixels, expected {known_width}x{known_height} as in the training; set the camera to that size"
+    ))
 }
 
 /// UTC seconds of the sender's clock for a packet, from its last RTCP report (`AVProducerReferenceTime`: microseconds come first).

@@ -14,7 +14,7 @@ use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
 use crate::queue::{Queue, lock};
 use crate::source::address::{OpenFault, Patience};
-use crate::source::input::{End, Input, InputImage};
+use crate::source::input::{End, Input, InputImage, other_size};
 use crate::source::{Decoder, Source};
 use crate::view_state::image_look::Looks;
 use crate::view_state::{DecodedLook, ViewState, ViewWatch};
@@ -106,8 +106,14 @@ impl Feed {
         while !self.shared.is_stopped() {
             let opened_s = self.shared.clock.now_s();
             let end = self.once();
-            let was_useful = self.shared.metrics.has_images(self.view);
-            let reports = reports_of(end, self.source.is_recorded(), was_useful);
+            let is_recorded = self.source.is_recorded();
+            let is_wrong = matches!(end, Ok(End::Useless(_)) | Err(OpenFault::Wrong(_)));
+            let goes_on = if is_wrong && !is_recorded {
+                self.shared.goes_on_without(self.view)
+            } else {
+                self.shared.metrics.has_images(self.view)
+            };
+            let reports = reports_of(end, is_recorded, goes_on);
             let is_over = !matches!(reports[..], [Report::Lost(_)]);
             for report in reports {
                 self.report(report);
@@ -138,7 +144,14 @@ impl Feed {
         let clock = self.shared.clock;
         let patience = Patience::new(clock, self.shared.stop.clone());
         let (most_ms, began_s) = (self.open_limit.next_ms(), clock.now_s());
-        let opened = Input::open(&self.source, self.decoder, &self.name, patience, most_ms);
+        let opened = Input::open(
+            &self.source,
+            self.decoder,
+            &self.name,
+            self.size_px,
+            patience,
+            most_ms,
+        );
         let took_s = clock.now_s() - began_s;
         self.open_limit.take(opened.is_ok(), took_s);
         let mut input = opened?;
@@ -188,8 +201,9 @@ impl Feed {
         };
         match connection.clock.replace(clock) {
             None => {
+                // Later images with a different size count as damaged.
                 if size_px != self.size_px {
-                    self.check_first(size_px)?;
+                    return Err(other_size(size_px, self.size_px));
                 }
                 self.report(Report::FirstImage { size_px, clock });
             }
@@ -292,18 +306,6 @@ impl Feed {
         }
         is_after.then_some((stamp, time_s, added_s))
     }
-
-    /// The first images must have the camera size of the run. Later images with a different size count as damaged.
-    fn check_first(&self, size_px: [u32; 2]) -> Result<(), OpenFault> {
-        let [width, height] = size_px;
-        let [known_width, known_height] = self.size_px;
-        if self.shared.metrics.has_images(self.view) {
-            return Ok(());
-        }
-        Err(OpenFault::Useless(format!(
-            "its images have {width}x{height} pixels, expected {known_width}x{known_height} as in the training; set the camera to that size"
-        )))
-    }
 }
 
 #[derive(Default)]
@@ -316,11 +318,14 @@ struct Connection {
     arrival_s: Option<f64>,
 }
 
-/// Reports about an end. A single loss is opened again; otherwise the feed is over.
-fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, was_useful: bool) -> Vec<Report> {
+/// Reports about an end. A single loss is opened again; otherwise the feed is over. `goes_on`: the program does even if this source is
+/// useless.
+fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, goes_on: bool) -> Vec<Report> {
     match end {
         Ok(End::Stopped) => Vec::new(),
-        Ok(End::Useless(why)) | Err(OpenFault::Useless(why)) if !was_useful => {
+        Ok(End::Useless(why)) | Err(OpenFault::Wrong(why) | OpenFault::Useless(why))
+            if !goes_on =>
+        {
             vec![Report::Useless(why)]
         }
         Ok(End::Finished) if is_recorded => vec![Report::Ended],
@@ -329,11 +334,16 @@ fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, was_useful: bool) 
             vec![Report::Lost(format!("no image came for {most_ms} ms"))]
         }
         // It would begin again, and fail at the same place.
-        Ok(End::Lost(why) | End::Useless(why)) | Err(OpenFault::Useless(why)) if is_recorded => {
+        Ok(End::Lost(why) | End::Useless(why))
+        | Err(OpenFault::Wrong(why) | OpenFault::Useless(why))
+            if is_recorded =>
+        {
             vec![Report::Lost(why), Report::Ended]
         }
         Ok(End::Lost(why) | End::Useless(why))
-        | Err(OpenFault::Absent(why) | OpenFault::Useless(why)) => vec![Report::Lost(why)],
+        | Err(OpenFault::Absent(why) | OpenFault::Wrong(why) | OpenFault::Useless(why)) => {
+            vec![Report::Lost(why)]
+        }
     }
 }
 
@@ -346,8 +356,20 @@ mod tests {
         let useless = || Ok(End::Useless("no".into()));
         let lost = Report::Lost("no".into());
         let over = vec![lost.clone(), Report::Ended];
-        for (end, is_recorded, was_useful, expected) in [
+        for (end, is_recorded, goes_on, expected) in [
             (useless(), true, false, vec![Report::Useless("no".into())]),
+            (
+                Err(OpenFault::Wrong("no".into())),
+                false,
+                true,
+                vec![lost.clone()],
+            ),
+            (
+                Err(OpenFault::Wrong("no".into())),
+                false,
+                false,
+                vec![Report::Useless("no".into())],
+            ),
             (useless(), true, true, over.clone()),
             (useless(), false, true, vec![lost.clone()]),
             (Ok(End::Lost("no".into())), true, true, over),
@@ -360,7 +382,7 @@ mod tests {
             (Ok(End::Finished), true, true, vec![Report::Ended]),
             (Ok(End::Stopped), false, true, Vec::new()),
         ] {
-            assert_eq!(reports_of(end, is_recorded, was_useful), expected);
+            assert_eq!(reports_of(end, is_recorded, goes_on), expected);
         }
     }
 }

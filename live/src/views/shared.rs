@@ -63,6 +63,8 @@ pub(crate) struct Shared {
     /// Free clocks of recordings, which only the caller knows.
     is_measured: Vec<bool>,
     clocks: Vec<Mutex<ViewClock>>,
+    /// Views without a source, or whose camera was wrong when it last answered.
+    is_wrong: Vec<AtomicBool>,
 }
 
 impl Shared {
@@ -78,7 +80,12 @@ impl Shared {
             measured: views.clone().map(|_| Mutex::default()).collect(),
             clocks: views.clone().map(|_| Mutex::new(no_image)).collect(),
             given_s: views.clone().map(given_s).collect(),
-            is_measured: views.map(|view| options.measured.contains(view)).collect(),
+            is_measured: (views.clone())
+                .map(|view| options.measured.contains(view))
+                .collect(),
+            is_wrong: views
+                .map(|view| AtomicBool::new(!options.sources.contains_key(view)))
+                .collect(),
             clock: RunClock::start(),
             pace: options.pace(),
             stop: Arc::default(),
@@ -86,6 +93,16 @@ impl Shared {
             zero_s: OnceLock::new(),
             recordings_s: OnceLock::new(),
         }
+    }
+
+    /// True if the program goes on although this view's camera is wrong: one camera must not end what others may still do. Before the first
+    /// image of any view, cameras that are all wrong do.
+    pub(crate) fn goes_on_without(&self, view: usize) -> bool {
+        self.is_wrong[view].store(true, Ordering::Relaxed);
+        let mut others = self.is_wrong.iter().enumerate();
+        others.any(|(other, is_wrong)| {
+            self.metrics.has_images(other) || !is_wrong.load(Ordering::Relaxed)
+        })
     }
 
     /// Takes the clock of a view's next image.

@@ -22,6 +22,7 @@ pub(super) struct Given {
     pub(super) offsets_s: BTreeMap<String, f64>,
     pub(super) measured: BTreeSet<String>,
     pub(super) password_files: BTreeMap<String, PathBuf>,
+    pub(super) insecure_tls: BTreeSet<String>,
     pub(super) estimator: Option<String>,
     pub(super) model: Option<PathBuf>,
     pub(super) rows: Option<RowBand>,
@@ -66,6 +67,7 @@ impl Given {
             offsets_s,
             measured,
             password_files: by_view("--password-file", &args.password_files)?,
+            insecure_tls: args.insecure_tls.iter().cloned().collect(),
             estimator: args.estimator.clone(),
             model: args.model.clone(),
             rows: args.rows,
@@ -111,6 +113,9 @@ impl Given {
                     }
                     (None, false) => {}
                 }
+            }
+            if of_view.insecure_tls {
+                self.insecure_tls.insert(view.clone());
             }
             if let Some(password_file) = of_view.password_file {
                 self.password_files.entry(view).or_insert(password_file);

@@ -112,21 +112,22 @@ impl SealedRun {
         })
     }
 
-    /// Result of an evaluation; `None` if it is missing or was edited.
+    /// Result of an evaluation; `None` if none was sealed. One that was edited is refused: its figures would be taken for measured ones.
     pub(crate) fn result<T: DeserializeOwned>(
         &self,
         name: &'static str,
         what: &'static str,
     ) -> Result<Option<T>> {
-        let path = self.root.join(name);
-        let bytes = match outside_file::read(&path, RUN_FILE) {
-            Ok(bytes) => bytes,
-            Err(error) if error.is_not_found() => return Ok(None),
-            Err(error) => return Err(error.into()),
-        };
-        let hash = blake3::hash(&bytes).to_string();
-        if self.seal.hash_of(name) != Some(&hash) {
+        let Some(sealed) = self.seal.hash_of(name) else {
             return Ok(None);
+        };
+        let path = self.root.join(name);
+        let bytes = outside_file::read(&path, RUN_FILE)?;
+        if blake3::hash(&bytes).to_string() != sealed {
+            let fault = format!(
+                "is not what the evaluation wrote: its hash differs from {MANIFEST}; `dtd evaluate` writes it again"
+            );
+            return Err(self.refused(name, fault));
         }
         Ok(Some(parse_json(&bytes, &path, what)?))
     }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use ffmpeg_next::{Packet, encoder, format, media};
 
 use super::writer::{check_time_base, exact_timestamps};
-use super::{fault, ffmpeg_path};
+use super::{fault, ffmpeg_path, open_file};
 use crate::error::{Error, Result};
 
 /// Suffix of the plain file until it replaces the fragmented one.
@@ -44,8 +44,7 @@ fn beside(path: &Path) -> PathBuf {
 
 /// Copies all packets, and returns their number.
 fn copy(from: &Path, to: &Path, container: &str) -> Result<u32> {
-    let mut input =
-        format::input(&ffmpeg_path(from)?).map_err(|e| fault(from, "read it back", e))?;
+    let mut input = open_file(from, || false)?;
     let recorded = input
         .streams()
         .best(media::Type::Video)

@@ -1,9 +1,11 @@
 use std::ffi::OsStr;
+use std::mem::MaybeUninit;
 use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
 use std::process::Command;
 
 use ffmpeg_next::color;
+use rustix::fs::inotify::{self, CreateFlags, WatchFlags};
 
 use super::*;
 use crate::numbers::frame_rate::FrameRate;
@@ -425,6 +427,53 @@ fn any_path_is_a_path_and_no_protocol() {
         }
         assert_eq!(pictures, 3, "{name}");
     }
+}
+
+#[test]
+fn a_playlist_with_the_name_of_a_video_is_refused_and_nothing_that_it_names_is_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = folder.path().join("other.mp4");
+    let rate = FrameRate::new(30, 1).unwrap();
+    record(&other, &VideoSettings::default(), rate, 3);
+    std::fs::copy(&other, folder.path().join("image-1.png")).unwrap();
+    let dash = "<?xml version=\"1.0\"?>\n<MPD xmlns=\"urn:mpeg:dash:schema:mpd:2011\" type=\"static\" mediaPresentationDuration=\"PT1S\" \
+                profiles=\"urn:mpeg:dash:profile:isoff-on-demand:2011\"><Period><AdaptationSet contentType=\"video\">\
+                <Representation id=\"1\" bandwidth=\"1\" mimeType=\"video/mp4\"><BaseURL>other.mp4</BaseURL></Representation>\
+                </AdaptationSet></Period></MPD>\n";
+    let hls = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nother.mp4\n#EXT-X-ENDLIST\n";
+    let sdp =
+        "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 5004 RTP/AVP 26\n";
+    let playlists = [
+        ("concat.mp4", "ffconcat version 1.0\nfile other.mp4\n"),
+        ("hls.mp4", hls),
+        ("hls.m3u8", hls),
+        ("dash.mp4", dash),
+        ("sdp.mp4", sdp),
+        ("image-%d.png", "as many images as there are"),
+    ];
+    for (name, text) in playlists {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let opened = inotify::init(CreateFlags::NONBLOCK).unwrap();
+    inotify::add_watch(&opened, folder.path(), WatchFlags::OPEN).unwrap();
+    let opened_names = || {
+        let mut buffer = [MaybeUninit::uninit(); 8_192];
+        let mut events = inotify::Reader::new(&opened, &mut buffer);
+        let mut names = std::collections::BTreeSet::new();
+        while let Ok(event) = events.next() {
+            let name = event.file_name().and_then(|name| name.to_str().ok());
+            names.extend(name.map(str::to_owned));
+        }
+        names
+    };
+    for (name, _) in playlists {
+        let error = VideoReader::open(&folder.path().join(name)).err();
+        let message = error.map(|error| error.to_string()).unwrap_or_default();
+        assert!(message.contains("playlists are not"), "{name}: {message}");
+        assert_eq!(opened_names(), [name.to_owned()].into());
+    }
+    VideoReader::open(&other).unwrap();
+    assert_eq!(opened_names(), ["other.mp4".to_owned()].into());
 }
 
 #[test]

@@ -12,6 +12,7 @@ use dataset::geometry::camera::{Camera, CameraPose};
 use dataset::geometry::distortion::Distortion;
 use dataset::numbers::limits::Check;
 use dataset::numbers::units::SimTime;
+use doorway::Doorway;
 use glam::DVec2;
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncWrite};
@@ -20,7 +21,6 @@ use tokio::sync::{Semaphore, mpsc};
 use tokio::task::{JoinError, JoinHandle, spawn_blocking};
 use tokio::time::timeout;
 use xplane_bridge::fly::FlyRequest;
-use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{
     Answer, CaptureRequest, Deliver, FLIGHT_COLUMNS, FrameHeader, Hello, LinkError, LinkToken,
     PixelKind, Request, encode_flight, exchange_greetings, read_request, write_message,

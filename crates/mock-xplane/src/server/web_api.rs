@@ -20,28 +20,18 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use hyper::server::conn::http1;
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
+use doorway::serve_http;
 use serde_json::json;
-#[cfg(target_os = "linux")]
-use socket2::SockRef;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpListener;
 use tokio::time::timeout;
-use xplane_bridge::link::doorway::Doorway;
 
 use self::ids::Ids;
 use self::refusal::Refusal;
 use super::faults::outages::Outages;
 use super::{MockError, Shared};
 
-/// Maximum connections.
-const MAX_CONNECTIONS: usize = 64;
-/// Time limits for a request's head, from the end of the previous one, and for the rest of it with its answer.
-const HEAD_WITHIN: Duration = Duration::from_secs(5);
+/// Time limit for a request after its head, with its answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
-/// Time for which a client may leave data unread.
-const READ_WITHIN: Duration = Duration::from_secs(10);
 
 /// Shared by all requests.
 struct WebApiService {
@@ -66,33 +56,7 @@ pub(super) async fn run(
         incoming_is_on,
         ids,
     });
-    let service = TowerToHyperService::new(router(service));
-    let doorway = Doorway::new("the Web API", MAX_CONNECTIONS);
-    let serve = |stream, from| {
-        let service = service.clone();
-        end_if_unread(&stream);
-        async move {
-            let served = http1::Builder::new()
-                .timer(TokioTimer::new())
-                .header_read_timeout(HEAD_WITHIN)
-                .serve_connection(TokioIo::new(stream), service)
-                .await;
-            if let Err(error) = served {
-                tracing::debug!(%from, %error, "Web API connection closed");
-            }
-        }
-    };
-    match doorway.serve(&listener, serve).await {}
-}
-
-/// Lets the system close a connection whose client does not read. Elsewhere such clients are limited by their number alone.
-fn end_if_unread(stream: &TcpStream) {
-    #[cfg(target_os = "linux")]
-    if let Err(error) = SockRef::from(stream).set_tcp_user_timeout(Some(READ_WITHIN)) {
-        tracing::debug!(%error, "a client may leave its answers unread");
-    }
-    #[cfg(not(target_os = "linux"))]
-    let _ = (stream, READ_WITHIN);
+    match serve_http("the Web API", &listener, router(service), false).await {}
 }
 
 fn router(service: Arc<WebApiService>) -> Router {

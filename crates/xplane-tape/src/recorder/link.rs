@@ -13,7 +13,7 @@ use tokio::time::timeout;
 use super::Route;
 use crate::format::{Channel, Direction, LINK_VERSION_KEY, Traffic};
 use crate::link_message::LinkMessage;
-use xplane_bridge::link::doorway::Doorway;
+use doorway::Doorway;
 use xplane_bridge::link::{Answer, LinkError, MAGIC, not_the_link, write_message};
 
 /// Greeting length: four letters, the version.

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use doorway::Doorway;
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
-use xplane_bridge::link::doorway::Doorway;
 use xplane_bridge::link::{Answer, LinkError, MAGIC};
 use xplane_tape::{LinkMessage, MessagePosition};
 
