@@ -204,6 +204,41 @@ def not_ideal(measured, now):
     return [*as_table(head, rows), *remark(*(measured["rows"][row] for row in NOT_IDEAL), now=now)]
 
 
+WRONG_VIEWS = {
+    "untouched": "untouched",
+    "exchanged": "left and right exchanged",
+    "right mirrored": "right mirrored",
+    "both mirrored and exchanged": "both mirrored and exchanged",
+    "left twice": "left twice",
+    "two flights": "right from a different flight, 50 to 150 m away",
+    "a third of the ground changed": "a third of the right one's ground changed",
+}
+
+
+def wrong_views(measured, now):
+    """Live answers from views that do not belong to the run or to each other, by light and fog."""
+    flights = lambda kind, is_foggy: {id: of for id, of in measured[kind]["by_flight"].items() if ("foggy" in id) == is_foggy}
+    rows = []
+    for kind, name in WRONG_VIEWS.items():
+        for is_foggy in (False, True):
+            of, usual = flights(kind, is_foggy), flights("untouched", is_foggy)
+            cells = [f"{name}, in fog" if is_foggy else name, str(len(of))]
+            of_usual = sum(one["with_2"]["answers"] for one in usual.values())
+            for count in ("with_2", "with_1"):
+                answers = sum(one[count]["answers"] for one in of.values())
+                answered = [one[count] for one in of.values() if one[count]["answers"]]
+                held = sum(one["answers"] * one["held_90"] for one in answered) / answers if answers else None
+                worst = max((one["worst_pct"] for one in answered), default=None)
+                cells += [percent(answers / of_usual), rounded(worst) if answers else "", percent(held)]
+            named = [one["named_s"] for one in of.values()]
+            after = [max(named_s - usual[id]["first_answer_s"], 0) for id, named_s in zip(of, named) if named_s is not None]
+            cells.append(f"{len(after)} of {len(of)}" + (f", within {max(after):.0f} s" if after else ""))
+            rows.append(cells)
+    of_views = ["worst, %", "intervals hold"]
+    head = ["sources", "flights", "answers from both views", *of_views, "from one view", *of_views, "named"]
+    return [*as_table(head, rows), *remark(*measured.values(), now=now)]
+
+
 TABLES = {
     "metrics.json: estimators": estimators,
     "metrics.json: conditions": conditions,

@@ -6,7 +6,7 @@ use std::fs;
 use std::process::{Command, Output, Stdio};
 
 use serde_json::{Value, json as value};
-use testkit::command::{Dtd, json, said};
+use testkit::command::{Dtd, Ending, json, said};
 use tiny::{MODEL, Tiny};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));

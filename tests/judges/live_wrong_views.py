@@ -15,6 +15,9 @@ from pathlib import Path
 import av
 from live_truth import NM_M, errors, mean, true_m, truth_of
 
+sys.path.append(str(Path(__file__).parents[2] / "scripts"))
+from made_by import made_by
+
 DTD = Path(os.environ.get("DTD", Path(__file__).parents[2] / "target/release/dtd")).resolve()
 VIEWS = ["left", "right"]
 
@@ -75,7 +78,7 @@ def estimated(run, sources):
 def judged(lines, truth):
     """Answers by the number of their views, and when the fault was first named after an aircraft was seen."""
     answers = [line for line in lines if line.get("dtd_m") is not None and line["state"] != "lost"]
-    found = {}
+    found = {"first_answer_s": answers[0]["time_s"] if answers else None}
     for count in (1, 2):
         of_count = [line for line in answers if len(line["views"]) == count]
         errors_pct = errors([(line["time_s"], line["dtd_m"]) for line in of_count], truth)
@@ -96,7 +99,6 @@ def main():
     flights = sorted((corpus / "scenarios").iterdir())
     condition = lambda flight: flight.name.rsplit("-", 1)[0]
     found = json.loads(out.read_text()) if out.exists() else {}
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, stdout=subprocess.PIPE, text=True, check=True)
     for kind in sys.argv[4:] or KINDS:
         if kind in found:
             continue
@@ -107,7 +109,7 @@ def main():
             with tempfile.TemporaryDirectory() as folder:
                 lines = estimated(run, KINDS[kind](*videos, Path(folder)))
             by_flight[flight.name] = judged(lines, truth_of(flight))
-        found[kind] = {"commit": commit.stdout.strip(), "by_flight": by_flight}
+        found[kind] = {**made_by(run, corpus), "by_flight": by_flight}
         out.write_text(json.dumps(found, indent=1) + "\n")
         print(f"{kind}: done", flush=True)
 
