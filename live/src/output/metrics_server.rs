@@ -57,3 +57,29 @@ async fn refuse_others(request: Request, next: Next) -> Response {
         Err(why) => (StatusCode::FORBIDDEN, why).into_response(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::{Ipv4Addr, TcpStream};
+
+    use super::*;
+
+    #[test]
+    fn a_foreign_page_reads_no_metrics() {
+        let metrics = Arc::new(Metrics::new("hash".into(), &["left".into()]));
+        let address = (Ipv4Addr::LOCALHOST, 0).into();
+        let address = serve(address, metrics, RunClock::start()).unwrap();
+        for (host, status) in [("localhost", 200), ("evil.example", 403)] {
+            let mut stream = TcpStream::connect(address).unwrap();
+            let head = format!("Host: {host}\r\nConnection: close");
+            write!(stream, "GET /metrics HTTP/1.1\r\n{head}\r\n\r\n").unwrap();
+            let mut answer = String::new();
+            stream.read_to_string(&mut answer).unwrap();
+            assert!(
+                answer.starts_with(&format!("HTTP/1.1 {status}")),
+                "{answer}"
+            );
+        }
+    }
+}
