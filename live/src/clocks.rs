@@ -248,9 +248,34 @@ impl Clocks {
     }
 }
 
+/// A view's clock at a tick.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ComparedClock {
+    pub(crate) tie: Tie,
+    /// True if its times can be compared with the first view's.
+    pub(crate) is_known: bool,
+    pub(crate) sees_aircraft: bool,
+}
+
+/// Views whose times cannot be compared with those of the views that count: the first one with all known ones, or a view alone. Of those
+/// that see an aircraft, the strongest tie counts, because nothing says how late the images of a free clock are.
+pub(crate) fn out_of_time(clocks: &[ComparedClock]) -> Vec<usize> {
+    let is_first = |view: usize| view == 0 || clocks[view].is_known;
+    let are_together = |a: usize, b: usize| a == b || is_first(a) && is_first(b);
+    let sees = |view: usize| {
+        (0..clocks.len()).any(|other| are_together(view, other) && clocks[other].sees_aircraft)
+    };
+    let groups = (0..clocks.len()).filter(|&view| view == 0 || !is_first(view));
+    let counting = groups.min_by_key(|&view| (!sees(view), clocks[view].tie, view));
+    let counting = counting.unwrap_or(0);
+    let all = 0..clocks.len();
+    all.filter(|&view| !are_together(view, counting)).collect()
+}
+
 /// The view whose clock is right, if one is: by it no image arrives before it was taken, and images are the newest. `delays_s`: shortest
-/// times to the arrivals by each clock; `offsets_s`: what is to be added to each clock to have the first one's time.
-pub(crate) fn right_clock(delays_s: &[Option<f64>], offsets_s: &[f64]) -> usize {
+/// times to the arrivals by each clock; `offsets_s`: what is to be added to each clock to have the first one's time; `before`: the last
+/// one, which stays right until it is wrong by twice as much, because a change moves all times.
+pub(crate) fn right_clock(delays_s: &[Option<f64>], offsets_s: &[f64], before: usize) -> usize {
     let shortest_s = |of: usize| {
         delays_s[of]?;
         let all = delays_s.iter().zip(offsets_s);
@@ -258,12 +283,20 @@ pub(crate) fn right_clock(delays_s: &[Option<f64>], offsets_s: &[f64]) -> usize 
         all.min_by(f64::total_cmp)
             .map(|shortest_s| shortest_s + offsets_s[of])
     };
+    let limit_s = |of: usize| {
+        if of == before {
+            2.0 * MAX_SD_S
+        } else {
+            MAX_SD_S
+        }
+    };
     let all = (0..delays_s.len()).filter_map(|of| Some((of, shortest_s(of)?)));
-    let possible = all.filter(|(_, shortest_s)| *shortest_s >= -MAX_SD_S);
+    let possible = all.filter(|(of, shortest_s)| *shortest_s >= -limit_s(*of));
     let newest_s = possible.clone().map(|(_, shortest_s)| shortest_s);
     let newest_s = newest_s.fold(f64::INFINITY, f64::min);
-    let mut as_new = possible.filter(|(_, shortest_s)| *shortest_s <= newest_s + MAX_SD_S);
-    as_new.next().map_or(0, |(of, _)| of)
+    let as_new = possible.filter(|(of, shortest_s)| *shortest_s <= newest_s + limit_s(*of));
+    let right = as_new.min_by_key(|(of, _)| (*of != before, *of));
+    right.map_or(0, |(of, _)| of)
 }
 
 #[cfg(test)]
@@ -285,10 +318,53 @@ mod tests {
             ("our clock slow", [-0.1, -0.1], 0.0, 0),
         ] {
             let delays_s = delays_s.map(Some);
-            assert_eq!(right_clock(&delays_s, &[0.0, offset_s]), expected, "{case}");
+            let found = right_clock(&delays_s, &[0.0, offset_s], 0);
+            assert_eq!(found, expected, "{case}");
         }
-        assert_eq!(right_clock(&[None, None], &[0.0, 0.4]), 0, "recordings");
-        assert_eq!(right_clock(&[None, Some(0.0)], &[0.0, 0.4]), 1);
+        assert_eq!(right_clock(&[None, None], &[0.0, 0.4], 0), 0, "recordings");
+        assert_eq!(right_clock(&[None, Some(0.0)], &[0.0, 0.4], 0), 1);
+    }
+
+    #[test]
+    fn a_clock_stays_right_while_offsets_change_by_less_than_they_are_uncertain() {
+        let delays_s = [0.02, 0.02].map(Some);
+        for before in [0, 1] {
+            let offsets_s = [-0.035, -0.025, 0.025, 0.035];
+            let right = offsets_s.map(|offset_s| right_clock(&delays_s, &[0.0, offset_s], before));
+            assert_eq!(right, [before; 4]);
+        }
+        assert_eq!(right_clock(&delays_s, &[0.0, 0.2], 0), 1);
+    }
+
+    #[test]
+    fn of_three_views_only_those_with_comparable_times_count_and_the_strongest_tie_first() {
+        use Tie::{Free, Senders};
+        let out = |clocks: [(Tie, bool, bool); 3]| {
+            out_of_time(&clocks.map(|(tie, is_known, sees_aircraft)| ComparedClock {
+                tie,
+                is_known,
+                sees_aircraft,
+            }))
+        };
+        let first = (Free, true, true);
+        assert!(out([first, (Free, true, true), (Senders, true, true)]).is_empty());
+        assert_eq!(out([first, (Free, true, true), (Free, false, true)]), [2]);
+        assert_eq!(
+            out([first, (Senders, false, true), (Free, false, true)]),
+            [0, 2],
+            "a sender's clock"
+        );
+        assert_eq!(
+            out([first, (Free, true, true), (Senders, false, false)]),
+            [2],
+            "one that sees nothing"
+        );
+        let unseen = (Free, true, false);
+        assert_eq!(
+            out([unseen, (Free, false, true), (Free, false, true)]),
+            [0, 2],
+            "without the first view"
+        );
     }
 
     fn kept_for(run: &str, sources: [&str; 2]) -> Result<StoredOffsets> {

@@ -22,7 +22,7 @@ use trainer::live::{Candidate, Look, OnlineRun, SeenTick, SeenView, Shown};
 use crate::clock::Tie;
 use crate::clocks::clock_offset::Offset;
 use crate::clocks::free_clocks::News;
-use crate::clocks::{Clocks, right_clock};
+use crate::clocks::{Clocks, ComparedClock, out_of_time, right_clock};
 use crate::conductor::answers::Answers;
 use crate::conductor::overload::Overload;
 use crate::conductor::pairing::{Joined, Pairing};
@@ -82,6 +82,7 @@ pub fn estimate(
         motions: (0..count).map(|_| TrackMotion::default()).collect(),
         clocks,
         offsets: vec![Correction::default(); count],
+        right: 0,
         answers: Answers::new(options.run.views().to_vec(), shared.pace),
         run: options.run,
         news: vec![ViewNews::default(); count],
@@ -136,6 +137,8 @@ struct Conductor {
     clocks: Clocks,
     /// Corrections that bring each view's clock to the first view's time.
     offsets: Vec<Correction>,
+    /// The view whose clock is right.
+    right: usize,
     answers: Answers,
     news: Vec<ViewNews>,
     has_finished: Vec<bool>,
@@ -280,15 +283,12 @@ impl Conductor {
             .map(|view| self.sees(&joined, view))
             .collect();
         for view in 1..views.len() {
-            let left_out = self.watch_clock(&joined, view, &mut views);
-            if let Some(sees) = left_out.map(|view| &mut sees[view])
-                && *sees == Sees::Aircraft
-            {
-                *sees = Sees::LeftOut(Reason::Clock);
-            }
+            self.watch_clock(&joined, view, &mut views);
         }
+        self.leave_out_other_times(&mut views, &mut sees);
         let tick = SeenTick {
             time_ns: nanoseconds(joined.time_s),
+            is_recorded: (0..views.len()).all(|view| self.shared.tie(view) == Tie::Common),
             views,
         };
         let images = || joined.images.iter().flatten().map(|(_, searched)| searched);
@@ -391,26 +391,16 @@ impl Conductor {
         }
     }
 
-    /// Compares the view's clock with the first one's. One of both views is left out while the offset is unknown and the other one sees
-    /// aircraft; else its error widens the intervals. Returns the one that is left out.
-    fn watch_clock(
-        &mut self,
-        joined: &Joined<Box<Searched>>,
-        view: usize,
-        views: &mut [SeenView],
-    ) -> Option<usize> {
-        let (time_s, searched) = joined.images[view].as_ref()?;
+    /// Compares the view's clock with the first one's. Once the offset is known, its error widens the intervals.
+    fn watch_clock(&mut self, joined: &Joined<Box<Searched>>, view: usize, views: &mut [SeenView]) {
+        let Some((time_s, searched)) = &joined.images[view] else {
+            return;
+        };
         let ties = [0, view].map(|view| self.shared.tie(view));
         let tie = ties[0].max(ties[1]);
         if tie == Tie::Common {
-            return None;
+            return;
         }
-        // Nothing says how late the images of a free clock are.
-        let [left_out, other] = if ties[1] < ties[0] {
-            [0, view]
-        } else {
-            [view, 0]
-        };
         let first = joined.images[0].as_ref();
         let first_added_s = first.map_or(0.0, |(_, first)| first.added_s);
         // By the first view's own clock.
@@ -432,18 +422,10 @@ impl Conductor {
             }
         });
         let news = first.and_then(|_| self.clocks.take((view, tie), own_s, sighting));
-        let is_known = self.clocks.is_known(view);
-        let is_left_out = !is_known && !views[other].boxes.is_empty();
-        if is_known {
+        if self.clocks.is_known(view) {
             let error_s = self.clocks.error_s(view, own_s);
             let motion = best_of(searched).map(|best| self.motions[view].px_s(best.track));
             views[view].common_sd_px = motion.unwrap_or_default().map(|px_s| px_s * error_s);
-        } else {
-            // Without this view, the other one's boxes count alone.
-            views[left_out].look = Look::Blind;
-            if is_left_out {
-                views[left_out] = SeenView::default();
-            }
         }
         match news {
             None => {}
@@ -453,11 +435,25 @@ impl Conductor {
                     view,
                     vague.map(|of| correction(of, own_s)).unwrap_or_default(),
                 );
-                self.report_offset(left_out, None);
+                self.report_offset(if ties[1] < ties[0] { 0 } else { view }, None);
             }
             Some(News::Known(offset)) => self.correct_by(view, offset, own_s),
         }
-        is_left_out.then_some(left_out)
+    }
+
+    /// Leaves out the views whose times do not fit those of the others.
+    fn leave_out_other_times(&self, views: &mut [SeenView], sees: &mut [Sees]) {
+        let clocks = (0..views.len()).map(|view| ComparedClock {
+            tie: self.shared.tie(view),
+            is_known: self.clocks.is_known(view),
+            sees_aircraft: !views[view].boxes.is_empty(),
+        });
+        for view in out_of_time(&clocks.collect::<Vec<_>>()) {
+            views[view] = SeenView::default();
+            if sees[view] == Sees::Aircraft {
+                sees[view] = Sees::LeftOut(Reason::Clock);
+            }
+        }
     }
 
     /// Corrects all clocks after a view's offset from the first one is known, or a different one. Returns the view whose clock is right.
@@ -466,12 +462,12 @@ impl Conductor {
         let now_s: Vec<f64> = (self.offsets.iter())
             .map(|of| of.at(offset.time_s))
             .collect();
-        let right = right_clock(&self.shared.delays_s(), &now_s);
-        let of_right = self.offsets[right];
+        self.right = right_clock(&self.shared.delays_s(), &now_s, self.right);
+        let of_right = self.offsets[self.right];
         for (view, of_view) in self.offsets.iter().enumerate() {
             self.shared.correct(view, of_view.without(&of_right));
         }
-        right
+        self.right
     }
 
     /// Corrects the clock that is wrong, and tells of it.
@@ -517,6 +513,7 @@ impl Conductor {
         let tick = SeenTick {
             time_ns: nanoseconds(time_s),
             views: views.collect(),
+            ..SeenTick::default()
         };
         let sees = vec![Sees::Nothing; tick.views.len()];
         self.answer(&tick, &sees, time_s, seen.taken_s + since_s);

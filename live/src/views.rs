@@ -58,7 +58,6 @@ impl Views {
         // A missing GPU concerns all views.
         start_ffmpeg();
         Gpu::open(decoder)?;
-        let searcher = Arc::new(searcher);
         let (send, messages) = channel();
         let names = run.views();
         let lockstep = Arc::new(Lockstep::of(names.len()));
@@ -99,8 +98,6 @@ impl Views {
                 view,
                 name: name.clone(),
                 search: searcher.view_search(&camera)?,
-                searcher: searcher.clone(),
-                camera,
                 direction: Direction::default(),
                 tracks: [0; 2],
                 queue,

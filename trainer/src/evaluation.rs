@@ -4,6 +4,7 @@
 //! ([`crate::evaluation::view_removal`]). `evaluation-rules.toml` defines which ticks count, and how.
 
 pub(crate) mod answers;
+mod contradictions;
 pub mod figures;
 pub(crate) mod judged;
 pub(crate) mod judged_table;
@@ -14,7 +15,6 @@ pub(crate) mod report;
 pub(crate) mod rules;
 pub(crate) mod view_removal;
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use dataset::corpus::Corpus;
@@ -25,8 +25,9 @@ use dataset::tables::columns::{TableParts, TableWriter};
 use dataset::work::watch::Watch;
 
 use crate::error::{Error, Result};
-use crate::estimators::inverse_range::flight_filter::{Evidence, Withheld};
+use crate::estimators::inverse_range::contradiction::Withheld;
 use crate::evaluation::answers::{Answers, JudgedTicks};
+use crate::evaluation::contradictions::Contradictions;
 use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
     AgainstOneView, EstimatorMetrics, Metrics, RemovedFigures, SideCount, SingleViewFigures,
@@ -46,7 +47,7 @@ use crate::samples::rig::moved_rig::differences_elsewhere;
 use crate::samples::rig::{Rig, are_same, differences, form};
 use crate::samples::sides::leave_out::LeftOut;
 use crate::samples::sides::marked_scenarios;
-use crate::samples::{DistanceRange, Observation, Sample, Samples};
+use crate::samples::{Observation, Sample, Samples};
 
 /// Evaluation input and output.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -71,6 +72,7 @@ struct FlightAnswers<'a> {
     flight: &'a [Sample],
     is_judged: &'a [bool],
     believed: &'a [Observation],
+    withheld: &'a [Withheld],
     answered: &'a [Answered],
 }
 
@@ -93,7 +95,7 @@ pub fn evaluate(
     let trained = TrainedRun::of(&sealed)?;
     let model = &trained.summary.model_hash;
     let model = config.detections.as_ref().unwrap_or(model);
-    let mut samples = Samples::read(corpus, Some(model), DistanceRange::ALL)?;
+    let mut samples = Samples::read(corpus, Some(model))?;
     match config.side {
         JudgedSide::All => samples.test_all(),
         JudgedSide::Test => match &trained.summary.scenario_split {
@@ -111,16 +113,14 @@ pub fn evaluate(
     let alignment = (trained.backgrounds).align(&mut samples, (&[Side::Test], false), watch)?;
     alignment.report(watch);
     let pairs = trained.pairs(&samples);
-    warn_of_lags(&samples.put_in_time(&[Side::Test], &pairs), watch);
+    let late_views = samples.put_in_time(&[Side::Test], &pairs);
+    warn_of_lags(&late_views, watch);
     let samples = &samples;
     let tested = samples.scenarios.iter().filter(|of| of.side == Side::Test);
     if let Some(line) = Corrections::line(tested.map(|of| of.corrections)) {
         watch.say(&line);
     }
     let recorded = || samples.ticks_of_side(Side::Test);
-    let flights = samples.flights_of_side(Side::Test);
-    let flights = flights.map(|flight| flight.iter().map(|s| s.observed.clone()).collect());
-    trained.warn_of_contradictions(flights, samples, watch)?;
     let is_seen = |sample: &Sample| rules.is_there(sample) && sample.detections() > 0;
     if !recorded().any(is_seen) {
         return Err(rules.nothing_to_judge(corpus));
@@ -146,9 +146,12 @@ pub fn evaluate(
     write_json_unsynced(&new.path(RunFolder::EVALUATION), &judged)?;
     let mut predictions = TableParts::new(&new.predictions_path());
     let mut steps = Steps { watch, done: 0 };
+    let mut contradictions = Contradictions::default();
     let all = evaluation.answers(None, &mut steps, |flown| {
+        contradictions.add(samples, flown.flight[0].scenario, flown.withheld);
         Ok(predictions.add(evaluation.rows(flown))?)
     })?;
+    contradictions.report(watch);
     predictions.finish()?;
     let mut without: [WithoutViews; Estimator::ALL.len()] = Default::default();
     for removal in removals {
@@ -189,6 +192,7 @@ pub fn evaluate(
         estimators,
         judged,
         alignment,
+        late_views,
         weather_at_aircraft: marked_scenarios::reported_on_test_side(samples),
     };
     write_json_unsynced(&new.metrics_path(), &metrics)?;
@@ -254,19 +258,9 @@ impl TrainedRun {
         Ok(moved)
     }
 
-    /// Whole flights with the boxes of one aircraft. Boxes unlike the training's and boxes in contradicting views are removed.
+    /// A whole flight with the boxes of one aircraft, without boxes unlike the training's and boxes in views that contradict each other;
+    /// and these contradictions.
     pub(crate) fn believed(
-        &self,
-        observations: &[Observation],
-        samples: &Samples,
-    ) -> Vec<Observation> {
-        let flights = observations.chunk_by(|a, b| a.scenario == b.scenario);
-        let flights = flights.flat_map(|flight| self.without_contradictions(flight, samples).0);
-        flights.collect()
-    }
-
-    /// A flight as it is [`Self::believed`], and the contradictions in it.
-    fn without_contradictions(
         &self,
         flight: &[Observation],
         samples: &Samples,
@@ -294,38 +288,6 @@ impl TrainedRun {
             paired_views.followed(&usual)
         };
         flight_filter.without_contradictions(inverse_range, followed)
-    }
-
-    /// Warns of flights with contradictions, by evidence.
-    pub(crate) fn warn_of_contradictions(
-        &self,
-        flights: impl Iterator<Item = Vec<Observation>>,
-        samples: &Samples,
-        watch: &dyn Watch,
-    ) -> Result<()> {
-        let mut found: BTreeMap<Evidence, Vec<String>> = BTreeMap::new();
-        for flight in flights {
-            watch.check()?;
-            for withheld in self.without_contradictions(&flight, samples).1 {
-                let views: Vec<_> = (withheld.views.iter())
-                    .map(|view| samples.views[*view].as_str())
-                    .collect();
-                let (id, views) = (
-                    &samples.scenarios[flight[0].scenario].id,
-                    views.join(" and "),
-                );
-                let line = format!("{id}: no distances from {views}: {}", withheld.cause);
-                found.entry(withheld.cause.evidence).or_default().push(line);
-            }
-        }
-        for lines in found.values() {
-            let others = match lines.len() {
-                1 => String::new(),
-                several => format!(" (and {} more)", several - 1),
-            };
-            watch.warn(&format!("{}{others}", lines[0]));
-        }
-        Ok(())
     }
 
     /// Views whose rows are known: none if the cameras or the airport differ from the training's.
@@ -382,7 +344,7 @@ impl<'a> Evaluation<'a> {
                     observations: observed,
                 },
             };
-            let believed = run.believed(&observations, self.samples);
+            let (believed, withheld) = run.believed(&observations, self.samples);
             let task = Task::new(run, scenarios, &believed);
             let answered = Estimator::ALL.map(|estimator| estimator.answers(&task));
             let is_judged: Vec<bool> = flight.iter().map(|s| self.rules.is_there(s)).collect();
@@ -391,6 +353,7 @@ impl<'a> Evaluation<'a> {
                 flight,
                 is_judged: &is_judged,
                 believed: &believed,
+                withheld: &withheld,
                 answered: &answered,
             })?;
             steps.done += 1;

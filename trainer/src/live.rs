@@ -1,7 +1,7 @@
 //! A trained run that takes observations one by one, without a corpus: for cameras that have no end.
 //!
 //! ```text
-//! boxes that count, shift    SeenTick -> Observation -> normalisation (boxes unlike the training's drop out)
+//! boxes that count, shift    SeenTick -> Observation -> late views of recordings -> normalisation (boxes unlike the training's drop out)
 //!                                |
 //!                                v
 //!                            PairedViews, Follower  -> the boxes of each aircraft
@@ -31,8 +31,9 @@ use crate::run::estimator::{Estimator, Task};
 use crate::run::folder::RunFolder;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
+use crate::samples::camera_health::late_images::PastLags;
 
-pub use crate::estimators::inverse_range::flight_filter::{Cause, Evidence, Withheld};
+pub use crate::estimators::inverse_range::contradiction::{Cause, Evidence, Withheld};
 pub use crate::samples::Look;
 pub use answer::{Answer, Position, Stated};
 pub(crate) use in_sight::{InSight, JudgedAircraft};
@@ -45,6 +46,7 @@ pub struct OnlineRun {
     blake3: String,
     cameras: Vec<Camera>,
     estimator: Estimator,
+    lags: PastLags,
     in_sight: InSight,
     sights: Sights,
     unlike: Vec<usize>,
@@ -98,6 +100,7 @@ impl OnlineRun {
             blake3: sealed.blake3(),
             cameras,
             estimator,
+            lags: PastLags::default(),
             in_sight: InSight::default(),
             sights: run.backgrounds.unseen(),
             unlike: Vec::new(),
@@ -159,6 +162,12 @@ impl OnlineRun {
         let observed = tick.observed((self.ticks, self.last_ns), &self.cameras);
         self.ticks = self.ticks.wrapping_add(1);
         let observed = self.run.backgrounds.corrected(&observed, &self.sights);
+        let observed = if tick.is_recorded {
+            let pairs = self.run.baselines.inverse_range.pairs();
+            self.lags.corrected(&pairs, observed)
+        } else {
+            observed
+        };
         let usual = self.run.normalisation.without_outliers(&observed, false);
         let lost = |view: &usize| observed.boxes[*view].is_some() && usual.boxes[*view].is_none();
         self.unlike = (0..observed.boxes.len()).filter(lost).collect();

@@ -37,7 +37,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{HealthState, ViewHealth, late_views};
+use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Registration;
 
@@ -68,11 +68,6 @@ pub(crate) struct DistanceRange {
 }
 
 impl DistanceRange {
-    pub(crate) const ALL: Self = Self {
-        min_nm: 0.0,
-        max_nm: None,
-    };
-
     pub(crate) fn contains(&self, dtd_m: f64) -> bool {
         let dtd_nm = dtd_m / METERS_PER_NAUTICAL_MILE;
         dtd_nm >= self.min_nm && self.max_nm.is_none_or(|max_nm| dtd_nm <= max_nm)
@@ -163,12 +158,12 @@ pub(crate) struct Samples {
     pub scenarios: Vec<ScenarioSummary>,
     /// Scenarios of the split that are missing from the corpus.
     pub absent_scenarios: Vec<String>,
-    /// All ticks within the range, by scenario and tick, also those that no view saw.
+    /// All ticks before touchdown, by scenario and tick, also those that no view saw.
     pub samples: Vec<Sample>,
 }
 
 impl Samples {
-    pub(crate) fn read(corpus: &Corpus, asked: Option<&str>, range: DistanceRange) -> Result<Self> {
+    pub(crate) fn read(corpus: &Corpus, asked: Option<&str>) -> Result<Self> {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
@@ -181,7 +176,7 @@ impl Samples {
             let record = scenario.record()?;
             let side = side_of(&scenario, &record, &splits)?;
             let observed = found.observe(&scenario, record, side, Moment::Hindsight)?;
-            found.add_labelled(&scenario, observed, range)?;
+            found.add_labelled(&scenario, observed)?;
         }
         found.refuse_flights_on_two_sides(corpus)?;
         found.refuse_mixed_registrations()?;
@@ -190,19 +185,15 @@ impl Samples {
 
     /// Reads the samples of several corpora with the same rig. A flight on different sides of their splits goes to the test side, or else
     /// to validation. A scenario that several corpora contain counts once.
-    pub(crate) fn read_all(
-        corpora: &[Corpus],
-        asked: Option<&str>,
-        range: DistanceRange,
-    ) -> Result<Self> {
+    pub(crate) fn read_all(corpora: &[Corpus], asked: Option<&str>) -> Result<Self> {
         let [first, others @ ..] = corpora else {
             return Err(Error::corpus(Path::new("."), NO_SCENARIOS));
         };
-        let mut all = Self::read(first, asked, range)?;
+        let mut all = Self::read(first, asked)?;
         let mut sides = all.sides();
         for corpus in others {
             let model = all.detections.hash.clone();
-            let mut other = Self::read(corpus, Some(&model), range)?;
+            let mut other = Self::read(corpus, Some(&model))?;
             all.rig.join(first, corpus, &other.rig)?;
             for (flight, side) in other.sides() {
                 let known = sides.entry(flight).or_insert(side);
@@ -332,7 +323,6 @@ impl Samples {
         &mut self,
         scenario: &OpenScenario,
         (summary, frames, observations): (ScenarioSummary, Frames, Vec<Observation>),
-        range: DistanceRange,
     ) -> Result<()> {
         let folder = scenario.folder();
         let visibility_m = summary.planned_weather.visibility_m;
@@ -356,7 +346,7 @@ impl Samples {
                     return Err(Error::corpus(folder.root(), fault));
                 }
             }
-            if labels.along_track_m <= 0.0 || !range.contains(labels.dtd_m) {
+            if labels.along_track_m <= 0.0 {
                 continue;
             }
             let position = row.pose.position();
@@ -446,14 +436,6 @@ impl Samples {
         };
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
-            let late = late_views(&health);
-            let boxes = observations
-                .iter()
-                .flat_map(|of| of.boxes.iter().zip(&self.views));
-            let late =
-                boxes.filter(|(seen, view)| seen.is_some() && late.contains_key(view.as_str()));
-            corrections.late_kept = late.count();
-            summary.corrections = corrections;
             return Ok((summary, frames, observations));
         }
         summary.lags = lags_by_health(&self.views, &health);
@@ -484,6 +466,11 @@ impl Samples {
         let observations = self.samples.iter_mut().map(|sample| &mut sample.observed);
         let observations = observations.filter(|observed| counts[observed.scenario]);
         put_in_time(&self.views, &mut self.scenarios, observations, pairs)
+    }
+
+    /// Drops the ticks outside a range of distances.
+    pub(crate) fn retain_within(&mut self, range: DistanceRange) {
+        self.samples.retain(|sample| range.contains(sample.dtd_m));
     }
 
     /// Includes common errors in the deviations of the shifts, for training ([`Observation::move_common_to_shifts`]).

@@ -140,6 +140,8 @@ fn train_run(
     let known = start.as_ref().map(|start| &start.run.networks);
     let learned = train_networks(known, &encoded, &samples.views, config, &device, companions)?;
     let baselines = fit_formulas(&flights, &normalisation, self_calibrated);
+    let unwatched = (baselines.flight_filter.kept).unwatched(&baselines.inverse_range);
+    unwatched.iter().for_each(|line| watch.say(line));
 
     let choice = Choice::of(&baselines, &flights.with_true_boxes());
     let run = TrainedRun {

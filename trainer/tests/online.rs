@@ -35,6 +35,7 @@ fn ticks(corpus: &Corpus, scenario: &str, views: &[String]) -> Vec<SeenTick> {
     let mut ticks: Vec<SeenTick> = (rows.iter())
         .map(|row| SeenTick {
             time_ns: row.time_ns,
+            is_recorded: true,
             views: vec![
                 SeenView {
                     look: Look::Placed,

@@ -20,8 +20,9 @@ use crate::view_health::{CameraLook, CameraWatch};
 /// Search image by image.
 pub struct ViewSearch {
     detector: Box<dyn Detector + Send>,
+    settings: (TilingSettings, Mode, Camera),
     sequence: Sequence,
-    camera: CameraWatch,
+    watch: CameraWatch,
     images: u32,
     last_s: Option<f64>,
 }
@@ -63,11 +64,20 @@ impl ViewSearch {
     ) -> Self {
         Self {
             detector,
+            settings: (tiling, mode, *camera),
             sequence: Sequence::new(tiling, mode, None),
-            camera: CameraWatch::new(camera),
+            watch: CameraWatch::new(camera),
             images: 0,
             last_s: None,
         }
+    }
+
+    /// Forgets all images up to now, as of a camera that may look elsewhere. The detector stays loaded.
+    pub fn begin_again(&mut self) {
+        let (tiling, mode, camera) = &self.settings;
+        self.sequence = Sequence::new(*tiling, *mode, None);
+        self.watch = CameraWatch::new(camera);
+        (self.images, self.last_s) = (0, None);
     }
 
     /// Searches the next image. Damaged images and those that are left out are not passed; a time before the last one counts as that one.
@@ -87,7 +97,7 @@ impl ViewSearch {
         let patch = patch(image, best)?;
         let CameraLook {
             state, background, ..
-        } = self.camera.look(at, image.lumas(), best, counted);
+        } = self.watch.look(at, image.lumas(), best, counted);
         let seen = |found: &Tracked| SeenBox {
             pixel_box: found.pixel_box,
             score: found.score,
@@ -175,6 +185,12 @@ mod tests {
             let mut pictures = Pictures::open(&scenario, &view.id, &clock).unwrap();
             let detector = Box::new(BlobFinder::default());
             let mut live = ViewSearch::new(detector, options.settings, options.mode, camera);
+            for tick in &view.ticks[..20] {
+                pictures.next(tick).unwrap();
+                live.look(&mut pictures, tick.time_s).unwrap();
+            }
+            live.begin_again();
+            let mut pictures = Pictures::open(&scenario, &view.id, &clock).unwrap();
             let mut of_view = Vec::new();
             for tick in &view.ticks {
                 pictures.next(tick).unwrap();

@@ -4,11 +4,10 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use dataset::geometry::camera::Camera;
 use dataset::tables::health::HealthState;
 use dataset::video::{DecodedImage, ImageConverter, Luma, PicturePart};
 use labeller::detector::PictureView;
-use labeller::{Image, ImageFindings, Searcher, ViewSearch};
+use labeller::{Image, ImageFindings, ViewSearch};
 use sight::background::Background;
 
 use crate::options::Pace;
@@ -35,8 +34,6 @@ pub(crate) struct Search {
     pub(crate) view: usize,
     pub(crate) name: String,
     pub(crate) search: ViewSearch,
-    pub(crate) searcher: Arc<Searcher>,
-    pub(crate) camera: Camera,
     pub(crate) direction: Direction,
     /// First track number of this search, and of the next one.
     pub(crate) tracks: [u32; 2],
@@ -171,7 +168,7 @@ impl Search {
         if self.shared.pace != Pace::AsFastAsPossible
             && self.direction.is_new(image.connection, image.time_s)
         {
-            self.search = self.searcher.view_search(&self.camera)?;
+            self.search.begin_again();
             pixels.background = None;
             self.tracks[0] = self.tracks[1];
         }

@@ -10,6 +10,7 @@
 //! sorts them by precision. Prediction does not read the calibration. Training uses it only to exclude false boxes. Registration used it
 //! for scale and rotation between two views.
 
+pub(crate) mod contradiction;
 pub(crate) mod flight_filter;
 
 mod cross_fitted;
@@ -17,6 +18,7 @@ mod measurement;
 mod onnx;
 mod robust_fit;
 mod row_misfit;
+mod tick;
 
 use std::collections::BTreeSet;
 
@@ -34,7 +36,8 @@ pub(crate) use robust_fit::MIN_DEVIATION;
 use robust_fit::{
     ROUGHLY, Rows, Scales, Solution, coordinates, normalise, sensitivity_m, terms_of, write_terms,
 };
-use row_misfit::{RowRelation, row_misfits};
+use row_misfit::RowRelation;
+pub(crate) use tick::Tick;
 
 /// Minimum number of ticks per coefficient.
 const TICKS_PER_COEFFICIENT: usize = 3;
@@ -187,11 +190,6 @@ impl InverseRange {
     /// Views whose rows are known.
     pub(crate) fn pairs(&self) -> Vec<Pair<'_>> {
         self.rows.iter().filter_map(RowRelation::pair).collect()
-    }
-
-    /// Deviations of registered rows from their expected positions at a tick ([`row_misfits`]).
-    fn row_misfits(&self, observed: &Observation) -> Vec<([usize; 2], f64)> {
-        row_misfits(&self.rows, observed)
     }
 }
 

@@ -187,6 +187,9 @@ pub struct Metrics {
     /// Comparison of the cameras' backgrounds with the training's.
     #[serde(default)]
     pub alignment: Alignment,
+    /// Messages about views that are late in a flight; missing without any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub late_views: Vec<String>,
     /// Weather that simulators reported at the aircraft, by name of the planned weather; missing without reports.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub weather_at_aircraft: BTreeMap<String, ReportedWeather>,

@@ -10,7 +10,9 @@ use serde::{Serialize, Serializer};
 
 use crate::background::Alignment;
 use crate::error::{Error, Result};
+use crate::estimators::inverse_range::contradiction::Withheld;
 use crate::estimators::inverse_range::flight_filter::Estimate;
+use crate::evaluation::contradictions::Contradictions;
 use crate::evaluation::prediction_table::add_answers;
 use crate::live::{InSight, JudgedAircraft, Phase};
 use crate::run::estimator::{Answered, Estimator, Task};
@@ -19,7 +21,7 @@ use crate::run::place::refuse_in_run;
 use crate::run::sealed::SealedRun;
 use crate::run::trained::TrainedRun;
 use crate::samples::camera_health::Corrections;
-use crate::samples::camera_health::late_images::{put_in_time, warn_of_lags};
+use crate::samples::camera_health::late_images::{PastLags, put_in_time, warn_of_lags};
 use crate::samples::{Moment, NO_SCENARIOS, Observation, Samples};
 
 /// Prediction size.
@@ -73,39 +75,40 @@ pub fn predict(
             watch,
         )?;
         alignment.report(watch);
-        let pairs = trained.pairs(&corpus_read);
+    }
+    let pairs = trained.pairs(&corpus_read);
+    let mut late_views = Vec::new();
+    if moment == Moment::Hindsight {
         let Samples {
             views, scenarios, ..
         } = &mut corpus_read;
-        warn_of_lags(
-            &put_in_time(views, scenarios, flights.iter_mut(), &pairs),
-            watch,
-        );
+        late_views = put_in_time(views, scenarios, flights.iter_mut(), &pairs);
     }
-    let corrections = corpus_read.scenarios.iter().map(|of| of.corrections);
-    if let Some(line) = Corrections::line(corrections) {
-        watch.say(&line);
-    }
-    let each = flights.chunk_by(|a, b| a.scenario == b.scenario);
-    trained.warn_of_contradictions(each.map(<[_]>::to_vec), &corpus_read, watch)?;
     let mut table = TableParts::new(out);
     let mut answered = Estimator::ALL.map(|estimator| (estimator.name(), 0));
     watch.begin("prediction", corpus_read.scenarios.len() as u64);
     let mut done = 0;
     let mut seen_live = Alignment::default();
+    let mut contradictions = Contradictions::default();
     for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
         watch.check()?;
         let of_flight = match moment {
             Moment::Hindsight => FlightPredictions::whole(&trained, &corpus_read, flight),
             Moment::Live => {
                 let backgrounds = &trained.backgrounds;
-                let flight = backgrounds.seen_live(&corpus_read, flight, &mut seen_live)?;
-                FlightPredictions::live(&trained, &corpus_read, &flight)
+                let seen = backgrounds.seen_live(&corpus_read, flight, &mut seen_live)?;
+                let mut lags = PastLags::default();
+                let seen = seen.into_iter().map(|of| lags.corrected(&pairs, of));
+                let seen: Vec<Observation> = seen.collect();
+                let id = &corpus_read.scenarios[flight[0].scenario].id;
+                late_views.extend(lags.named(id, &corpus_read.views));
+                FlightPredictions::live(&trained, &corpus_read, &seen)
             }
         };
         for ((_, count), of) in answered.iter_mut().zip(&of_flight.answered) {
             *count += of.distances_m.iter().flatten().count();
         }
+        contradictions.add(&corpus_read, flight[0].scenario, &of_flight.withheld);
         let scenario = &corpus_read.scenarios[flight[0].scenario].id;
         table.add(of_flight.columns(scenario))?;
         done += 1;
@@ -114,6 +117,12 @@ pub fn predict(
     if moment == Moment::Live {
         seen_live.report(watch);
     }
+    warn_of_lags(&late_views, watch);
+    let corrections = corpus_read.scenarios.iter().map(|of| of.corrections);
+    if let Some(line) = Corrections::line(corrections) {
+        watch.say(&line);
+    }
+    contradictions.report(watch);
     match table.finish_new() {
         // A different process has created it in the meantime.
         Err(error) if error.is_taken() => {
@@ -134,19 +143,22 @@ pub fn predict(
 struct FlightPredictions {
     observed: Vec<Observation>,
     answered: Vec<Answered>,
+    /// Contradictions.
+    withheld: Vec<Withheld>,
     /// Live, phase of the followed aircraft at each tick, if any.
     phases: Option<Vec<Option<Phase>>>,
 }
 
 impl FlightPredictions {
     fn whole(trained: &TrainedRun, samples: &Samples, flight: &[Observation]) -> Self {
-        let observed = trained.believed(flight, samples);
+        let (observed, withheld) = trained.believed(flight, samples);
         let task = Task::new(trained, &samples.scenarios, &observed);
         Self {
             answered: Estimator::ALL
                 .map(|estimator| estimator.answers(&task))
                 .into(),
             observed,
+            withheld,
             phases: None,
         }
     }
@@ -160,6 +172,10 @@ impl FlightPredictions {
                 judged.into_iter().find(|of| of.is_followed)
             })
             .collect();
+        let contradictions = followed.iter().flatten();
+        let contradictions = contradictions.filter_map(|of| of.contradiction.as_ref());
+        let begun = contradictions.filter(|found| found.begins);
+        let withheld = begun.map(|found| found.withheld.clone()).collect();
         let seen = flight.iter().zip(&followed).map(|(observed, followed)| {
             let nothing = || observed.with_boxes(vec![None; observed.boxes.len()]);
             followed
@@ -187,6 +203,7 @@ impl FlightPredictions {
         Self {
             answered: answered.into(),
             observed,
+            withheld,
             phases: Some(phases),
         }
     }

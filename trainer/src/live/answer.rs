@@ -3,7 +3,8 @@
 use dataset::geometry::geodesy::Geodetic;
 
 use super::{JudgedAircraft, Phase};
-use crate::estimators::inverse_range::flight_filter::{Estimated, Withheld};
+use crate::estimators::inverse_range::contradiction::Withheld;
+use crate::estimators::inverse_range::flight_filter::Estimated;
 
 /// Aircraft state at a tick.
 #[derive(Debug, Clone, PartialEq)]
@@ -109,7 +110,7 @@ impl Answer {
             ground_speed_mps: None,
             time_to_touchdown_s: None,
             position: None,
-            withheld: judged.withheld.clone(),
+            withheld: judged.contradiction.as_ref().map(|of| of.withheld.clone()),
         }
     }
 }

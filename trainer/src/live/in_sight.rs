@@ -1,9 +1,9 @@
 //! The aircraft in sight, each with its own filter.
 
 use super::phase::{Phase, PhaseJudge};
-use crate::estimators::inverse_range::flight_filter::{
-    ContradictionWatch, Estimate, OnlineFilter, Withheld,
-};
+use crate::estimators::inverse_range::Tick;
+use crate::estimators::inverse_range::contradiction::{Contradiction, ContradictionWatch};
+use crate::estimators::inverse_range::flight_filter::{Estimate, OnlineFilter};
 use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
 use crate::samples::paired_views::{Follower, MEMORY_S, ObjectTick};
@@ -43,8 +43,8 @@ pub(crate) struct JudgedAircraft {
     pub phase: Phase,
     /// Time of the last box, seconds.
     pub seen_s: f64,
-    /// Views with boxes that are not used, and the cause.
-    pub withheld: Option<Withheld>,
+    /// The contradiction because of which boxes are not used.
+    pub contradiction: Option<Contradiction>,
 }
 
 impl JudgedAircraft {
@@ -108,13 +108,15 @@ impl InSight {
         let baselines = &run.baselines;
         let (filter, fits) = (&baselines.flight_filter, &baselines.inverse_range);
         let mut observed = of.observed;
+        let mut tick = Tick::of(fits, &observed);
         let found = if other_cameras {
             None
         } else {
-            filter.contradiction(&mut aircraft.contradictions, fits, &observed)
+            filter.contradiction(&mut aircraft.contradictions, fits, (&observed, &tick))
         };
         if let Some(found) = &found {
             observed = observed.withheld(&found.withheld.views, found.begins);
+            tick = Tick::of(fits, &observed);
             if found.begins {
                 // Earlier measurements were wrong as well.
                 aircraft.filter = filter.online();
@@ -123,10 +125,10 @@ impl InSight {
         Some(JudgedAircraft {
             number: of.number as u32,
             is_followed: of.is_followed,
-            estimate: filter.next(&mut aircraft.filter, fits, &observed),
-            phase: aircraft.phase.take(run, &observed),
+            estimate: filter.next(&mut aircraft.filter, &tick),
+            phase: aircraft.phase.take(run, &observed, &tick),
             seen_s: aircraft.seen_s,
-            withheld: found.map(|found| found.withheld),
+            contradiction: found,
             observed,
         })
     }

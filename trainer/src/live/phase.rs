@@ -12,7 +12,8 @@ use dataset::numbers::spread::{Spread, median_of, median_slope};
 use glam::DVec2;
 
 use super::cameras_of;
-use crate::estimators::inverse_range::flight_filter::MIN_CLOSING_MPS;
+use crate::estimators::inverse_range::Tick;
+use crate::estimators::inverse_range::contradiction::MIN_CLOSING_MPS;
 use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
 use crate::samples::trusted_boxes::centre_and_size;
@@ -90,11 +91,11 @@ struct Slope {
 }
 
 impl PhaseJudge {
-    pub(super) fn take(&mut self, run: &TrainedRun, observed: &Observation) -> Phase {
+    pub(super) fn take(&mut self, run: &TrainedRun, observed: &Observation, tick: &Tick) -> Phase {
         let time_s = observed.time_s();
         let is_next = |last: &TrackPoint| time_s - last.time_s >= STEP_S - 1e-6;
         if self.seen.back().is_none_or(is_next)
-            && let Some(seen) = TrackPoint::of(run, observed)
+            && let Some(seen) = TrackPoint::of(run, observed, tick)
         {
             self.push(seen);
         }
@@ -172,11 +173,11 @@ fn climb_mps(seen: &[&TrackPoint], closing: Slope) -> Option<(f64, f64)> {
 }
 
 impl TrackPoint {
-    fn of(run: &TrainedRun, observed: &Observation) -> Option<Self> {
+    fn of(run: &TrainedRun, observed: &Observation, tick: &Tick) -> Option<Self> {
         let baselines = &run.baselines;
         let fits = &baselines.inverse_range;
-        let best = *fits.measurements(observed).first()?;
-        let (slow_m, half_time_s, new_m) = baselines.flight_filter.deviations_m(&best);
+        let best = tick.measurements.first()?;
+        let (slow_m, half_time_s, new_m) = baselines.flight_filter.deviations_m(best);
         let cameras = cameras_of(run)?;
         let elevations = observed.boxes.iter().zip(&cameras).map(|(seen, camera)| {
             let (centre_px, _) = centre_and_size(seen.as_ref()?);

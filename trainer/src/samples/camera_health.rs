@@ -53,8 +53,6 @@ pub(crate) struct Corrections {
     pub late: usize,
     /// Rejected boxes in late images.
     pub late_withheld: usize,
-    /// Boxes in late images that remain unchanged, because the lag is unknown live.
-    pub late_kept: usize,
     /// Rejected shifts between views that cannot show the same aircraft.
     pub contradicting: usize,
 }
@@ -66,7 +64,6 @@ impl AddAssign for Corrections {
         self.uncertain += other.uncertain;
         self.late += other.late;
         self.late_withheld += other.late_withheld;
-        self.late_kept += other.late_kept;
         self.contradicting += other.contradicting;
     }
 }
@@ -88,7 +85,6 @@ impl fmt::Display for Corrections {
             uncertain,
             late,
             late_withheld,
-            late_kept,
             contradicting,
         } = self;
         let parts = [
@@ -107,12 +103,6 @@ impl fmt::Display for Corrections {
                 format!("boxes of cameras that shake in fog: {uncertain} with less certain shifts"),
             ),
             (
-                *late_kept,
-                format!(
-                    "boxes of late images: {late_kept} not corrected, since only whole flights tell the lag; expect errors of distances"
-                ),
-            ),
-            (
                 *contradicting,
                 format!(
                     "shifts between views that contradict each other: {contradicting} left out"
@@ -123,6 +113,15 @@ impl fmt::Display for Corrections {
         let parts: Vec<String> = parts.map(|(_, text)| text).collect();
         f.write_str(&parts.join("; "))
     }
+}
+
+/// The first of several lines for users, with the number of others.
+pub(crate) fn first_of(lines: &[String]) -> Option<String> {
+    let (first, others) = lines.split_first()?;
+    Some(match others.len() {
+        0 => first.clone(),
+        count => format!("{first} (and {count} more)"),
+    })
 }
 
 /// True for an image from a shaking camera without a visible background.

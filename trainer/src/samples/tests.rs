@@ -17,8 +17,6 @@ use super::*;
 use fixtures::registered_corpus;
 use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};
 
-const ALL: DistanceRange = DistanceRange::ALL;
-
 fn detection(score: f64, cx_px: f64) -> Detection {
     let pixel_box = PixelBox {
         cx_px,
@@ -128,7 +126,7 @@ fn every_scenario_keeps_its_own_cameras_and_another_rig_is_refused() {
     }
     .write(folder.path())
     .unwrap();
-    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    let samples = Samples::read(&corpus, None).unwrap();
     assert!(samples.rig.cameras_vary);
     let [first, second] = [0, 1].map(|scenario| samples.scenarios[scenario].cameras[0]);
     assert_ne!(first.ecef_from_camera, second.ecef_from_camera);
@@ -138,7 +136,7 @@ fn every_scenario_keeps_its_own_cameras_and_another_rig_is_refused() {
     record.rig = "another".into();
     record.write(&other.record_path()).unwrap();
     seal_folder(other.root(), "synthetic").unwrap();
-    let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+    let message = Samples::read(&corpus, None).unwrap_err().to_string();
     assert!(
         message.contains("rig another") && message.contains("one rig"),
         "{message}"
@@ -156,7 +154,7 @@ fn corpora_are_joined_by_flights_and_a_flight_that_one_of_them_tests_trains_noth
         corpus.write(&folder.path().join(name)).unwrap()
     };
     let [one, same, other] = [("one", 0), ("same", 0), ("other", 1)].map(|(n, s)| write(n, s));
-    let alone = Samples::read(&one, None, ALL).unwrap();
+    let alone = Samples::read(&one, None).unwrap();
     let flight = |samples: &Samples, id: &str| {
         let found = samples.scenarios.iter().find(|s| s.id == id);
         found.unwrap().flight.clone()
@@ -169,8 +167,8 @@ fn corpora_are_joined_by_flights_and_a_flight_that_one_of_them_tests_trains_noth
     splits.scenarios.get_mut(&test).unwrap().side = Side::Train;
     splits.write(&same.splits_path()).unwrap();
 
-    let all = Samples::read_all(&[one, same, other.clone()], None, ALL).unwrap();
-    let of_other = Samples::read(&other, None, ALL).unwrap();
+    let all = Samples::read_all(&[one, same, other.clone()], None).unwrap();
+    let of_other = Samples::read(&other, None).unwrap();
     assert_eq!(
         all.scenarios.len(),
         alone.scenarios.len() + of_other.scenarios.len()
@@ -206,9 +204,7 @@ fn corpora_with_different_rigs_do_not_train_together() {
         zoom: 1.0,
     };
     let corpora = [write("one", None), write("turned", Some(turned))];
-    let message = Samples::read_all(&corpora, None, ALL)
-        .unwrap_err()
-        .to_string();
+    let message = Samples::read_all(&corpora, None).unwrap_err().to_string();
     for word in ["turned:", "planned cameras", "left.", "--start-from"] {
         assert!(message.contains(word), "no {word:?} in {message}");
     }
@@ -236,7 +232,7 @@ fn of_several_models_one_is_chosen_by_hash_or_by_file_name() {
     };
     let corpus = of_two_models(folder.path(), &other);
     let asked = |asked: Option<&str>| {
-        let read = Samples::read(&corpus, asked, ALL);
+        let read = Samples::read(&corpus, asked);
         read.map(|samples| samples.detections.hash)
             .map_err(|error| error.to_string())
     };
@@ -269,13 +265,13 @@ fn a_file_name_of_two_models_is_no_choice_and_both_are_listed_by_hash() {
         profile_blake3: Some("a".repeat(64)),
     };
     let corpus = of_two_models(folder.path(), &other);
-    let message = Samples::read(&corpus, Some(MODEL_FILE), ALL);
+    let message = Samples::read(&corpus, Some(MODEL_FILE));
     let message = message.unwrap_err().to_string();
     for hash in [MODEL_HASH, &other.name()] {
         let listed = format!("{MODEL_FILE} ({hash})");
         assert!(message.contains(&listed), "{message}");
     }
-    assert!(Samples::read(&corpus, Some(MODEL_HASH), ALL).is_ok());
+    assert!(Samples::read(&corpus, Some(MODEL_HASH)).is_ok());
 }
 
 /// Makes a scenario replay a recording under a name.
@@ -297,11 +293,11 @@ fn a_renamed_copy_of_a_recording_is_the_same_flight_and_may_not_be_on_two_sides(
     let content = "ab".repeat(32);
     replay(&corpus, "0000", "calm.csv", &content);
     replay(&corpus, "0001", "renamed.csv", &content);
-    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    let samples = Samples::read(&corpus, None).unwrap();
     assert_eq!(samples.flights(Side::Train).len(), 3, "of four scenarios");
     // 0006 is on the test side.
     replay(&corpus, "0006", "held-out.csv", &content);
-    let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+    let message = Samples::read(&corpus, None).unwrap_err().to_string();
     for needed in [
         "0000",
         "0006",
@@ -356,7 +352,7 @@ fn a_trajectory_that_the_split_names_differently_is_refused() {
     let mut splits = Splits::read(&corpus.splits_path()).unwrap();
     splits.scenarios.first_entry().unwrap().get_mut().trajectory = "renamed".into();
     splits.write(&corpus.splits_path()).unwrap();
-    let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+    let message = Samples::read(&corpus, None).unwrap_err().to_string();
     assert!(message.contains("renamed"), "{message}");
 }
 
@@ -437,7 +433,7 @@ fn turn(part: f64) -> Option<CameraTurn> {
 fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_see_them() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = registered_corpus(0.0).write(folder.path()).unwrap();
-    let before = Samples::read(&corpus, None, ALL).unwrap();
+    let before = Samples::read(&corpus, None).unwrap();
     // One is turned in mid flight, the other one shakes.
     with_health(&corpus, |tick| {
         let turned = match tick {
@@ -447,7 +443,7 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
         let shaken = [0.0, -1.0, 1.0, 0.5][tick as usize % 4];
         vec![turned, (HealthState::Shaking, turn(shaken))]
     });
-    let after = Samples::read(&corpus, None, ALL).unwrap();
+    let after = Samples::read(&corpus, None).unwrap();
     // Nearer to the edge, the turn decides whether a box is whole.
     let is_inside = |seen: &Option<PixelBox>| {
         seen.is_none_or(|seen| {
@@ -496,14 +492,14 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
 fn a_view_that_is_frozen_or_off_by_an_unknown_amount_does_not_count() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = registered_corpus(0.0).write(folder.path()).unwrap();
-    let before = Samples::read(&corpus, None, ALL).unwrap();
+    let before = Samples::read(&corpus, None).unwrap();
     with_health(&corpus, |tick| match tick % 4 {
         0 => vec![(HealthState::Frozen, None), STEADY],
         1 => vec![STEADY, (HealthState::Shaking, None)],
         2 => vec![(HealthState::Moved, None), STEADY],
         _ => vec![(HealthState::Unknown, None), (HealthState::Unknown, None)],
     });
-    let after = Samples::read(&corpus, None, ALL).unwrap();
+    let after = Samples::read(&corpus, None).unwrap();
     for (one, other) in before.samples.iter().zip(&after.samples) {
         let gone = [Some(0), Some(1), Some(0), None][one.tick as usize % 4];
         for view in 0..2 {
@@ -518,12 +514,12 @@ fn a_view_that_is_frozen_or_off_by_an_unknown_amount_does_not_count() {
 fn a_shift_between_views_that_contradict_each_other_does_not_count_but_their_boxes_do() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = registered_corpus(0.0).write(folder.path()).unwrap();
-    let before = Samples::read(&corpus, None, ALL).unwrap();
+    let before = Samples::read(&corpus, None).unwrap();
     with_health(&corpus, |tick| match tick % 2 {
         0 => vec![STEADY, (HealthState::Inconsistent, None)],
         _ => vec![STEADY, STEADY],
     });
-    let after = Samples::read(&corpus, None, ALL).unwrap();
+    let after = Samples::read(&corpus, None).unwrap();
     let mut dropped = 0;
     for (one, other) in before.samples.iter().zip(&after.samples) {
         assert_eq!(one.boxes, other.boxes);

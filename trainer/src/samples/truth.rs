@@ -6,9 +6,7 @@ use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::TickRow;
 
 use crate::error::Result;
-use crate::samples::{
-    DistanceRange, Observation, Samples, ScenarioSummary, absent, cameras_of, side_of,
-};
+use crate::samples::{Observation, Samples, ScenarioSummary, absent, cameras_of, side_of};
 
 /// Labelled ticks.
 pub(crate) struct Truth {
@@ -44,7 +42,7 @@ impl Truth {
             let observations = frames.rows.iter().map(unobserved).collect();
             ticks.push(frames.rows.len());
             let observed = (summary, frames, observations);
-            samples.add_labelled(&scenario, observed, DistanceRange::ALL)?;
+            samples.add_labelled(&scenario, observed)?;
         }
         samples.refuse_flights_on_two_sides(corpus)?;
         Ok(Self { samples, ticks })

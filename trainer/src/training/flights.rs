@@ -41,11 +41,7 @@ impl Flights {
         config: &TrainConfig,
         watch: &dyn Watch,
     ) -> Result<Self> {
-        let range = DistanceRange {
-            min_nm: config.min_dtd_nm,
-            max_nm: config.max_dtd_nm,
-        };
-        let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
+        let mut samples = Samples::read_all(corpora, config.model_hash.as_deref())?;
         watch.check()?;
         if config.scenario_split.is_some() && corpora.len() > 1 {
             return Err(Error::setting(
@@ -64,7 +60,7 @@ impl Flights {
         }
         let corpus = &corpora[0];
         split_again(corpus, &mut samples, config.leave_out.as_deref())?;
-        samples.put_in_time(&[Side::Train, Side::Validation], &[]);
+        put_in_time_and_range(&mut samples, &[Side::Train, Side::Validation], config);
         let backgrounds = align(&mut samples, config.camera_stability_arcsec, watch)?;
         samples.move_common_to_shifts();
         let recorded = side_with_samples(corpus, &samples, Side::Train)?;
@@ -144,6 +140,15 @@ impl Flights {
     }
 }
 
+/// Corrects late images, and then drops the ticks outside the training's distances: they tell the motion at its limits.
+pub(crate) fn put_in_time_and_range(samples: &mut Samples, sides: &[Side], config: &TrainConfig) {
+    samples.put_in_time(sides, &[]);
+    samples.retain_within(DistanceRange {
+        min_nm: config.min_dtd_nm,
+        max_nm: config.max_dtd_nm,
+    });
+}
+
 /// Learns the camera directions, and corrects boxes and shifts on the training and validation sides.
 fn align(samples: &mut Samples, stability_arcsec: f64, watch: &dyn Watch) -> Result<Backgrounds> {
     let backgrounds = Backgrounds::learn(samples, 0..samples.views.len(), stability_arcsec, watch)?;
@@ -171,4 +176,38 @@ fn side_with_samples<'a>(
         return Err(Error::corpus(corpus.root(), fault));
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use sight::lag::Lag;
+    use testkit::synthetic::SyntheticCorpus;
+
+    use super::*;
+
+    #[test]
+    fn late_images_at_the_limits_of_the_distances_are_corrected_by_the_path_beyond() {
+        let corpus = SyntheticCorpus {
+            miss_ratio: 0.0,
+            ..SyntheticCorpus::tiny()
+        };
+        let mut samples = Samples::synthetic(&corpus, 0.0);
+        let late = Lag {
+            from_s: f64::NEG_INFINITY,
+            seconds: 5.0,
+            sd_s: 0.03,
+        };
+        for scenario in &mut samples.scenarios {
+            scenario.lags = vec![Vec::new(), vec![late]];
+        }
+        let config = TrainConfig {
+            min_dtd_nm: 3.0,
+            ..TrainConfig::default()
+        };
+        put_in_time_and_range(&mut samples, &[Side::Train], &config);
+        for flight in samples.flights_of_side(Side::Train) {
+            let nearest = flight.last().unwrap();
+            assert!(nearest.dtd_m > 5_556.0 && nearest.boxes[1].is_some());
+        }
+    }
 }

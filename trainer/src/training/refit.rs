@@ -39,7 +39,8 @@ use crate::run::trained::TrainedRun;
 use crate::samples::rig::{Cameras, are_same, form};
 use crate::samples::sides::flight_parts::FlightParts;
 use crate::samples::training_cameras::TrainingCameras;
-use crate::samples::{DistanceRange, Sample, Samples};
+use crate::samples::{Sample, Samples};
+use crate::training::flights::put_in_time_and_range;
 
 use network_refit::{RefitSamples, refit_network};
 
@@ -92,14 +93,10 @@ pub fn refit(
             format!("has no view {view:?}; its views are {views}"),
         )
     })?;
-    let range = DistanceRange {
-        min_nm: before.config.min_dtd_nm,
-        max_nm: before.config.max_dtd_nm,
-    };
-    let mut samples = Samples::read(corpus, Some(&before.summary.model_hash), range)?;
+    let mut samples = Samples::read(corpus, Some(&before.summary.model_hash))?;
     split_again(corpus, &mut samples, before.config.leave_out.as_deref())?;
     check_others(run, corpus, &before, &samples, &config.view)?;
-    samples.put_in_time(&[Side::Train], &[]);
+    put_in_time_and_range(&mut samples, &[Side::Train], &before.config);
     let mut after = before.clone();
     let stability_arcsec = before.config.camera_stability_arcsec;
     let seen = Backgrounds::learn(&samples, view..view + 1, stability_arcsec, watch)?;

@@ -140,7 +140,6 @@ mod tests {
 
     use super::*;
     use crate::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
-    use crate::samples::DistanceRange;
     use crate::training::train;
 
     fn settings(steps: usize, learning_rate: f64, start_from: Option<PathBuf>) -> TrainConfig {
@@ -231,7 +230,7 @@ mod tests {
         let message = refusal(folder, &corpus, &wider);
         assert!(message.contains("estimator.lstm[0] 24 and 16"), "{message}");
 
-        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        let mut samples = Samples::read(&corpus, None).unwrap();
         samples.rig.cameras.remove("left");
         let message = Start::of(&continued(folder), &corpus, &samples);
         let message = message.err().unwrap().to_string();

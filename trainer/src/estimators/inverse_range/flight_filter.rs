@@ -10,12 +10,11 @@
 //! widths are chosen to hold 90 % ([`held_share`]) of the labels on flights that the fits did not see ([`labelled_flight`]).
 //!
 //! Intervals also grow where the rows of the views fit each other badly, and with common errors ([`widening`]). Views that contradict each
-//! other for some time are not used ([`contradiction`]).
+//! other for some time are not used ([`super::contradiction`]).
 //!
 //! The measurements are distances, because a fit's formula inverts exactly: the filter is linear.
 
 mod backward;
-mod contradiction;
 mod correlated_error;
 mod estimate;
 mod forward;
@@ -32,19 +31,19 @@ use std::borrow::Borrow;
 use dataset::numbers::spread::Spread;
 use serde::{Deserialize, Serialize};
 
-use crate::estimators::inverse_range::{CrossFitted, InverseRange, Measurement};
+use crate::estimators::inverse_range::contradiction::{
+    Contradiction, ContradictionWatch, KeptInTraining, Withheld, without_contradictions,
+};
+use crate::estimators::inverse_range::{CrossFitted, InverseRange, Measurement, Tick};
 use crate::networks::normalisation::Normalisation;
 use crate::samples::sides::flight_parts::MAX_PARTS;
 use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
-use contradiction::KeptInTraining;
-pub use contradiction::{Cause, Evidence, Withheld};
-pub(crate) use contradiction::{ContradictionWatch, MIN_CLOSING_MPS};
 use correlated_error::CorrelatedError;
 pub(crate) use estimate::{Estimate, Estimated};
 use estimate::{HalfWidths, Widening};
-use forward::{Filter, Tick, filter};
+use forward::{Filter, filter};
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
 use motion::Motion;
@@ -60,7 +59,7 @@ pub(crate) struct FlightFilter {
     tick_s: f64,
     /// Usual row misfit ([`Tick::row_misfit_px`]), pixels: errors grow with it.
     usual_misfit_px: Option<f64>,
-    kept: KeptInTraining,
+    pub(crate) kept: KeptInTraining,
     /// Interval half widths for the filter.
     filtered: HalfWidths,
     /// Interval half widths for the smoother.
@@ -85,8 +84,13 @@ impl FlightFilter {
         let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
         let flights = LabelledFlight::held_out(fits, samples, believed);
         let mut fitted = Self::fit_to(&flights, fits.all.deviations());
-        fitted.kept = KeptInTraining::of(&fitted, &fits.all, &flights);
+        fitted.kept = fitted.kept_in(&fits.all, &flights);
         fitted
+    }
+
+    fn kept_in(&self, fits: &InverseRange, flights: &[LabelledFlight]) -> KeptInTraining {
+        let flights = flights.iter().map(|flight| flight.ticks.as_slice());
+        KeptInTraining::of(fits, |of| self.variance_m2(of), flights)
     }
 
     /// Copy for another airport, where other paths are usual.
@@ -196,16 +200,10 @@ impl FlightFilter {
     }
 
     /// Estimate at the next tick, equal to [`Self::predict`] with past ticks.
-    pub(crate) fn next(
-        &self,
-        online: &mut OnlineFilter,
-        fits: &InverseRange,
-        observed: &Observation,
-    ) -> Option<Estimate> {
-        let tick = Tick::of(fits, observed);
-        let scale = online.misfit.scale_after(self.usual_misfit_px, &tick);
-        let common_sd_per_m = online.common.after(&tick);
-        let known = online.filter.take(self.model(), &tick)?;
+    pub(crate) fn next(&self, online: &mut OnlineFilter, tick: &Tick) -> Option<Estimate> {
+        let scale = online.misfit.scale_after(self.usual_misfit_px, tick);
+        let common_sd_per_m = online.common.after(tick);
+        let known = online.filter.take(self.model(), tick)?;
         let widening = Widening {
             scale: beyond(scale, known.level),
             common_sd_per_m,
@@ -220,6 +218,34 @@ impl FlightFilter {
         let error = &self.errors[measurement.fit];
         let [smooth_m, new_m] = error.parts_m(measurement, measurement.distance_m);
         (smooth_m, error.half_time_s, new_m)
+    }
+
+    /// Variance of a measurement with all errors, square metres.
+    fn variance_m2(&self, of: &Measurement) -> f64 {
+        let (slow_m, _, new_m) = self.deviations_m(of);
+        slow_m.powi(2) + new_m.powi(2) + of.common_sd_m.powi(2)
+    }
+
+    /// Takes the next tick of an aircraft into its watch for contradictions.
+    pub(crate) fn contradiction(
+        &self,
+        watch: &mut ContradictionWatch,
+        fits: &InverseRange,
+        seen: (&Observation, &Tick),
+    ) -> Option<Contradiction> {
+        watch.take((fits, self.kept), |of| self.variance_m2(of), seen)
+    }
+
+    /// A flight without the boxes of views that contradict each other, and the contradictions. `followed`: the number of the aircraft and
+    /// the tick with its boxes.
+    pub(crate) fn without_contradictions(
+        &self,
+        fits: &InverseRange,
+        followed: Vec<(Option<usize>, Observation)>,
+    ) -> (Vec<Observation>, Vec<Withheld>) {
+        without_contradictions(followed, |watch, observed| {
+            self.contradiction(watch, fits, (observed, &Tick::of(fits, observed)))
+        })
     }
 
     fn model(&self) -> Model<'_> {
@@ -308,16 +334,6 @@ fn ticks<O: Borrow<Observation>>(
 ) -> Vec<Tick> {
     let tick = |observed: O| Tick::of(fits, observed.borrow());
     flight.into_iter().map(tick).collect()
-}
-
-impl Tick {
-    fn of(fits: &InverseRange, observed: &Observation) -> Self {
-        Self {
-            time_s: observed.time_s(),
-            measurements: fits.measurements(observed),
-            rows: fits.row_misfits(observed),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -4,8 +4,10 @@
 //! unknown, the view is ignored. Errors of the path make each shift less certain. An error in the lag is common to the whole flight.
 //!
 //! A run knows which row of a view belongs to a place in another ([`Pair`]), to hundredths of a pixel, and with it flights tell lags to
-//! some milliseconds, and when they change ([`lags_by`]). Without such rows, as in training and with other cameras, lags are those that
-//! `dtd detect` measures with the planned cameras ([`dataset::tables::health::late_views`]).
+//! some milliseconds, and when they change ([`lags_by`]); live, the images up to now do ([`PastLags`]). Without such rows, as in training
+//! and with other cameras, lags are those that `dtd detect` measures with the planned cameras ([`dataset::tables::health::late_views`]).
+
+mod past;
 
 use std::collections::BTreeMap;
 
@@ -18,7 +20,7 @@ use sight::lag::{
     self, Lag, PLACE_TERMS, Rows, Sighting, lag_at, moved, moved_sd_px, with_one_lag,
 };
 
-use crate::samples::camera_health::Corrections;
+use crate::samples::camera_health::{Corrections, first_of};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{CommonError, Observation, ScenarioSummary};
 
@@ -33,6 +35,8 @@ const SAME_CHANGE_S: f64 = 2.0;
 /// pixels. Constants of 24 training flights had 0.02 px; with these slopes, ten recorded flights tell drifts as well as they state.
 const ROW_SD_PX: f64 = 0.05;
 const SLOPE_SD_PX: f64 = 0.06;
+
+pub(crate) use past::PastLags;
 
 /// Box centres by time, s.
 type Path = Vec<(f64, DVec2)>;
@@ -256,9 +260,13 @@ fn skipping(flight: &[&Observation], views: [usize; 2], at_s: f64, longer_s: f64
     (by_view[view] < by_none).then_some(view)
 }
 
+/// True for a lag that moves boxes, or makes them less certain.
+fn is_corrected(lag: &Lag) -> bool {
+    lag.seconds != 0.0 || lag.sd_s != 0.0
+}
+
 /// Corrects the ticks of a flight for the lags of each view, and counts the changes.
 fn in_time(flight: &mut [&mut Observation], lags: &[Vec<Lag>], counts: &mut Corrections) {
-    let is_corrected = |lag: &Lag| lag.seconds != 0.0 || lag.sd_s != 0.0;
     if !lags.iter().flatten().any(is_corrected) {
         return;
     }
@@ -345,12 +353,8 @@ pub(crate) fn put_in_time<'a>(
 
 /// Warns of the first of these lines.
 pub(crate) fn warn_of_lags(lines: &[String], watch: &dyn Watch) {
-    if let [first, others @ ..] = lines {
-        let more = match others.len() {
-            0 => String::new(),
-            count => format!(" (and {count} more)"),
-        };
-        watch.warn(&format!("{first}{more}; its boxes are moved along its own path, and intervals include what remains uncertain"));
+    if let Some(line) = first_of(lines) {
+        watch.warn(&format!("{line}; its boxes are moved along its own path, and intervals include what remains uncertain"));
     }
 }
 
@@ -468,7 +472,7 @@ mod tests {
     }
 
     /// Places of an aircraft that first flies level and then descends towards the cameras.
-    fn place_px(time_s: f64) -> DVec2 {
+    pub(super) fn place_px(time_s: f64) -> DVec2 {
         let level_s = time_s.min(60.0);
         let down_px = 2.0 * level_s + 0.1 * (time_s - level_s);
         DVec2::new(
@@ -477,22 +481,28 @@ mod tests {
         )
     }
 
-    /// Lags by the rows of a flight whose views show the aircraft at other times than their ticks.
-    fn lags_of_views(seen_s: [&dyn Fn(f64) -> f64; 2]) -> Vec<Vec<Lag>> {
-        let tick = |tick: u32| {
-            let noise_px = 0.05 * (f64::from(tick) * 12.9898).sin();
-            let [first, second] = seen_s.map(|seen_s| place_px(seen_s(f64::from(tick))));
-            let apart = DVec2::new(60.0, 3.0 + noise_px);
-            Observation::registered_at(tick, [first, second + apart])
-        };
-        let flight: Vec<Observation> = (0..120).map(tick).collect();
-        let pair = Pair {
+    /// A tick whose views show the aircraft at these times.
+    pub(super) fn tick_of_views(tick: u32, seen_s: [f64; 2]) -> Observation {
+        let noise_px = 0.05 * (f64::from(tick) * 12.9898).sin();
+        let [first, second] = seen_s.map(place_px);
+        let apart = DVec2::new(60.0, 3.0 + noise_px);
+        Observation::registered_at(tick, [first, second + apart])
+    }
+
+    pub(super) fn pair() -> Pair<'static> {
+        Pair {
             views: [0, 1],
             off_px: Box::new(|[first, second]: [DVec2; 2]| second.y - first.y - 3.0),
             row_sd_px: 0.05,
             lag_sd_s: 0.01,
-        };
-        lags_by(&[pair], &[], 2, &flight.iter().collect::<Vec<_>>()).unwrap()
+        }
+    }
+
+    /// Lags by the rows of a flight whose views show the aircraft at other times than their ticks.
+    fn lags_of_views(seen_s: [&dyn Fn(f64) -> f64; 2]) -> Vec<Vec<Lag>> {
+        let seen = |tick| tick_of_views(tick, seen_s.map(|seen_s| seen_s(f64::from(tick))));
+        let flight: Vec<Observation> = (0..120).map(seen).collect();
+        lags_by(&[pair()], &[], 2, &flight.iter().collect::<Vec<_>>()).unwrap()
     }
 
     #[test]

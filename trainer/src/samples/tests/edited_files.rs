@@ -15,10 +15,10 @@ use super::*;
 fn refused(words: &[&str], edit: impl FnOnce(&ScenarioFolder, &ScenarioFolder)) {
     let folder = tempfile::tempdir().unwrap();
     let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-    assert!(Samples::read(&corpus, None, ALL).is_ok());
+    assert!(Samples::read(&corpus, None).is_ok());
     let scenarios = corpus.scenarios().unwrap();
     edit(&scenarios[0], &scenarios[1]);
-    let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+    let message = Samples::read(&corpus, None).unwrap_err().to_string();
     for word in words {
         assert!(message.contains(word), "{word}: {message}");
     }
@@ -175,7 +175,7 @@ fn views_registered_with_different_cameras_are_refused_with_a_remedy() {
     for scenario in corpus.scenarios().unwrap() {
         register(&scenario, run.clone());
     }
-    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    let samples = Samples::read(&corpus, None).unwrap();
     let expected = RegisteredWith::Run("ab".repeat(32));
     assert_eq!(samples.registered_with(), Some(&expected));
 }

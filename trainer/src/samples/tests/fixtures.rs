@@ -16,11 +16,12 @@ impl Samples {
     pub(crate) fn synthetic(corpus: &SyntheticCorpus, min_nm: f64) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let corpus = corpus.write(folder.path()).unwrap();
-        let range = DistanceRange {
+        let mut samples = Self::read(&corpus, None).unwrap();
+        samples.retain_within(DistanceRange {
             min_nm,
             max_nm: None,
-        };
-        Self::read(&corpus, None, range).unwrap()
+        });
+        samples
     }
 
     /// The training side with only those boxes that contain the aircraft.

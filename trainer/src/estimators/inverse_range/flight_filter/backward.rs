@@ -1,9 +1,10 @@
 //! Smoother: states from all ticks, along the decisions of the most likely final hypothesis.
 
-use super::forward::{Tick, fits_of};
+use super::forward::{fits_of, tick_count};
 use super::gaussian::{Gaussian, Step};
 use super::hypothesis::{Decision, Hypothesis, Model, MotionState, step};
 use super::motion::Motion;
+use crate::estimators::inverse_range::Tick;
 
 #[derive(Debug, Clone)]
 struct TickState {
@@ -55,7 +56,7 @@ fn along(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<Tic
         let mut advanced = None;
         if let Some((time_s, before)) = &last {
             let seconds = (tick.time_s - time_s).max(0.0);
-            count = Tick::count(model, seconds);
+            count = tick_count(model, seconds);
             let step = step(model, &fits, seconds);
             let mut next = before.clone();
             next.advance(model, &step, seconds);

@@ -11,8 +11,7 @@
 //! Errors that are new at each tick in training are not new thirty times per second: video compression, pixel phase and the air change more
 //! slowly. So if ticks follow each other faster, each has proportionally less weight.
 
-use crate::estimators::inverse_range::Measurement;
-use crate::samples::view_shift::MIN_SD_PX;
+use crate::estimators::inverse_range::{Measurement, Tick};
 
 use super::gaussian::Step;
 use super::hypothesis::{Decision, Hypothesis, Model, MotionState, ScaledReading, step};
@@ -37,39 +36,9 @@ const MIN_WEIGHT: f64 = 1e-3;
 /// ... until it had no measurement for [`MEMORY_S`] or this many usual ticks: false boxes rarely last longer.
 const DISPLACED_TICKS: f64 = 8.0;
 
-/// Measurements at a tick, the most precise first.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Tick {
-    pub(super) time_s: f64,
-    pub(super) measurements: Vec<Measurement>,
-    /// Pairs of registered views, and the misfits of their rows in standard deviations.
-    pub(super) rows: Vec<([usize; 2], f64)>,
-}
-
-impl Tick {
-    pub(super) fn best(&self) -> Option<&Measurement> {
-        let best = self.measurements.first()?;
-        best.distance_m.is_finite().then_some(best)
-    }
-
-    /// Further measurements from single views.
-    pub(super) fn others(&self) -> impl Iterator<Item = &Measurement> {
-        let others = self.measurements.iter().skip(1);
-        others.filter(|measurement| measurement.of_one_view)
-    }
-
-    /// Root mean square of the row misfits, pixels, normalised to the best precision: less certain rows may be off by more. `None` without
-    /// registered views.
-    pub(super) fn row_misfit_px(&self) -> Option<f64> {
-        let squares: f64 = self.rows.iter().map(|(_, row)| row * row).sum();
-        let mean = squares / self.rows.len() as f64;
-        (!self.rows.is_empty()).then(|| MIN_SD_PX * mean.sqrt())
-    }
-
-    /// Weight relative to a usual tick, by the time since the last tick.
-    pub(super) fn count(model: Model, seconds: f64) -> f64 {
-        (seconds / model.tick_s).clamp(MIN_WEIGHT, 1.0)
-    }
+/// Weight of a tick relative to a usual one, by the time since the last tick.
+pub(super) fn tick_count(model: Model, seconds: f64) -> f64 {
+    (seconds / model.tick_s).clamp(MIN_WEIGHT, 1.0)
 }
 
 /// Fits with unknown errors in a flight, ascending.
@@ -186,7 +155,7 @@ impl Filter {
             1.0
         } else {
             self.advance(model, seconds);
-            Tick::count(model, seconds)
+            tick_count(model, seconds)
         };
         self.time_s = tick.time_s;
         match tick.best() {

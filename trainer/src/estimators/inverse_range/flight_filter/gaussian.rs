@@ -7,10 +7,8 @@ use dataset::numbers::least_squares::CholeskyFactor;
 
 use crate::samples::robust_line::dot;
 
-/// Standard deviations beyond which an error is an outlier, ...
+/// Standard deviations beyond which an error is an outlier.
 pub(super) const OUTLIER_DEVIATIONS: f64 = 5.0;
-/// ... and up to which it agrees.
-pub(super) const NEAR_DEVIATIONS: f64 = 3.0;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Gaussian {

@@ -3,10 +3,11 @@
 //! Given these decisions, a Kalman filter is exact. All variances share a factor that the flight itself determines: the squared normalised
 //! misfits, with some usual ones as prior. So misfits have Student's t as likelihood.
 
+use crate::estimators::inverse_range::contradiction::NEAR_DEVIATIONS;
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
 use super::correlated_error::CorrelatedError;
-use super::gaussian::{Gaussian, NEAR_DEVIATIONS, OUTLIER_DEVIATIONS, Reading, Step};
+use super::gaussian::{Gaussian, OUTLIER_DEVIATIONS, Reading, Step};
 use super::motion::Motion;
 
 /// Relative standard deviation of the distance before the first measurement.

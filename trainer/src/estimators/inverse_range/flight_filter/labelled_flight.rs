@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use dataset::corpus::splits::Side;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
-use crate::estimators::inverse_range::{CrossFitted, InverseRange, scale_m};
+use crate::estimators::inverse_range::{CrossFitted, InverseRange, Tick, scale_m};
 use crate::samples::{Observation, Sample, Samples};
 
 use super::correlated_error::ErrorSample;
 use super::estimate::{Estimate, HalfWidths};
-use super::forward::Tick;
 use super::held_share::width_that_holds;
 use super::motion::Labels;
 

@@ -1,7 +1,8 @@
 //! Combination of several hypotheses into one estimate.
 
-use super::gaussian::{Gaussian, NEAR_DEVIATIONS};
+use super::gaussian::Gaussian;
 use super::motion::Motion;
+use crate::estimators::inverse_range::contradiction::NEAR_DEVIATIONS;
 
 /// Share of the weight within the estimate's covariance.
 const COVERED: f64 = 0.95;

@@ -1,5 +1,6 @@
 //! Synthetic flights with known motion and errors.
 
+mod contradictory;
 mod disturbed;
 
 use rand::{RngExt, SeedableRng};

@@ -10,8 +10,8 @@
 
 use dataset::numbers::spread::median;
 
-use super::forward::{MEMORY_S, Tick};
-use crate::estimators::inverse_range::scale_m;
+use super::forward::MEMORY_S;
+use crate::estimators::inverse_range::{Tick, scale_m};
 
 /// Maximum tick weight, seconds.
 const MAX_OF_TICK_S: f64 = 2.0;
