@@ -148,7 +148,8 @@ pub fn evaluate(
     let mut steps = Steps { watch, done: 0 };
     let mut contradictions = Contradictions::default();
     let all = evaluation.answers(None, &mut steps, |flown| {
-        contradictions.add(samples, flown.flight[0].scenario, flown.withheld);
+        let seen = flown.flight.iter().map(|sample| &sample.observed);
+        contradictions.add(samples, seen, (flown.believed, flown.withheld));
         Ok(predictions.add(evaluation.rows(flown))?)
     })?;
     contradictions.report(watch);

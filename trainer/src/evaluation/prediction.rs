@@ -108,7 +108,8 @@ pub fn predict(
         for ((_, count), of) in answered.iter_mut().zip(&of_flight.answered) {
             *count += of.distances_m.iter().flatten().count();
         }
-        contradictions.add(&corpus_read, flight[0].scenario, &of_flight.withheld);
+        let believed = (&*of_flight.observed, &*of_flight.withheld);
+        contradictions.add(&corpus_read, flight.iter(), believed);
         let scenario = &corpus_read.scenarios[flight[0].scenario].id;
         table.add(of_flight.columns(scenario))?;
         done += 1;
