@@ -321,7 +321,10 @@ fn in_time(flight: &mut [&mut Observation], lags: &[Vec<Lag>], counts: &mut Corr
             }
         }
         let of = |view: usize, number: usize| motions[view].unwrap_or_default()[number];
+        // Its image does not show that there is no aircraft.
+        let is_withheld = |view: usize| observed.boxes[view].is_some() && motions[view].is_none();
         **observed = observed
+            .without_images(is_withheld)
             .moved(|view, place_px| Some(place_px + motions[view]?[0]))
             .widened(|view| of(view, 1))
             .with_common((0..lags.len()).map(|view| CommonError {
@@ -384,6 +387,7 @@ mod tests {
     use dataset::tables::health::{HealthState, ViewLag};
 
     use super::*;
+    use crate::samples::Look;
 
     const LATE_S: f64 = 0.45;
 
@@ -556,6 +560,8 @@ mod tests {
                 .iter()
                 .all(|tick| tick.boxes[1].is_none() && tick.boxes[0].is_some())
         );
+        let looks = [Look::Placed, Look::Blind];
+        assert!(moved.iter().all(|tick| tick.looks == looks));
         assert_eq!((counts.late, counts.late_withheld), (0, 3));
     }
 }
