@@ -152,7 +152,7 @@ fn a_camera_with_huge_images_takes_no_memory_for_them() {
     goes_on(&mut running, [size].into_iter());
 }
 
-/// Reads on until the right view was down for these causes, one after the other. Returns the states of the left one, which must not be down.
+/// Reads on until the right view was down for these causes, one after the other. Returns the states of the left one, never down.
 fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) -> Vec<Value> {
     let mut left = Vec::new();
     for cause in causes.filter(|cause| !cause.is_empty()) {
