@@ -91,13 +91,6 @@ fn a_camera_that_is_none_is_told_with_its_cause_and_the_other_one_goes_on() {
     let hostile = TcpListener::bind("127.0.0.1:0").unwrap();
     let right = format!("rtsp://me@{}/right", hostile.local_addr().unwrap());
     let elsewhere = other.local_addr().unwrap().to_string();
-    let mut command = workshop.command([&server.address("left"), &right]);
-    command
-        .args(["--max-memory", "600M"])
-        .env("DTD_PASSWORD_RIGHT", "secret");
-    let mut running = Running::start(&mut command);
-    let is_up = |line: Value| line["view"] == "left" && line["state"] == "up";
-    while !is_up(running.next()) {}
     thread::spawn(move || {
         for (act, _) in ACTS.iter().chain(ACTS.last().into_iter().cycle()) {
             let Ok((stream, _)) = hostile.accept() else {
@@ -106,7 +99,13 @@ fn a_camera_that_is_none_is_told_with_its_cause_and_the_other_one_goes_on() {
             act(stream, &elsewhere);
         }
     });
-    goes_on(&mut running, ACTS.iter().map(|(_, cause)| *cause));
+    let mut command = workshop.command([&server.address("left"), &right]);
+    command
+        .args(["--max-memory", "600M"])
+        .env("DTD_PASSWORD_RIGHT", "secret");
+    let mut running = Running::start(&mut command);
+    let left = goes_on(&mut running, ACTS.iter().map(|(_, cause)| *cause));
+    assert!(left.contains(&"up".into()), "{left:?}");
     other.set_nonblocking(true).unwrap();
     match other.accept() {
         Ok((mut stream, _)) => {
@@ -153,13 +152,15 @@ fn a_camera_with_huge_images_takes_no_memory_for_them() {
     goes_on(&mut running, [size].into_iter());
 }
 
-/// Reads on until the right view was down for these causes, one after the other. The left one must not be down meanwhile.
-fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) {
+/// Reads on until the right view was down for these causes, one after the other. Returns the states of the left one, never down.
+fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) -> Vec<Value> {
+    let mut left = Vec::new();
     for cause in causes.filter(|cause| !cause.is_empty()) {
         loop {
             let line = running.next();
             if line["event"] == "view" && line["view"] == "left" {
                 assert_ne!(line["state"], "down", "{line}");
+                left.push(line["state"].clone());
             }
             let why = line["why"].as_str().unwrap_or_default();
             if line["view"] == "right" && why.contains(cause) {
@@ -174,6 +175,7 @@ fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) {
         .parse()
         .unwrap();
     assert!(peak_kib < MAX_KIB, "{peak_kib} KiB");
+    left
 }
 
 /// Answers requests, until the client leaves or one is followed by a body that the caller sends.

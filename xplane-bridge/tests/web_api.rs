@@ -239,6 +239,7 @@ async fn a_redirect_is_not_followed() {
     let address = listener.local_addr().unwrap();
     tokio::spawn(async move {
         let (mut stream, _) = listener.accept().await.unwrap();
+        assert!(stream.read(&mut [0; 4_096]).await.unwrap() > 0);
         let head = format!(
             "HTTP/1.1 302 X\r\nConnection: close\r\nContent-Length: 0\r\nLocation: http://{other}/\r\n\r\n"
         );
