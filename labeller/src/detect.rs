@@ -196,7 +196,7 @@ impl RegistrationCounts {
     }
 }
 
-/// A view that is late, or has frozen, moved, shaking or inconsistent ticks.
+/// A view that is late, or has frozen, moved or shaking ticks.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Unhealthy {
     /// The scenario.
@@ -209,8 +209,6 @@ pub struct Unhealthy {
     pub moved: u64,
     /// Ticks with a shaking camera.
     pub shaking: u64,
-    /// Ticks whose image cannot show the same aircraft as the first view.
-    pub inconsistent: u64,
     /// Lag behind the least late view, ms; 0 if there is none.
     pub late_ms: u64,
 }
@@ -218,7 +216,7 @@ pub struct Unhealthy {
 impl Unhealthy {
     /// Ticks with any fault.
     pub fn ill_ticks(&self) -> u64 {
-        self.frozen + self.moved + self.shaking + self.inconsistent
+        self.frozen + self.moved + self.shaking
     }
 
     /// Unhealthy views.
@@ -234,7 +232,6 @@ impl Unhealthy {
                 HealthState::Frozen => here.frozen += 1,
                 HealthState::Moved => here.moved += 1,
                 HealthState::Shaking => here.shaking += 1,
-                HealthState::Inconsistent => here.inconsistent += 1,
                 HealthState::Steady | HealthState::Unknown => {}
             }
         }

@@ -25,7 +25,7 @@ pub(crate) use frozen::Change;
 use live::LiveHealth;
 
 /// Version of the measurement; health of other versions is measured again.
-pub(crate) const METHOD: u32 = 10;
+pub(crate) const METHOD: u32 = 11;
 
 /// Ticks and seconds around a tick that decide about it.
 const AROUND_TICKS: usize = 5;
@@ -122,7 +122,7 @@ impl CameraWatch {
             }
         }
         let look = Look::of(at, turn, images, best);
-        let state = self.live.next(&look, counted, images);
+        let state = self.live.next(&look, counted);
         CameraLook {
             look,
             state,

@@ -233,7 +233,7 @@ fn more(views: usize) -> String {
     }
 }
 
-/// Warns of cameras that were late, moved, shook, stood still or contradicted the first one, the worst views first.
+/// Warns of cameras that were late, moved, shook or repeated images, the worst views first.
 fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     let badness = |view: &Unhealthy| (view.late_ms, view.ill_ticks());
     let mut views: Vec<&Unhealthy> = unhealthy.iter().collect();
@@ -244,7 +244,6 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
                 (view.frozen, "frozen"),
                 (view.moved, "moved"),
                 (view.shaking, "shaking"),
-                (view.inconsistent, "inconsistent with the first view"),
             ];
             let counts = counts.iter().filter(|(ticks, _)| *ticks > 0);
             let counts = counts.map(|(ticks, what)| format!("{ticks} {what}"));
@@ -258,7 +257,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     }
     let more = more(views.len());
     eprint_warning!(
-        "detect: cameras of {} were late, moved, shook, repeated images or contradicted each other (ticks): {}{more}; health/ says when",
+        "detect: cameras of {} were late, moved, shook or repeated images (ticks): {}{more}; health/ says when",
         count(views.len(), "view"),
         named.join("; ")
     );

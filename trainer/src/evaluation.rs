@@ -179,8 +179,13 @@ pub fn evaluate(
     let found: usize = ticks.ticks().iter().map(|s| s.detections()).sum();
     let metrics = Metrics {
         rules: rules.clone(),
-        split: split_summary(&trained.summary, samples, config.side, all.seen()),
-        ticks: ticks.counts(Some(all.seen()), &common),
+        split: split_summary(
+            &trained.summary,
+            samples,
+            config.side,
+            all.seen().unwrap_or_default(),
+        ),
+        ticks: ticks.counts(all.seen(), &common),
         disbelieved_boxes: found - all.boxes(),
         dropped_training_boxes: trained.summary.dropped_training_boxes.clone(),
         deviations_from_paper: trained.deviations_from_paper(),
@@ -370,7 +375,9 @@ impl<'a> Evaluation<'a> {
             .filter(|&tick| flown.is_judged[tick])
             .collect();
         let ticks: Vec<&Sample> = judged.iter().map(|&tick| &flown.flight[tick]).collect();
-        let detections = judged.iter().map(|&tick| flown.believed[tick].detections());
+        let detections = judged
+            .iter()
+            .map(|&tick| flown.believed[tick].detections() as u32);
         let table = judged_ticks(&ticks, Some(detections.collect()), self.samples, self.rules);
         add_answers(table, &judged, flown.answered)
     }

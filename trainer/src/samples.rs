@@ -11,6 +11,7 @@ pub(crate) mod lateral_spread;
 pub(crate) mod paired_views;
 pub(crate) mod rig;
 pub(crate) mod robust_line;
+pub(crate) mod row_line;
 mod sample;
 pub(crate) mod sides;
 pub(crate) mod training_cameras;
@@ -37,8 +38,7 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::plan::PlannedScenarios;
 use dataset::tables::frames::{Frames, TickRow};
-use dataset::tables::health::{HealthState, ViewHealth};
-use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::health::ViewHealth;
 use dataset::tables::registrations::Registration;
 
 use crate::error::{Error, Result};
@@ -47,7 +47,6 @@ use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
 use crate::samples::trusted_boxes::other_boxes::{Candidate, Registered};
-use crate::samples::view_shift::ViewShift;
 use sight::lag::Lag;
 
 pub use sample::Look;
@@ -406,13 +405,6 @@ impl Samples {
             .map(|registration| ((registration.tick, registration.view.clone()), registration))
             .collect();
         let mut corrections = Corrections::default();
-        if moment == Moment::Hindsight {
-            let contradicts = |row: &&ViewHealth| row.state == HealthState::Inconsistent;
-            for row in health.iter().filter(contradicts) {
-                let shift = registrations.remove(&(row.tick, row.view.clone()));
-                corrections.contradicting += usize::from(shift.is_some());
-            }
-        }
         let frames = scenario.frames()?;
         let mut summary = ScenarioSummary::of(scenario, record, cameras, &frames, side);
         summary.registered_with = registered_with(folder, &self.detections.hash)?;
@@ -510,44 +502,10 @@ impl Samples {
                 hash.update(format!("{id} {manifest} {side:?}\n").as_bytes());
             }
         }
-        for sample in &self.samples {
-            if !sides.contains(&self.scenarios[sample.scenario].side) {
-                continue;
-            }
-            hash.update(&sample.tick.to_le_bytes());
-            hash.update(&sample.dtd_m.to_le_bytes());
-            hash.update(&sample.cut_off.to_le_bytes());
-            for CommonError { view, sd_px } in &sample.common_errors {
-                for number in [*view as f64, sd_px.x, sd_px.y] {
-                    hash.update(&number.to_le_bytes());
-                }
-            }
-            for (view, (seen, shift)) in sample.boxes.iter().zip(&sample.shifts).enumerate() {
-                let seen = seen.as_ref().map(box_numbers);
-                let shift = shift.map(|shift| {
-                    let ViewShift {
-                        reference,
-                        shift_px,
-                        sd_px,
-                        scale,
-                        gain,
-                        correlation,
-                    } = shift;
-                    let [x, y, sd_x, sd_y] = [shift_px.x, shift_px.y, sd_px.x, sd_px.y];
-                    [reference as f64, x, y, sd_x, sd_y, scale, gain, correlation]
-                });
-                let numbers = (seen.iter().flatten()).chain(shift.iter().flatten());
-                let is_there = [seen.is_some(), shift.is_some()].map(u8::from);
-                hash.update(&[view as u8, is_there[0], is_there[1]]);
-                for number in numbers {
-                    hash.update(&number.to_le_bytes());
-                }
-                for Candidate { pixel_box, track } in sample.candidates(view) {
-                    for number in box_numbers(&pixel_box) {
-                        hash.update(&number.to_le_bytes());
-                    }
-                    hash.update(&track.map_or(u64::MAX, u64::from).to_le_bytes());
-                }
+        for side in sides {
+            for sample in self.ticks_of_side(*side) {
+                // The shortest digits that tell each number from all others.
+                hash.update(format!("{sample:?}\n").as_bytes());
             }
         }
         hash.finalize().to_string()
@@ -571,10 +529,6 @@ impl Samples {
         let scenarios = self.scenarios_of(side);
         scenarios.map(|s| s.trajectory.clone()).collect()
     }
-}
-
-fn box_numbers(of: &PixelBox) -> [f64; 4] {
-    [of.cx_px, of.cy_px, of.width_px, of.height_px]
 }
 
 /// Image usability, as known at that moment. In hindsight no image is blind: [`CameraHealth`] excludes images or corrects them.

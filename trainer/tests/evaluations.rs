@@ -210,7 +210,6 @@ fn a_view_that_is_late_in_a_flight_stands_in_the_metrics() {
                     lag_ms,
                     lag_sd_ms: 20.0,
                 }),
-                vertical_px: None,
             })
         })
         .collect();

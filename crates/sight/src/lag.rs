@@ -9,9 +9,8 @@
 //! at that moment has lost it ([`skipped_s`]).
 
 use dataset::geometry::rays::LAG_STEP_S;
-use dataset::numbers::least_squares::NormalEquations;
+use dataset::numbers::least_squares::robust_fit;
 use dataset::numbers::motion::{Motion, motion_at, scatter};
-use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
 
 /// Terms of what cameras add to rows: constant, and change with column and row in the first view and with the columns between the views.
@@ -34,8 +33,7 @@ const MAX_STEP_S: f64 = 3.0;
 /// A change that is smaller than this ends the fit, seconds.
 const EXACTLY_S: f64 = 1e-3;
 const ROUNDS: usize = 12;
-/// Residual with half the weight, in standard deviations (Cauchy), and rounds of reweighting.
-const HALF_WEIGHT: f64 = 2.5;
+/// Rounds of reweighting.
 const REWEIGHTINGS: usize = 5;
 /// Reduction of the loss by which a change of the lag is certain. In 32 flights without one, no change reduced it by more than 6; a view
 /// that began to be late by a second reduced it by hundreds.
@@ -137,14 +135,11 @@ struct Equation {
 
 /// Solution for a step of the fit.
 struct Solution {
-    terms: [f64; TERMS],
     /// Changes of the lags, seconds, and standard deviations of the lags.
     by_s: Vec<f64>,
     sds_s: Vec<f64>,
     best_s: f64,
     sightings: usize,
-    /// Standard deviation of what is left of the rows, pixels.
-    sd_px: f64,
     loss: f64,
     /// Scatter of the residuals, in their standard deviations, at least 1.
     excess: f64,
@@ -159,30 +154,6 @@ pub struct Fit {
     pub best_s: f64,
     /// Number of sightings that count, about one a second.
     pub sightings: usize,
-    /// Standard deviation of what is left of the rows, pixels.
-    pub sd_px: f64,
-    terms: [f64; TERMS],
-}
-
-impl Fit {
-    /// Pixels down from the expected row in the second view; `None` without one, and where the motion during the lag is not known.
-    /// `places`: of the same track in the second view, by time.
-    pub fn off_px(&self, rows: &Rows, places: &[(f64, DVec2)], seen: &Sighting) -> Option<f64> {
-        let left_s = lag_at(&self.lags, seen.time_s)?.seconds - seen.taken_off_s;
-        let [from, to] = moved(places, seen.own_s(), left_s)?.map(|end| end.place);
-        self.off_as_seen_px(rows, &seen.later(to - from), left_s)
-    }
-
-    /// Pixels down from the expected row for an aircraft that does not move during the lag.
-    pub fn off_at_rest_px(&self, rows: &Rows, seen: &Sighting) -> Option<f64> {
-        self.off_as_seen_px(rows, seen, 0.0)
-    }
-
-    fn off_as_seen_px(&self, rows: &Rows, seen: &Sighting, lag_s: f64) -> Option<f64> {
-        let expected = seen.terms(lag_s).into_iter().zip(self.terms);
-        let expected_px: f64 = expected.map(|(term, factor)| term * factor).sum();
-        Some((rows.off_px)(seen.places_px)? - expected_px)
-    }
 }
 
 impl Sighting {
@@ -261,8 +232,6 @@ fn converged(tracks: &[Vec<Sighting>], rows: &Rows, mut lags: Vec<Lag>) -> Optio
     let fit = Fit {
         best_s: solution.best_s,
         sightings: solution.sightings,
-        sd_px: solution.sd_px,
-        terms: solution.terms,
         lags,
     };
     is_known.then_some((fit, solution))
@@ -334,54 +303,27 @@ fn solved(equations: &[Equation], rows: &Rows, lags: &[Lag]) -> Option<Solution>
     if counts.iter().any(|count| *count < MIN_SIGHTINGS) {
         return None;
     }
-    let row = |of: &Equation| {
+    let point = |of: &Equation| {
         let mut row = of.terms.to_vec();
         row.resize(TERMS + lags.len(), 0.0);
         // A longer lag leaves less.
         row[TERMS + number(of) - 1] = -of.per_s;
-        row
+        (row, of.off_px, of.sd_px)
     };
-    let rows_of: Vec<Vec<f64>> = equations.iter().map(row).collect();
-    let mut weights = vec![1.0; equations.len()];
-    let mut fitted = None;
-    for _ in 0..REWEIGHTINGS {
-        let mut normal = NormalEquations::new(TERMS + lags.len());
-        let sds = rows.sd_px.into_iter().chain([SIZE_SD_PX_PER_S]);
-        for (unknown, sd) in sds.chain(lags.iter().map(|_| PRIOR_SD_S)).enumerate() {
-            let mut prior = vec![0.0; TERMS + lags.len()];
-            prior[unknown] = 1.0;
-            normal.add(&prior, 0.0, sd.powi(-2));
-        }
-        for ((of, row), weight) in equations.iter().zip(&rows_of).zip(&weights) {
-            normal.add(row, of.off_px, weight * of.sd_px.powi(-2));
-        }
-        let unknowns = normal.solve()?;
-        let left = equations.iter().zip(&rows_of).map(|(of, row)| {
-            let expected: f64 = row.iter().zip(&unknowns).map(|(a, b)| a * b).sum();
-            (of.off_px - expected) / of.sd_px
-        });
-        let left: Vec<f64> = left.collect();
-        let excess = deviation_from_zero(left.iter().copied()).max(1.0);
-        for (weight, left) in weights.iter_mut().zip(&left) {
-            *weight = 1.0 / (1.0 + (left / (HALF_WEIGHT * excess)).powi(2));
-        }
-        fitted = Some((normal, unknowns, left, excess));
-    }
-    let (normal, unknowns, left, excess) = fitted?;
-    let inverse = normal.inverse()?;
-    let off_px = left.iter().zip(equations).map(|(left, of)| left * of.sd_px);
-    let losses = left.iter().map(|left| (left / HALF_WEIGHT).powi(2).ln_1p());
+    let points: Vec<_> = equations.iter().map(point).collect();
+    let of_terms = [&rows.sd_px[..], &[SIZE_SD_PX_PER_S]].concat();
+    let prior = |unknown: usize, _| of_terms.get(unknown).unwrap_or(&PRIOR_SD_S).powi(-2);
+    let fit = robust_fit(&points, prior, 1.0, REWEIGHTINGS)?;
+    let covariance = fit.covariance()?;
     Some(Solution {
-        terms: unknowns[..TERMS].try_into().ok()?,
-        by_s: unknowns[TERMS..].to_vec(),
+        by_s: fit.unknowns[TERMS..].to_vec(),
         best_s: best_s(equations),
         sightings: equations.len(),
-        sd_px: deviation_from_zero(off_px),
-        sds_s: (TERMS..unknowns.len())
-            .map(|i| excess * inverse[i][i].sqrt())
+        sds_s: (TERMS..covariance.len())
+            .map(|i| fit.deviation * covariance[i][i].sqrt())
             .collect(),
-        loss: HALF_WEIGHT.powi(2) * losses.sum::<f64>(),
-        excess,
+        loss: fit.loss(),
+        excess: fit.deviation,
     })
 }
 
@@ -518,21 +460,13 @@ mod tests {
     }
 
     #[test]
-    fn sightings_of_something_else_hardly_change_the_lag_and_are_off_by_as_much_as_they_are() {
+    fn sightings_of_something_else_hardly_change_the_lag() {
         let track = track(|_| 0.5);
         let wrong = |seen: &Sighting| seen.later(DVec2::new(0.0, 30.0));
         let others: Vec<Sighting> = track.iter().step_by(7).map(wrong).collect();
-        let tracks = [track.clone(), others.clone()];
+        let tracks = [track, others];
         let fit = constant(&tracks, &rows(0.1), 0.0).unwrap();
         assert_near(&fit.lags[0], 0.5, 0.1);
-        let off_px = |seen: &Sighting| fit.off_at_rest_px(&rows(0.1), seen).unwrap();
-        assert!((off_px(&others[20]) - off_px(&track[140]) - 30.0).abs() < 1e-6);
-        let places: Vec<(f64, DVec2)> = track
-            .iter()
-            .map(|seen| (seen.time_s, seen.places_px[1]))
-            .collect();
-        assert!(fit.off_px(&rows(0.1), &places, &track[140]).unwrap().abs() < 0.3);
-        assert!(fit.off_px(&rows(0.1), &places[..3], &track[140]).is_none());
     }
 
     #[test]

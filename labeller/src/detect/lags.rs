@@ -1,5 +1,4 @@
-//! Lag of each view's images behind the first view's, and ticks at which both cannot show the same aircraft, from the registrations of the
-//! whole flight ([`sight::lag`]).
+//! Lag of each view's images behind the first view's, from the registrations of the whole flight ([`sight::lag`]).
 //!
 //! At any time, the aircraft is on the epipolar line of the first view's pixel in the second view. Cameras may be wrong by half a degree:
 //! wrong directions, rolls and focal lengths displace the line by a linear function of the places in both images, which is fitted with the
@@ -20,23 +19,11 @@ use crate::view_health::MIN_OFF_PX;
 
 /// Maximum lag, and maximum standard deviation of lags, ms. The motion changes too much during longer ones.
 const MAX_LAG_MS: f64 = 10_000.0;
-/// Minimum contradiction between the rows of views with different aircraft, px. Tilt by air leaves 0.2 to 0.4 px, air without tilt 0.05 px,
-/// and boxes scatter by 0.8 px.
-pub(super) const INCONSISTENT_PX: f64 = 1.0;
-/// Minimum contradiction in standard deviations of the flight.
-const INCONSISTENT_SD: f64 = 8.0;
-/// Minimum contradiction as a part of the aircraft's width, because the views see it from two sides.
-const INCONSISTENT_PART: f64 = 0.01;
-/// Minimum length of track pairs that show how rows should be, as a part of the longest. Shorter ones may belong to something else, and
-/// where an aircraft flies along a line, a fit would bend to them.
-const LONG_PART: f64 = 0.25;
 /// Minimum number of sightings.
 const MIN_SIGHTINGS: usize = 40;
 /// Standard deviations of what wrong cameras add to rows, pixels: a constant, and slopes over a thousand pixels, for two masts surveyed to
 /// half a degree. Within a few miles of the runway, the only part visible in fog, the motion is nearly a linear function of the places.
 const CAMERA_SD_PX: [f64; PLACE_TERMS] = [100.0, 12.0, 12.0, 12.0];
-/// Maximum contradiction that is written, px.
-const MAX_VERTICAL_PX: f64 = 1_000.0;
 
 struct Flight<'a> {
     views: Vec<(&'a str, &'a Camera)>,
@@ -45,18 +32,7 @@ struct Flight<'a> {
     times_s: BTreeMap<u32, f64>,
 }
 
-/// Ticks and sightings of one aircraft.
-type TimedTrack = (Vec<u32>, Vec<Sighting>);
-
-/// Evidence from a view, relative to the first one.
-#[derive(Default)]
-struct Comparison {
-    lag: Option<ViewLag>,
-    /// Contradiction by tick, px, and true if it is inconsistent.
-    vertical_px: BTreeMap<u32, (f64, bool)>,
-}
-
-/// Adds the lags of all views and the contradictions of their rows, and names inconsistent ticks.
+/// Adds the lags of all views.
 pub(super) fn add_lags(
     views: &[ViewTicks],
     cameras: &[Camera],
@@ -72,30 +48,22 @@ pub(super) fn add_lags(
         detections,
         registrations,
     };
-    let compared: BTreeMap<&str, Comparison> = (flight.views.iter())
-        .map(|(view, _)| (*view, flight.compared(view, health).unwrap_or_default()))
+    let lags: BTreeMap<&str, Option<ViewLag>> = (flight.views.iter())
+        .map(|(view, _)| (*view, flight.lag_of(view, health)))
         .collect();
     for row in health {
-        let Some(compared) = compared.get(row.view.as_str()) else {
-            continue;
-        };
-        row.lag = compared.lag;
-        let vertical = compared.vertical_px.get(&row.tick);
-        row.vertical_px = vertical.map(|(px, _)| *px);
-        if vertical.is_some_and(|(_, contradicts)| *contradicts) && row.state.is_well() {
-            row.state = HealthState::Inconsistent;
-        }
+        row.lag = lags.get(row.view.as_str()).copied().flatten();
     }
 }
 
 impl Flight<'_> {
     /// `None` if both views saw the aircraft too rarely.
-    fn compared(&self, view: &str, health: &[ViewHealth]) -> Option<Comparison> {
+    fn lag_of(&self, view: &str, health: &[ViewHealth]) -> Option<ViewLag> {
         let rows: BTreeMap<(u32, &str), &ViewHealth> = (health.iter())
             .map(|row| ((row.tick, row.view.as_str()), row))
             .collect();
         // One entry per aircraft: the tracks of both views.
-        let mut seen: BTreeMap<[Option<u32>; 2], TimedTrack> = BTreeMap::new();
+        let mut seen: BTreeMap<[Option<u32>; 2], Vec<Sighting>> = BTreeMap::new();
         let mut reference = None;
         for row in self.registrations.iter().filter(|row| row.view == view) {
             let Ok(shift) = &row.result else { continue };
@@ -113,9 +81,7 @@ impl Flight<'_> {
             reference = Some(first);
             let time_s = *self.times_s.get(&row.tick)?;
             let of_tracks = seen.entry([in_first.track, in_second.track]);
-            let (ticks, sightings) = of_tracks.or_default();
-            ticks.push(row.tick);
-            sightings.push(Sighting {
+            of_tracks.or_default().push(Sighting {
                 time_s,
                 taken_off_s: 0.0,
                 places_px: [first_px, second_px],
@@ -128,51 +94,14 @@ impl Flight<'_> {
             off_px: &|[first, second]| Some(EpipolarLine::of(cameras, first)?.off_px(second)),
             sd_px: CAMERA_SD_PX,
         };
-        let fitted = |tracks: &[Vec<Sighting>]| {
-            let fit = lag::constant(tracks, &rows, 0.0);
-            fit.filter(|fit| fit.sightings >= MIN_SIGHTINGS)
-        };
-        let tracks: Vec<Vec<Sighting>> = seen.values().map(|(_, seen)| seen.clone()).collect();
-        let fit = fitted(&tracks)?;
+        let tracks: Vec<Vec<Sighting>> = seen.into_values().collect();
+        let fit = lag::constant(&tracks, &rows, 0.0);
+        let fit = fit.filter(|fit| fit.sightings >= MIN_SIGHTINGS)?;
         let lag = ViewLag {
             lag_ms: 1e3 * fit.lags[0].seconds,
             lag_sd_ms: (1e3 * fit.lags[0].sd_s).hypot(MIN_LAG_SD_MS),
         };
-        if lag.lag_ms.abs().max(lag.lag_sd_ms) > MAX_LAG_MS {
-            return None;
-        }
-        let longest = tracks.iter().map(Vec::len).max().unwrap_or_default();
-        let is_long = |track: &Vec<Sighting>| track.len() as f64 >= LONG_PART * longest as f64;
-        let long: Vec<_> = tracks
-            .iter()
-            .filter(|track| is_long(track))
-            .cloned()
-            .collect();
-        let mut compared = Comparison {
-            lag: Some(lag),
-            vertical_px: BTreeMap::new(),
-        };
-        let Some(usual) = fitted(&long) else {
-            return Some(compared);
-        };
-        let most_px = INCONSISTENT_PX.max(INCONSISTENT_SD * usual.sd_px);
-        for (ticks, track) in seen.values() {
-            let places: Vec<_> = track
-                .iter()
-                .map(|seen| (seen.time_s, seen.places_px[1]))
-                .collect();
-            for (tick, seen) in ticks.iter().zip(track) {
-                // A track with few ticks has no motion, which matters only to a late view.
-                let at_rest = || (!lag.is_sure()).then(|| usual.off_at_rest_px(&rows, seen))?;
-                let Some(off_px) = usual.off_px(&rows, &places, seen).or_else(at_rest) else {
-                    continue;
-                };
-                let contradicts = off_px.abs() > most_px.max(INCONSISTENT_PART * seen.width_px);
-                let off_px = off_px.clamp(-MAX_VERTICAL_PX, MAX_VERTICAL_PX);
-                compared.vertical_px.insert(*tick, (off_px, contradicts));
-            }
-        }
-        Some(compared)
+        (lag.lag_ms.abs().max(lag.lag_sd_ms) <= MAX_LAG_MS).then_some(lag)
     }
 
     fn camera(&self, view: &str) -> Option<&Camera> {
@@ -199,9 +128,7 @@ impl Flight<'_> {
     /// The place in the usual image; `None` if it is not known.
     fn usual_px(&self, row: &ViewHealth, place_px: DVec2) -> Option<DVec2> {
         match row.state {
-            HealthState::Steady | HealthState::Unknown | HealthState::Inconsistent => {
-                Some(place_px)
-            }
+            HealthState::Steady | HealthState::Unknown => Some(place_px),
             HealthState::Frozen => None,
             HealthState::Moved | HealthState::Shaking => {
                 let turn = row.motion.filter(|turn| turn.shift_sd_px <= MIN_OFF_PX)?;
@@ -233,24 +160,17 @@ mod tests {
         camera.project(at.to_ecef()).unwrap()
     }
 
-    /// Health of both views; the right one is late. `dark`: ticks with a repeated image, `other`: ticks with a different aircraft.
-    fn compared(
-        late_s: f64,
-        dark: std::ops::Range<u32>,
-        other: std::ops::Range<u32>,
-    ) -> Vec<ViewHealth> {
+    /// Health of both views; the right one is late. `dark`: ticks with a repeated image.
+    fn compared(late_s: f64, dark: std::ops::Range<u32>) -> Vec<ViewHealth> {
         let views = VIEWS.map(|view| (view, Camera::from_pose(&placed(view), 1920, 1280)));
         let (mut boxes, mut registrations, mut health) = (Vec::new(), Vec::new(), Vec::new());
         for tick in 0..210 {
             let time_s = f64::from(tick);
             let late_s = if dark.contains(&tick) { 3.0 } else { late_s };
-            let mut places = [
+            let places = [
                 place_px(&views[0].1, time_s),
                 place_px(&views[1].1, time_s - late_s),
             ];
-            if other.contains(&tick) {
-                places[1] += DVec2::new(60.0, 4.0);
-            }
             for ((view, _), place) in views.iter().zip(places) {
                 let pixel_box = PixelBox {
                     cx_px: place.x,
@@ -258,9 +178,8 @@ mod tests {
                     width_px: 30.0,
                     height_px: 12.0,
                 };
-                let is_other = *view == "right" && other.contains(&tick);
                 boxes.push(Detection {
-                    track: Some(if is_other { 9 } else { 3 }),
+                    track: Some(3),
                     confirmed: true,
                     ..Detection::untracked(tick, *view, pixel_box, 0.9, 0)
                 });
@@ -276,7 +195,6 @@ mod tests {
                     motion: None,
                     state_live: HealthState::Steady,
                     lag: None,
-                    vertical_px: None,
                 });
             }
             let shift_px = places[1] - places[0];
@@ -316,38 +234,12 @@ mod tests {
     #[test]
     fn the_lag_of_a_flight_is_measured_and_repeated_images_do_not_count() {
         for late_s in [0.0, 0.45, -0.2] {
-            let health = compared(late_s, 60..70, 0..0);
+            let health = compared(late_s, 60..70);
             assert_eq!(health[0].lag, None, "the others are compared with it");
             let ViewLag { lag_ms, lag_sd_ms } = health[1].lag.unwrap();
             assert!((lag_ms - 1e3 * late_s).abs() < 20.0, "{late_s}: {lag_ms}");
             // Boxes that do not grow say less than an arrival's.
             assert!((20.0..110.0).contains(&lag_sd_ms), "{lag_sd_ms}");
         }
-    }
-
-    #[test]
-    fn ticks_at_which_a_view_shows_another_aircraft_are_inconsistent_and_no_others() {
-        for last in [102, 110] {
-            inconsistent_in(100..last);
-        }
-    }
-
-    fn inconsistent_in(other: std::ops::Range<u32>) {
-        let health = compared(0.0, 0..0, other.clone());
-        for row in &health {
-            let is_other = row.view == "right" && other.contains(&row.tick);
-            let expected = if is_other {
-                HealthState::Inconsistent
-            } else {
-                HealthState::Steady
-            };
-            assert_eq!(row.state, expected, "{row:?}");
-            assert_eq!(row.vertical_px.is_some(), row.view == "right", "{row:?}");
-        }
-        let other = health
-            .iter()
-            .find(|row| row.state == HealthState::Inconsistent);
-        let off_px = other.unwrap().vertical_px.unwrap();
-        assert!(off_px > 2.0, "{off_px}");
     }
 }

@@ -178,7 +178,6 @@ fn health_of(
         motion,
         state_live,
         lag: None,
-        vertical_px: None,
     });
     (rows.collect(), usual(&looks))
 }

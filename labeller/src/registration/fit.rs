@@ -435,31 +435,33 @@ impl<'a> Likeness<'a> {
 }
 
 fn correlation(pairs: &[Pair]) -> f64 {
-    pearson(pairs.iter().map(|pair| (pair.template, pair.view)))
-}
-
-/// Pearson correlation; 0 if either variable is constant.
-fn pearson(values: impl Iterator<Item = (f64, f64)>) -> f64 {
-    let [mut n, mut a, mut b, mut aa, mut bb, mut ab] = [0.0; 6];
-    for (x, y) in values {
-        n += 1.0;
-        a += x;
-        b += y;
-        aa += x * x;
-        bb += y * y;
-        ab += x * y;
-    }
-    let spread = (n * aa - a * a) * (n * bb - b * b);
-    if spread > 0.0 {
-        (n * ab - a * b) / spread.sqrt()
-    } else {
-        0.0
-    }
+    let (template, view): (Vec<f64>, Vec<f64>) =
+        pairs.iter().map(|pair| (pair.template, pair.view)).unzip();
+    Likeness::with(&template).of([view.as_slice()].into_iter())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Pearson correlation; 0 if either variable is constant.
+    fn pearson(values: impl Iterator<Item = (f64, f64)>) -> f64 {
+        let [mut n, mut a, mut b, mut aa, mut bb, mut ab] = [0.0; 6];
+        for (x, y) in values {
+            n += 1.0;
+            a += x;
+            b += y;
+            aa += x * x;
+            bb += y * y;
+            ab += x * y;
+        }
+        let spread = (n * aa - a * a) * (n * bb - b * b);
+        if spread > 0.0 {
+            (n * ab - a * b) / spread.sqrt()
+        } else {
+            0.0
+        }
+    }
 
     #[test]
     fn the_window_weighs_each_neighbour_by_its_distance_in_rows_and_columns() {

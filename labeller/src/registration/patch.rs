@@ -2,7 +2,7 @@
 
 use std::iter::repeat_n;
 
-use dataset::numbers::least_squares::robust_fit;
+use dataset::numbers::least_squares::{dot, robust_fit};
 use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::NoShift;
@@ -241,16 +241,13 @@ impl Cleaned {
             let DVec2 { x, y } = from_centre[index] / scale;
             [1.0, x, y, x * x, x * y, y * y]
         };
-        let value = |terms: [f64; 6], fitted: &[f64; 6]| -> f64 {
-            terms.iter().zip(fitted).map(|(a, b)| a * b).sum()
-        };
         let shown: Vec<_> = ring
             .iter()
             .map(|index| (terms(*index), self.values[*index], 1.0))
             .collect();
-        let (fitted, _) = robust_fit(&shown, 0.0, MIN_NOISE, ROUNDS).ok_or(NoShift::Edge)?;
+        let fit = robust_fit(&shown, |_, _| 0.0, MIN_NOISE, ROUNDS).ok_or(NoShift::Edge)?;
         let clean: Vec<f64> = (0..self.values.len())
-            .map(|index| self.values[index] - value(terms(index), &fitted))
+            .map(|index| self.values[index] - dot(&terms(index), &fit.unknowns))
             .collect();
         self.values = blurred(&clean, width, blur_px);
         let of_ring = || ring.iter().map(|index| self.values[*index]);

@@ -16,7 +16,7 @@ use super::{Look, median_or_zero};
 const AROUND_PART: f64 = 0.25;
 const AROUND_PX: f64 = 4.0;
 /// Step between compared rows.
-pub(super) const ROW_STEP: usize = 16;
+const ROW_STEP: usize = 16;
 /// Maximum distance between boxes of the same image in different windows: pixels, and a part of the width.
 const MAX_EQUAL_PX: f64 = 2.0;
 const MAX_EQUAL_PART: f64 = 0.03;

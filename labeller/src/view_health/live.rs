@@ -8,11 +8,10 @@ use std::collections::VecDeque;
 use dataset::numbers::spread::median_slope;
 use dataset::tables::health::HealthState;
 use dataset::tables::pixel_box::PixelBox;
-use dataset::video::Luma;
 use sight::ground::Motion;
 use sight::watched::Measured;
 
-use super::frozen::{MIN_RATIO, ROW_STEP};
+use super::frozen::MIN_RATIO;
 use super::{AROUND_S, AROUND_TICKS, Look, direction_at, median, median_or_zero, off_from};
 
 /// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
@@ -26,13 +25,6 @@ const MIN_BOXES: usize = 4;
 const MIN_SPAN_PART: f64 = 0.7;
 /// Minimum expected motion, px.
 const MIN_MOVED_PX: f64 = 3.0;
-/// Minimum share of changed rows in a noisy image, and minimum share of noisy images in a noisy view.
-const NOISY_ROWS: f64 = 0.5;
-const NOISY_IMAGES: f64 = 0.9;
-const MIN_NOISY: u32 = 50;
-/// Minimum time, s, and number of images without any change that mean a frozen view, if it had noise.
-const EQUAL_S: f64 = 0.5;
-const EQUAL_IMAGES: u32 = 3;
 
 /// Judges consecutive images.
 #[derive(Debug, Default)]
@@ -42,23 +34,13 @@ pub(super) struct LiveHealth {
     recent: Vec<Look>,
     last: Option<HealthState>,
     motion: ExpectedMotion,
-    noise: Noise,
 }
 
 impl LiveHealth {
-    /// The state at an image. `counted`: its box that counts, `images`: the one before and this one.
-    pub(super) fn next(
-        &mut self,
-        look: &Look,
-        counted: Option<PixelBox>,
-        images: [Option<Luma<'_>>; 2],
-    ) -> HealthState {
+    /// The state at an image. `counted`: its box that counts.
+    pub(super) fn next(&mut self, look: &Look, counted: Option<PixelBox>) -> HealthState {
         let direction = self.direction(look);
-        let repeats = [
-            self.motion.repeats(look, counted),
-            self.noise.repeats(look.time_s, images),
-        ];
-        if repeats.contains(&true) {
+        if self.motion.repeats(look, counted) {
             HealthState::Frozen
         } else {
             direction
@@ -203,51 +185,6 @@ impl ExpectedMotion {
         );
         Some([expected_px_s * (now_s - last.0), moved_px])
     }
-}
-
-/// Image noise.
-#[derive(Debug, Default)]
-struct Noise {
-    /// Share of noisy images, without runs of equal ones.
-    share: f64,
-    images: u32,
-    /// Time of the last image that differed from the one before, the images since, and whether they are frozen.
-    changed_s: f64,
-    equal: u32,
-    is_frozen: bool,
-}
-
-impl Noise {
-    /// True if nothing at all has changed for a while, although there was noise before.
-    fn repeats(&mut self, now_s: f64, images: [Option<Luma<'_>>; 2]) -> bool {
-        let [Some(before), Some(now)] = images else {
-            return false;
-        };
-        let changed = changed_rows(&before, &now);
-        if changed > 0.0 || self.images == 0 {
-            let is_noisy = f64::from(u8::from(changed >= NOISY_ROWS));
-            // An encoder leaves out noise between key frames.
-            if !self.is_frozen {
-                self.share *= (1.0 - 1.0 / f64::from(MIN_NOISY)).powf(f64::from(self.equal));
-            }
-            self.images = self.images.saturating_add(1);
-            self.share += (is_noisy - self.share) / f64::from(self.images.min(MIN_NOISY));
-            (self.changed_s, self.equal, self.is_frozen) = (now_s, 0, false);
-            return false;
-        }
-        self.equal = self.equal.saturating_add(1);
-        let is_noisy = self.images >= MIN_NOISY && self.share >= NOISY_IMAGES;
-        self.is_frozen |=
-            is_noisy && self.equal >= EQUAL_IMAGES && now_s - self.changed_s >= EQUAL_S;
-        self.is_frozen
-    }
-}
-
-fn changed_rows(before: &Luma<'_>, now: &Luma<'_>) -> f64 {
-    let rows = (0..now.height_px.min(before.height_px)).step_by(ROW_STEP);
-    let count = rows.len().max(1) as f64;
-    let changed = rows.filter(|&row| before.row(row) != now.row(row));
-    changed.count() as f64 / count
 }
 
 #[cfg(test)]

@@ -119,9 +119,6 @@ fn observed() -> Observation {
         reference: 0,
         shift_px: DVec2::new(50.25, 0.5),
         sd_px: DVec2::splat(0.03),
-        scale: 1.0,
-        gain: 1.0,
-        correlation: 0.9,
     });
     observed
 }

@@ -22,11 +22,11 @@ mod tick;
 
 use std::collections::BTreeSet;
 
+use dataset::numbers::least_squares::dot;
 use serde::{Deserialize, Serialize};
 
 use crate::estimators::minimum::Search;
 use crate::samples::camera_health::late_images::Pair;
-use crate::samples::robust_line::dot;
 use crate::samples::view_shift::Places;
 use crate::samples::{FARTHEST_M, Observation, Sample};
 

@@ -43,29 +43,18 @@ impl<'a> JudgedTicks<'a> {
         }
     }
 
-    /// Outcome at a tick without an answer.
-    pub(crate) fn unanswered(&self, tick: usize) -> Outcome<'_> {
-        let sample = self.ticks[tick];
-        Outcome {
-            dtd_m: sample.dtd_m,
-            predicted_m: None,
-            interval_m: None,
-            detections: None,
-            is_hidden: self.rules.is_hidden(sample),
-            is_removed: false,
-            of: &self.groups[sample.scenario],
-        }
-    }
-
     fn outcome(&self, tick: usize, answers: &Answers, estimator: usize) -> Outcome<'_> {
+        let sample = self.ticks[tick];
         let of = &answers.by_estimator[estimator];
         let interval_m = of.intervals_m.get(tick).copied();
         Outcome {
+            dtd_m: sample.dtd_m,
             predicted_m: Some(of.distances_m[tick]).filter(|distance_m| distance_m.is_finite()),
             interval_m: interval_m.filter(|[from_m, _]| from_m.is_finite()),
-            detections: Some(answers.detections[tick].into()),
-            is_removed: answers.removed[tick],
-            ..self.unanswered(tick)
+            detections: answers.detections.as_ref().map(|of| of[tick].into()),
+            is_hidden: self.rules.is_hidden(sample),
+            is_removed: answers.removed.get(tick) == Some(&true),
+            of: &self.groups[sample.scenario],
         }
     }
 
@@ -92,32 +81,36 @@ impl<'a> JudgedTicks<'a> {
     }
 }
 
-/// Answers from all estimators.
+/// Answers from several estimators.
+#[derive(Default)]
 pub(crate) struct Answers {
-    /// Number of views with accepted boxes.
-    detections: Vec<u8>,
-    removed: Vec<bool>,
-    /// Indexed like [`Estimator::ALL`].
-    by_estimator: [EstimatorAnswers; Estimator::ALL.len()],
+    /// Number of views with accepted boxes; `None` if it is unknown.
+    pub(super) detections: Option<Vec<u8>>,
+    /// True where a view was removed; empty without removals.
+    pub(super) removed: Vec<bool>,
+    pub(super) by_estimator: Vec<EstimatorAnswers>,
 }
 
 /// Answers from one estimator; NaN where there is none.
-struct EstimatorAnswers {
-    distances_m: Vec<f64>,
+pub(crate) struct EstimatorAnswers {
+    pub(super) distances_m: Vec<f64>,
     /// Ends of 90 % intervals; empty for an estimator without intervals.
-    intervals_m: Vec<[f64; 2]>,
+    pub(super) intervals_m: Vec<[f64; 2]>,
 }
 
 impl Answers {
-    /// Preallocates this many ticks: growing vectors take up to twice their content.
+    /// For all of [`Estimator::ALL`], in their order. Preallocates this many ticks: growing vectors take up to twice their content.
     pub(crate) fn with_room_for(ticks: usize) -> Self {
+        let estimators = Estimator::ALL.iter();
         Self {
-            detections: Vec::with_capacity(ticks),
+            detections: Some(Vec::with_capacity(ticks)),
             removed: Vec::with_capacity(ticks),
-            by_estimator: std::array::from_fn(|_| EstimatorAnswers {
-                distances_m: Vec::with_capacity(ticks),
-                intervals_m: Vec::new(),
-            }),
+            by_estimator: estimators
+                .map(|_| EstimatorAnswers {
+                    distances_m: Vec::with_capacity(ticks),
+                    intervals_m: Vec::new(),
+                })
+                .collect(),
         }
     }
 
@@ -130,7 +123,9 @@ impl Answers {
     ) {
         let judged = || (0..is_judged.len()).filter(|&tick| is_judged[tick]);
         let seen = |tick: usize| observed[tick].detections().try_into().unwrap_or(u8::MAX);
-        self.detections.extend(judged().map(seen));
+        self.detections
+            .iter_mut()
+            .for_each(|of| of.extend(judged().map(seen)));
         self.removed.extend(judged().map(|tick| removed[tick]));
         for (of, answered) in self.by_estimator.iter_mut().zip(answered) {
             let distances_m = judged().map(|tick| answered.distances_m[tick]);
@@ -150,34 +145,30 @@ impl Answers {
 
     /// Number of boxes over all ticks.
     pub(crate) fn boxes(&self) -> usize {
-        self.detections.iter().copied().map(usize::from).sum()
+        let detections = self.detections.iter().flatten();
+        detections.copied().map(usize::from).sum()
     }
 
-    /// Number of ticks that a view saw.
-    pub(crate) fn seen(&self) -> usize {
-        self.detections.iter().filter(|&&views| views > 0).count()
+    /// Number of ticks that a view saw, if it is known.
+    pub(crate) fn seen(&self) -> Option<usize> {
+        let detections = self.detections.as_ref()?;
+        Some(detections.iter().filter(|&&views| views > 0).count())
     }
 
+    /// Ticks answered by every estimator that has any answer.
     pub(crate) fn common(&self) -> Vec<bool> {
-        let of_estimators = self.by_estimator.iter().map(|of| &of.distances_m[..]);
-        common_ticks(self.detections.len(), of_estimators, |d| d.is_finite())
+        let distances_m = self.by_estimator.iter().map(|of| &of.distances_m);
+        let is_answered = |distance_m: &f64| distance_m.is_finite();
+        let answering: Vec<&Vec<f64>> = distances_m
+            .clone()
+            .filter(|of| of.iter().any(is_answered))
+            .collect();
+        let ticks = distances_m.map(Vec::len).max().unwrap_or_default();
+        let is_common = |tick: usize| {
+            !answering.is_empty() && answering.iter().all(|of| is_answered(&of[tick]))
+        };
+        (0..ticks).map(is_common).collect()
     }
-}
-
-/// Ticks answered by every estimator that has any answer.
-pub(crate) fn common_ticks<'a, T: 'a>(
-    ticks: usize,
-    of_estimators: impl Iterator<Item = &'a [T]>,
-    is_answered: impl Fn(&T) -> bool,
-) -> Vec<bool> {
-    let answering: Vec<&[T]> = of_estimators
-        .filter(|answers| answers.iter().any(&is_answered))
-        .collect();
-    let is_common = |tick: usize| {
-        let mut answers = answering.iter().map(|answers| &answers[tick]);
-        !answering.is_empty() && answers.all(&is_answered)
-    };
-    (0..ticks).map(is_common).collect()
 }
 
 #[cfg(test)]

@@ -23,12 +23,12 @@ use serde::{Deserialize, Serialize};
 
 use self::cells::Cells;
 use self::layout::listed;
-use self::predictions::{EstimatorPredictions, Predictions};
+use self::predictions::Predictions;
 use self::units::{TOLERANCE, probable_unit};
 use crate::error::Result;
-use crate::evaluation::answers::{JudgedTicks, common_ticks};
+use crate::evaluation::answers::JudgedTicks;
 use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
-use crate::evaluation::metrics::{EstimatorMetrics, Outcome, TickCounts, WithoutViews};
+use crate::evaluation::metrics::{EstimatorMetrics, TickCounts, WithoutViews};
 use crate::evaluation::prediction_table::judged_ticks;
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::folder::RunFolder;
@@ -145,21 +145,20 @@ pub fn evaluate_table(
             predictions.not_judged
         ));
     }
-    for predicted in &predictions.estimators {
-        refuse_other_unit(predicted, judged).map_err(|fault| cells.refused(fault))?;
-        let distances_m = predicted.distances_m.iter().flatten();
-        let negative = distances_m.filter(|distance_m| **distance_m < 0.0).count();
+    let Predictions { names, answers, .. } = &predictions;
+    for (name, of) in names.iter().zip(&answers.by_estimator) {
+        refuse_other_unit(name, &of.distances_m, judged).map_err(|fault| cells.refused(fault))?;
+        let negative = of
+            .distances_m
+            .iter()
+            .filter(|distance_m| **distance_m < 0.0);
+        let negative = negative.count();
         if negative > 0 {
             watch.warn(&format!(
-                "{}_dtd_m is negative at {negative} judged ticks, which are judged as they are",
-                predicted.name
+                "{name}_dtd_m is negative at {negative} judged ticks, which are judged as they are"
             ));
         }
     }
-    let evaluation = TableEvaluation {
-        ticks: &ticks,
-        predictions: &predictions,
-    };
     let identity = JudgedTable {
         predictions: table
             .file_name()
@@ -175,12 +174,12 @@ pub fn evaluate_table(
         views: samples.views.clone(),
         rules: rules.version,
     };
-    let metrics = evaluation.metrics(identity);
+    let metrics = metrics_of(identity, &ticks, &predictions);
     if let Some(place) = place {
         let new = place.begin()?;
         write_json_unsynced(&new.path(RunFolder::EVALUATION), &metrics.judged)?;
         write_json_unsynced(&new.metrics_path(), &metrics)?;
-        evaluation.table().write(&new.predictions_path())?;
+        table_of(&ticks, &predictions).write(&new.predictions_path())?;
         report::write(&new, &metrics)?;
         place.commit(&metrics.judged.predictions_blake3)?;
     }
@@ -189,15 +188,15 @@ pub fn evaluate_table(
 
 /// Rejects predictions in a unit other than metres, or with the opposite sign.
 fn refuse_other_unit(
-    predicted: &EstimatorPredictions,
+    name: &str,
+    distances_m: &[f64],
     judged: &[&Sample],
 ) -> std::result::Result<(), String> {
-    let ticks = predicted.distances_m.iter().zip(judged);
-    let ratios = ticks.filter_map(|(distance_m, sample)| Some((*distance_m)? / sample.dtd_m));
-    let Some(median_ratio) = median_of(ratios) else {
+    let ticks = distances_m.iter().zip(judged);
+    let ratios = ticks.map(|(distance_m, sample)| distance_m / sample.dtd_m);
+    let Some(median_ratio) = median_of(ratios.filter(|ratio| ratio.is_finite())) else {
         return Ok(());
     };
-    let name = &predicted.name;
     // Hardly trained estimators may answer below zero, but not by this factor.
     if (median_ratio + 1.0).abs() <= TOLERANCE {
         return Err(format!(
@@ -215,70 +214,50 @@ fn refuse_other_unit(
     }
 }
 
-struct TableEvaluation<'a> {
-    ticks: &'a JudgedTicks<'a>,
-    predictions: &'a Predictions,
+fn metrics_of(judged: JudgedTable, ticks: &JudgedTicks, predictions: &Predictions) -> TableMetrics {
+    let Predictions { names, answers, .. } = predictions;
+    let JudgedTicks { samples, rules, .. } = *ticks;
+    let common = answers.common();
+    let figures = names.iter().enumerate().map(|(number, name)| {
+        let outcomes = ticks.outcomes(answers, number);
+        let figures = EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), rules);
+        (name.clone(), figures)
+    });
+    TableMetrics {
+        rules: rules.clone(),
+        judged,
+        split: TableSplit {
+            by: "trajectory".into(),
+            test: TableFlights {
+                scenarios: samples.scenario_count(Side::Test),
+                trajectories: samples.flights(Side::Test).len(),
+            },
+        },
+        ticks: ticks.counts(answers.seen(), &common),
+        weather_at_aircraft: marked_scenarios::reported_on_test_side(samples),
+        estimators: figures.collect(),
+    }
 }
 
-impl TableEvaluation<'_> {
-    /// Outcomes for an estimator, tick by tick.
-    fn outcomes(&self, predicted: &EstimatorPredictions) -> Vec<Outcome<'_>> {
-        let detections = self.predictions.detections.as_ref();
-        let intervals_m = predicted.intervals_m.as_ref();
-        let outcome = |tick: usize| Outcome {
-            predicted_m: predicted.distances_m[tick],
-            interval_m: intervals_m.and_then(|intervals_m| intervals_m[tick]),
-            detections: detections.map(|detections| detections[tick]),
-            ..self.ticks.unanswered(tick)
-        };
-        (0..self.ticks.ticks().len()).map(outcome).collect()
-    }
-
-    fn metrics(&self, judged: JudgedTable) -> TableMetrics {
-        let of_estimators = self.predictions.estimators.iter();
-        let distances_m = of_estimators.map(|predicted| &predicted.distances_m[..]);
-        let common = common_ticks(self.ticks.ticks().len(), distances_m, Option::is_some);
-        let JudgedTicks { samples, rules, .. } = *self.ticks;
-        let estimators = self.predictions.estimators.iter();
-        let figures = estimators.map(|predicted| {
-            let outcomes = self.outcomes(predicted);
-            let figures = EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), rules);
-            (predicted.name.clone(), figures)
-        });
-        let seen = |seen: &Vec<usize>| seen.iter().filter(|&&views| views > 0).count();
-        TableMetrics {
-            rules: rules.clone(),
-            judged,
-            split: TableSplit {
-                by: "trajectory".into(),
-                test: TableFlights {
-                    scenarios: samples.scenario_count(Side::Test),
-                    trajectories: samples.flights(Side::Test).len(),
-                },
-            },
-            ticks: (self.ticks).counts(self.predictions.detections.as_ref().map(seen), &common),
-            weather_at_aircraft: marked_scenarios::reported_on_test_side(samples),
-            estimators: figures.collect(),
-        }
-    }
-
-    /// Table for `predictions.parquet`: ticks with ground truth and predictions.
-    fn table(&self) -> TableWriter {
-        let JudgedTicks { samples, rules, .. } = *self.ticks;
-        let detections = self.predictions.detections.clone();
-        let mut table = judged_ticks(self.ticks.ticks(), detections, samples, rules);
-        for predicted in &self.predictions.estimators {
-            let column = format!("{}_dtd_m", predicted.name);
-            table = table.optional_f64(&column, predicted.distances_m.iter().copied());
-            for (end, suffix) in ["_from", "_to"].into_iter().enumerate() {
-                if let Some(intervals_m) = &predicted.intervals_m {
-                    let ends = intervals_m
-                        .iter()
-                        .map(|interval_m| Some((*interval_m)?[end]));
-                    table = table.optional_f64(&format!("{column}{suffix}"), ends);
-                }
+/// Table for `predictions.parquet`: ticks with ground truth and predictions.
+fn table_of(ticks: &JudgedTicks, predictions: &Predictions) -> TableWriter {
+    let Predictions { names, answers, .. } = predictions;
+    let known = |number: &f64| Some(*number).filter(|number| number.is_finite());
+    let detections = answers.detections.as_ref();
+    let detections = detections.map(|of| of.iter().copied().map(u32::from).collect());
+    let mut table = judged_ticks(ticks.ticks(), detections, ticks.samples, ticks.rules);
+    for (name, of) in names.iter().zip(&answers.by_estimator) {
+        let column = format!("{name}_dtd_m");
+        table = table.optional_f64(&column, of.distances_m.iter().map(known));
+        for (end, suffix) in ["_from", "_to"].into_iter().enumerate() {
+            if !of.intervals_m.is_empty() {
+                let ends = of
+                    .intervals_m
+                    .iter()
+                    .map(|interval_m| known(&interval_m[end]));
+                table = table.optional_f64(&format!("{column}{suffix}"), ends);
             }
         }
-        table
     }
+    table
 }

@@ -10,7 +10,7 @@ use crate::samples::{Sample, Samples};
 /// The columns before the answers at evaluated ticks. `detections`: the number of views that saw the aircraft, if known.
 pub(crate) fn judged_ticks(
     ticks: &[&Sample],
-    detections: Option<Vec<usize>>,
+    detections: Option<Vec<u32>>,
     samples: &Samples,
     rules: &EvaluationRules,
 ) -> TableWriter {
@@ -20,10 +20,7 @@ pub(crate) fn judged_ticks(
         .text("scenario", ticks().map(scenario))
         .u32("tick", ticks().map(|sample| sample.tick));
     if let Some(detections) = detections {
-        table = table.u32(
-            "detections",
-            detections.into_iter().map(|views| views as u32),
-        );
+        table = table.u32("detections", detections);
     }
     let hidden = ticks().map(|sample| rules.is_hidden(sample));
     table

@@ -57,9 +57,6 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
                     reference: 0,
                     shift_px: centre(seen) - centre(reference) + apart,
                     sd_px: DVec2::splat(0.1),
-                    scale: 1.0,
-                    gain: 1.0,
-                    correlation: 1.0,
                 })
             })
             .collect();

@@ -7,12 +7,11 @@
 
 pub(crate) mod late_images;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::AddAssign;
 
 use dataset::geometry::camera::Camera;
-use dataset::numbers::spread::deviation_from_zero;
 use dataset::tables::health::{CameraTurn, HealthState, ViewHealth};
 use glam::DVec2;
 use sight::ground::Motion;
@@ -36,8 +35,6 @@ struct Direction {
     turned: Option<Turned>,
     /// True for a camera that moved, shook or repeated an image.
     is_ill: bool,
-    /// True for one that shook while its background was hidden.
-    is_hidden: bool,
 }
 
 /// Effects on boxes from faulty cameras.
@@ -47,24 +44,18 @@ pub(crate) struct Corrections {
     pub moved: usize,
     /// Rejected boxes.
     pub withheld: usize,
-    /// Boxes with less certain shifts: the camera shakes, and fog hides its direction.
-    pub uncertain: usize,
     /// Boxes in late images, moved to the time of their tick.
     pub late: usize,
     /// Rejected boxes in late images.
     pub late_withheld: usize,
-    /// Rejected shifts between views that cannot show the same aircraft.
-    pub contradicting: usize,
 }
 
 impl AddAssign for Corrections {
     fn add_assign(&mut self, other: Self) {
         self.moved += other.moved;
         self.withheld += other.withheld;
-        self.uncertain += other.uncertain;
         self.late += other.late;
         self.late_withheld += other.late_withheld;
-        self.contradicting += other.contradicting;
     }
 }
 
@@ -82,10 +73,8 @@ impl fmt::Display for Corrections {
         let Self {
             moved,
             withheld,
-            uncertain,
             late,
             late_withheld,
-            contradicting,
         } = self;
         let parts = [
             (
@@ -97,16 +86,6 @@ impl fmt::Display for Corrections {
             (
                 late + late_withheld,
                 format!("boxes of late images: {late} corrected, {late_withheld} left out"),
-            ),
-            (
-                *uncertain,
-                format!("boxes of cameras that shake in fog: {uncertain} with less certain shifts"),
-            ),
-            (
-                *contradicting,
-                format!(
-                    "shifts between views that contradict each other: {contradicting} left out"
-                ),
             ),
         ];
         let parts = parts.into_iter().filter(|(count, _)| *count > 0);
@@ -122,30 +101,6 @@ pub(crate) fn first_of(lines: &[String]) -> Option<String> {
         0 => first.clone(),
         count => format!("{first} (and {count} more)"),
     })
-}
-
-/// True for an image from a shaking camera without a visible background.
-fn is_hidden_shake(row: &ViewHealth) -> bool {
-    row.state == HealthState::Shaking && row.motion.is_none()
-}
-
-/// Standard deviation of the aircraft's rows at ticks with such images, pixels: relative to the first view, or between the first view and
-/// all others.
-fn hidden_sd_px(view: &str, rows: &[ViewHealth]) -> Option<f64> {
-    let hidden = || {
-        rows.iter()
-            .filter(|row| row.view == view && is_hidden_shake(row))
-    };
-    let mut off_px: Vec<f64> = hidden().filter_map(|row| row.vertical_px).collect();
-    if rows
-        .iter()
-        .all(|row| row.view != view || row.vertical_px.is_none())
-    {
-        let ticks: BTreeSet<u32> = hidden().map(|row| row.tick).collect();
-        let there = rows.iter().filter(|row| ticks.contains(&row.tick));
-        off_px = there.filter_map(|row| row.vertical_px).collect();
-    }
-    (!off_px.is_empty()).then(|| deviation_from_zero(off_px.into_iter()))
 }
 
 /// A measured direction.
@@ -181,12 +136,11 @@ impl<'a> CameraHealth<'a> {
             });
             let half_px = f64::from(camera.width_px) / 2.0;
             let walk = walk::smoothed(&times_s, &turns.collect::<Vec<_>>(), half_px);
-            let hidden_sd_px = hidden_sd_px(name, rows);
             for (index, row) in rows_of_view.into_iter().enumerate() {
                 let walked = walk.as_ref().map(|walk| walk[index]);
                 // Without any measurement, a camera without a finding looks in its usual direction.
                 if walked.is_some() || !row.state.is_well() {
-                    let direction = Direction::of(row, walked, hidden_sd_px);
+                    let direction = Direction::of(row, walked);
                     directions.insert((row.tick, view), direction);
                 }
             }
@@ -206,7 +160,6 @@ impl<'a> CameraHealth<'a> {
         for (view, seen) in observed.boxes.iter().enumerate() {
             match direction(view).filter(|of| seen.is_some() && of.is_ill) {
                 Some(of) if of.turned.is_none() => counts.withheld += 1,
-                Some(of) if of.is_hidden => counts.uncertain += 1,
                 Some(_) => counts.moved += 1,
                 None => {}
             }
@@ -224,21 +177,13 @@ impl<'a> CameraHealth<'a> {
 }
 
 impl Direction {
-    /// `walked`: by the measured directions, if there are any; `hidden_sd_px`: of the camera while its background is hidden.
-    fn of(row: &ViewHealth, walked: Option<Turned>, hidden_sd_px: Option<f64>) -> Self {
-        let still = |sd_px: f64| Turned {
-            turn: Motion::default(),
-            sd_px: DVec2::splat(sd_px),
-        };
-        let is_ill = !row.state.is_well();
-        let by_rows = hidden_sd_px.filter(|_| is_hidden_shake(row)).map(still);
-        let sd_px = |of: &Turned| of.sd_px.max_element();
-        let known = [walked, by_rows].into_iter().flatten();
-        let known = known.min_by(|one, other| sd_px(one).total_cmp(&sd_px(other)));
+    /// `walked`: by the measured directions, if there are any.
+    fn of(row: &ViewHealth, walked: Option<Turned>) -> Self {
+        let counts =
+            |of: &Turned| row.state != HealthState::Frozen && of.sd_px.max_element() <= MAX_SD_PX;
         Self {
-            turned: known.filter(|of| row.state != HealthState::Frozen && sd_px(of) <= MAX_SD_PX),
-            is_ill,
-            is_hidden: is_hidden_shake(row),
+            turned: walked.filter(counts),
+            is_ill: !row.state.is_well(),
         }
     }
 }
@@ -258,7 +203,6 @@ mod tests {
             motion: None,
             state_live: HealthState::Unknown,
             lag: None,
-            vertical_px: None,
         }
     }
 
@@ -274,32 +218,6 @@ mod tests {
 
     fn observed(tick: u32) -> Observation {
         Observation::registered(tick, [500.0; 2])
-    }
-
-    #[test]
-    fn boxes_of_a_camera_that_shakes_in_fog_stay_and_are_as_uncertain_as_rows_contradict() {
-        let corrected = |off_px: fn(u32) -> Option<f64>| {
-            let rows = (0..20).flat_map(|tick| {
-                let right = ViewHealth {
-                    vertical_px: off_px(tick),
-                    ..row(tick, "right", HealthState::Shaking)
-                };
-                [row(tick, "left", HealthState::Unknown), right]
-            });
-            corrected(&rows.collect::<Vec<_>>(), 3)
-        };
-        let (shaken, counts) = corrected(|tick| Some(if tick % 2 == 0 { 1.0 } else { -1.0 }));
-        assert_eq!(shaken.boxes, observed(3).boxes);
-        let sd_px = shaken.shifts[1].unwrap().sd_px;
-        assert!((1.4..1.6).contains(&sd_px.x), "{sd_px}");
-        assert_eq!((counts.uncertain, counts.moved, counts.withheld), (1, 0, 0));
-        // Without contradicting rows, the shake may have any size.
-        let (alone, counts) = corrected(|_| None);
-        assert_eq!(
-            (alone.boxes[0], alone.boxes[1]),
-            (observed(3).boxes[0], None)
-        );
-        assert_eq!((counts.uncertain, counts.withheld), (0, 1));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Robust least squares with a few unknowns.
 
-use dataset::numbers::least_squares;
+use dataset::numbers::least_squares::robust_fit;
 
 /// Unit of coordinates in a fit, px.
 pub(crate) const UNIT_PX: f64 = 1_000.0;
@@ -10,14 +10,12 @@ pub(crate) const FINE_UNIT_PX: f64 = 100.0;
 const RIDGE: f64 = 1e-4;
 const ITERATIONS: usize = 30;
 
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// Robust line `value = terms . unknowns` through points with different error scales, and the standard deviation of the scaled residuals.
 /// `None` if the numbers are not finite.
 pub(crate) fn robust_line<const N: usize>(
     points: &[([f64; N], f64, f64)],
 ) -> Option<([f64; N], f64)> {
-    least_squares::robust_fit(points, RIDGE, f64::MIN_POSITIVE, ITERATIONS)
+    let prior = |unknown, sum| if unknown > 0 { RIDGE * sum } else { 0.0 };
+    let fit = robust_fit(points, prior, f64::MIN_POSITIVE, ITERATIONS)?;
+    Some((fit.unknowns.try_into().ok()?, fit.deviation))
 }

@@ -21,12 +21,6 @@ pub(crate) struct ViewShift {
     pub shift_px: DVec2,
     /// Standard deviation, pixels.
     pub sd_px: DVec2,
-    /// Size of the aircraft relative to the reference view.
-    pub scale: f64,
-    /// Contrast relative to the reference view.
-    pub gain: f64,
-    /// Correlation between the two images.
-    pub correlation: f64,
 }
 
 impl ViewShift {
@@ -53,9 +47,6 @@ impl ViewShift {
             reference,
             shift_px,
             sd_px: DVec2::new(shift.sd_x_px, shift.sd_y_px),
-            scale: shift.scale,
-            gain: shift.gain,
-            correlation: shift.correlation,
         })
     }
 }

@@ -94,43 +94,77 @@ impl NormalEquations {
     }
 }
 
-/// Robust fit of `value = row . unknowns` to points, each a row, a value and the scale of its error. Returns the unknowns, and the standard
-/// deviation of the scaled residuals, at least a minimum; a residual of two deviations gets half the weight (Cauchy). `ridge`, a mean
-/// square, keeps all unknowns but the first small where the points do not determine them. `None` if neither determines them, or if a number
-/// is not finite.
-pub fn robust_fit<const N: usize>(
-    points: &[([f64; N], f64, f64)],
-    ridge: f64,
+/// A point of a robust fit: a row with a number for each unknown, the value, and the scale of its error.
+pub type Point<R> = (R, f64, f64);
+
+/// Result of [`robust_fit`].
+#[derive(Debug, Clone)]
+pub struct RobustFit {
+    /// Unknowns of `value = row . unknowns`.
+    pub unknowns: Vec<f64>,
+    /// Scaled residual of each point.
+    pub residuals: Vec<f64>,
+    /// Standard deviation of the scaled residuals, at least a minimum.
+    pub deviation: f64,
+    equations: NormalEquations,
+}
+
+impl RobustFit {
+    /// Covariance of the unknowns for scaled residuals with a deviation of 1, row by row.
+    pub fn covariance(&self) -> Option<Vec<Vec<f64>>> {
+        self.equations.inverse()
+    }
+
+    /// Sum of the losses of all points, each in squares of its scale (Cauchy).
+    pub fn loss(&self) -> f64 {
+        let of = |residual: &f64| HALF_WEIGHT.powi(2) * (residual / HALF_WEIGHT).powi(2).ln_1p();
+        self.residuals.iter().map(of).sum()
+    }
+}
+
+/// Least squares in which a residual of two deviations gets half the weight (Cauchy), reweighted for some rounds. `prior`: the information
+/// that an unknown is 0, by its index and the sum of the points' weights. `None` if points and prior do not determine all unknowns, or if
+/// a number is not finite.
+pub fn robust_fit<R: AsRef<[f64]>>(
+    points: &[Point<R>],
+    prior: impl Fn(usize, f64) -> f64,
     min_deviation: f64,
     rounds: usize,
-) -> Option<([f64; N], f64)> {
+) -> Option<RobustFit> {
+    let unknowns = points.first()?.0.as_ref().len();
     let mut weights = vec![1.0; points.len()];
     let mut fitted = None;
     for _ in 0..rounds {
-        let mut equations = NormalEquations::new(N);
+        let mut equations = NormalEquations::new(unknowns);
         let mut sum = 0.0;
         for ((row, value, scale), weight) in points.iter().zip(&weights) {
             let weight = weight / (scale * scale);
-            equations.add(row, *value, weight);
+            equations.add(row.as_ref(), *value, weight);
             sum += weight;
         }
-        for unknown in 1..N {
-            equations.matrix[unknown * (N + 1)] += ridge * sum;
+        for unknown in 0..unknowns {
+            equations.matrix[unknown * (unknowns + 1)] += prior(unknown, sum);
         }
-        let unknowns: [f64; N] = equations.solve_for()?;
+        let unknowns = equations.solve()?;
         let residual =
-            |(row, value, scale): &([f64; N], f64, f64)| (value - dot(row, &unknowns)) / scale;
+            |(row, value, scale): &Point<R>| (value - dot(row.as_ref(), &unknowns)) / scale;
         let residuals: Vec<f64> = points.iter().map(residual).collect();
         let deviation = deviation_from_zero(residuals.iter().copied()).max(min_deviation);
-        for (weight, residual) in weights.iter_mut().zip(residuals) {
+        for (weight, residual) in weights.iter_mut().zip(&residuals) {
             *weight = (1.0 + (residual / (HALF_WEIGHT * deviation)).powi(2)).recip();
         }
-        fitted = Some((unknowns, deviation));
+        fitted = Some(RobustFit {
+            unknowns,
+            residuals,
+            deviation,
+            equations,
+        });
     }
     fitted
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+/// Scalar product.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -238,15 +272,17 @@ mod tests {
                 ([1.0, x], 2.0 - 3.0 * x + off, 1.0)
             })
             .collect();
-        let (found, deviation) = robust_fit(&points, 0.0, 1e-3, 30).unwrap();
+        let fit = robust_fit(&points, |_, _| 0.0, 1e-3, 30).unwrap();
+        let (found, deviation) = (&fit.unknowns, fit.deviation);
         assert!(
             (found[0] - 2.0).abs() < 0.02 && (found[1] + 3.0).abs() < 0.02,
             "{found:?}"
         );
         assert!((0.005..0.02).contains(&deviation), "{deviation}");
         let alone = [points[0]; 3];
-        assert_eq!(robust_fit(&alone, 0.0, 1e-3, 30), None);
-        let (flat, _) = robust_fit(&alone, 1e-4, 1e-3, 30).unwrap();
+        assert!(robust_fit(&alone, |_, _| 0.0, 1e-3, 30).is_none());
+        let of_slope = |unknown, sum| if unknown == 1 { 1e-4 * sum } else { 0.0 };
+        let flat = robust_fit(&alone, of_slope, 1e-3, 30).unwrap().unknowns;
         assert!(flat[1].abs() < 1e-6, "{flat:?}");
     }
 

@@ -31,9 +31,6 @@ pub struct ViewHealth {
     pub state_live: HealthState,
     /// Lag of the view in the whole flight. In the table, numbers are null of the first view, and where it was not measured.
     pub lag: Option<ViewLag>,
-    /// Distance of the aircraft from where it should be by the first view and the flight, across the line on which the first view sees it,
-    /// pixels down. Null of the first view, and where views are not registered with boxes that count, or too rarely.
-    pub vertical_px: Option<f64>,
 }
 
 impl ViewHealth {
@@ -139,25 +136,22 @@ pub enum HealthState {
     Shaking,
     /// The image repeats an earlier one, although the aircraft moves.
     Frozen,
-    /// It cannot show the same aircraft as the first view: rows contradict. Either view may be wrong.
-    Inconsistent,
     /// The background shows too little to measure the direction.
     Unknown,
 }
 
-words!(HealthState, 6, {
+words!(HealthState, 5, {
     Steady: "steady",
     Moved: "moved",
     Shaking: "shaking",
     Frozen: "frozen",
-    Inconsistent: "inconsistent",
     Unknown: "unknown",
 });
 
 impl HealthState {
-    /// True unless boxes of such an image are off or old. An inconsistent image keeps its boxes and loses its shift.
+    /// True unless boxes of such an image are off or old.
     pub fn is_well(self) -> bool {
-        matches!(self, Self::Steady | Self::Unknown | Self::Inconsistent)
+        matches!(self, Self::Steady | Self::Unknown)
     }
 }
 
@@ -191,11 +185,6 @@ impl ImageRow for ViewHealth {
             )
             .text("state_live", rows.clone().map(|row| row.state_live.word()))
             .optional_numbers(ViewLag::COLUMNS, lags.map(|lag| lag.map(ViewLag::to_array)))
-            .optional_f64_within(
-                "vertical_px",
-                limits::SHIFT_PX,
-                rows.map(|row| row.vertical_px),
-            )
     }
 
     fn of_table(table: &mut Table) -> Result<Vec<Self>> {
@@ -204,7 +193,6 @@ impl ImageRow for ViewHealth {
         let states = table.words::<HealthState>("state")?;
         let live = table.words::<HealthState>("state_live")?;
         let lags = table.optional_numbers(ViewLag::COLUMNS)?;
-        let verticals_px = table.optional_f64_within("vertical_px", limits::SHIFT_PX)?;
         let keys = ticks.into_iter().zip(table.text("view")?).enumerate();
         keys.map(|(row, (tick, view))| {
             Ok(Self {
@@ -214,7 +202,6 @@ impl ImageRow for ViewHealth {
                 motion: all_or_none(table, row, turns[row])?.map(CameraTurn::of_array),
                 state_live: live[row],
                 lag: all_or_none(table, row, lags[row])?.map(ViewLag::of_array),
-                vertical_px: verticals_px[row],
             })
         })
         .collect()
@@ -258,7 +245,6 @@ mod tests {
                     lag_ms: 450.0,
                     lag_sd_ms: 20.0,
                 }),
-                vertical_px: Some(-0.5),
             })
             .collect()
     }
@@ -297,7 +283,6 @@ mod tests {
         let mut unmeasured = rows();
         for row in &mut unmeasured {
             row.lag = None;
-            row.vertical_px = None;
         }
         for rows in [rows(), unmeasured, Vec::new()] {
             ViewHealth::write(&rows, &path).unwrap();
@@ -317,8 +302,7 @@ mod tests {
                 .text("state", [state])
                 .text("state_live", ["steady"])
                 .optional_f64("lag_ms", [None])
-                .optional_f64("lag_sd_ms", [None])
-                .optional_f64("vertical_px", [None]);
+                .optional_f64("lag_sd_ms", [None]);
             let named = CameraTurn::COLUMNS.into_iter().zip(numbers);
             let table = named.fold(table, |table, ((name, _), number)| {
                 table.optional_f64(name, [number])

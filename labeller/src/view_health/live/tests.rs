@@ -33,64 +33,6 @@ fn box_at(cx_px: f64) -> PixelBox {
     }
 }
 
-/// A number below 256 that looks random.
-fn noise(image: u32, pixel: u32) -> u8 {
-    let mixed = (image.wrapping_mul(0x9E37_79B9) ^ pixel.wrapping_mul(0x85EB_CA6B))
-        .wrapping_mul(0xC2B2_AE35);
-    (mixed >> 13 & 3) as u8 + 100
-}
-
-fn image_of(of: impl Fn(u32) -> u8) -> Vec<u8> {
-    (0..64 * 64).map(of).collect()
-}
-
-/// States of images with this noise; `seen` gives the number of the image that is shown.
-fn states(images: u32, seen: impl Fn(u32) -> u32, pixel: impl Fn(u32, u32) -> u8) -> Vec<bool> {
-    let mut health = LiveHealth::default();
-    let mut before: Option<Vec<u8>> = None;
-    (0..images)
-        .map(|number| {
-            let now = image_of(|at| pixel(seen(number), at));
-            let lumas =
-                [before.as_deref(), Some(now.as_slice())].map(|of| of.map(|of| Luma::of(of, 64)));
-            let state = health.next(&look(number, None, None), None, lumas);
-            before = Some(now);
-            state == HealthState::Frozen
-        })
-        .collect()
-}
-
-#[test]
-fn a_view_that_had_noise_is_frozen_half_a_second_after_its_last_new_image() {
-    let frozen = states(200, |number| number.min(100), noise);
-    let first = frozen.iter().position(|frozen| *frozen);
-    assert!([Some(115), Some(116)].contains(&first), "{first:?}");
-    assert!(frozen[116..].iter().all(|frozen| *frozen));
-    let back = states(
-        200,
-        |number| {
-            if number < 150 {
-                number.min(100)
-            } else {
-                number
-            }
-        },
-        noise,
-    );
-    assert!(!back[151..].contains(&true));
-}
-
-#[test]
-fn an_empty_scene_is_never_frozen_with_and_without_noise() {
-    assert!(!states(20_000, |number| number, noise).contains(&true));
-    assert!(!states(20_000, |_| 0, noise).contains(&true));
-    // Without noise something passes, again and again.
-    let passing = |number: u32, at: u32| if at == number / 2 % 4_096 { 200 } else { 90 };
-    assert!(!states(20_000, |number| number, passing).contains(&true));
-    // An encoder leaves out noise between key frames.
-    assert!(!states(20_000, |number| number / 30, noise).contains(&true));
-}
-
 #[test]
 fn equal_images_of_a_moving_aircraft_are_frozen_and_a_slow_one_is_not() {
     let frozen_from = |px_s: f64, stops: u32| {
@@ -101,7 +43,7 @@ fn equal_images_of_a_moving_aircraft_are_frozen_and_a_slow_one_is_not() {
                 let look = look(number, None, Some(0.2));
                 let jitter = 0.3 * (f64::from(number * 37 % 11) / 5.0 - 1.0);
                 let jitter = if number > stops { 0.0 } else { jitter };
-                health.next(&look, Some(box_at(300.0 + place + jitter)), [None, None])
+                health.next(&look, Some(box_at(300.0 + place + jitter)))
             })
             .collect();
         let frozen = |state: &HealthState| *state == HealthState::Frozen;
@@ -118,7 +60,7 @@ fn equal_images_of_a_moving_aircraft_are_frozen_and_a_slow_one_is_not() {
 fn a_camera_that_is_moved_is_off_at_once_and_well_again_when_it_is_moved_back() {
     let mut health = LiveHealth::default();
     let state = |number: u32, off_px: Option<f64>, health: &mut LiveHealth| {
-        health.next(&look(number, off_px, None), None, [None, None])
+        health.next(&look(number, off_px, None), None)
     };
     for number in 0..200 {
         let wobble = 0.05 * f64::from(number % 3);

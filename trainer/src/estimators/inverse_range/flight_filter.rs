@@ -9,8 +9,8 @@
 //! standard deviation and a 90 % interval. The flight's own misfits reveal outliers and error sizes ([`forward`]); interval
 //! widths are chosen to hold 90 % ([`held_share`]) of the labels on flights that the fits did not see ([`labelled_flight`]).
 //!
-//! Intervals also grow where the rows of the views fit each other badly, and with common errors ([`widening`]). Views that contradict each
-//! other for some time are not used ([`super::contradiction`]).
+//! Intervals also grow with common errors ([`widening`]). Views that contradict each other for some time are not used
+//! ([`super::contradiction`]).
 //!
 //! The measurements are distances, because a fit's formula inverts exactly: the filter is linear.
 
@@ -41,14 +41,14 @@ use crate::samples::{Observation, Sample, Samples};
 
 use backward::smooth;
 use correlated_error::CorrelatedError;
+use estimate::HalfWidths;
 pub(crate) use estimate::{Estimate, Estimated};
-use estimate::{HalfWidths, Widening};
 use forward::{Filter, filter};
 use hypothesis::Model;
 use labelled_flight::LabelledFlight;
 use motion::Motion;
 pub(crate) use widening::Knowing;
-use widening::{LastCommonError, RecentMisfit, beyond, by_all, by_past, scales, usual_px};
+use widening::{LastCommonError, common_sds_per_m};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FlightFilter {
@@ -57,8 +57,6 @@ pub(crate) struct FlightFilter {
     errors: Vec<CorrelatedError>,
     /// Usual time between ticks in training, seconds.
     tick_s: f64,
-    /// Usual row misfit ([`Tick::row_misfit_px`]), pixels: errors grow with it.
-    usual_misfit_px: Option<f64>,
     pub(crate) kept: KeptInTraining,
     /// Interval half widths for the filter.
     filtered: HalfWidths,
@@ -70,7 +68,6 @@ pub(crate) struct FlightFilter {
 #[derive(Clone)]
 pub(crate) struct OnlineFilter {
     filter: Filter,
-    misfit: RecentMisfit,
     common: LastCommonError,
 }
 
@@ -147,7 +144,6 @@ impl FlightFilter {
             motion: Motion::fit(&labels),
             errors: errors.collect(),
             tick_s: usual_tick_s(flights).unwrap_or(1.0),
-            usual_misfit_px: usual_px(flights.iter().map(|flight| flight.ticks.as_slice())),
             kept: KeptInTraining::default(),
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
@@ -194,22 +190,16 @@ impl FlightFilter {
         let fits = (0..self.errors.len()).collect();
         OnlineFilter {
             filter: Filter::new(self.model(), fits),
-            misfit: RecentMisfit::default(),
             common: LastCommonError::default(),
         }
     }
 
     /// Estimate at the next tick, equal to [`Self::predict`] with past ticks.
     pub(crate) fn next(&self, online: &mut OnlineFilter, tick: &Tick) -> Option<Estimate> {
-        let scale = online.misfit.scale_after(self.usual_misfit_px, tick);
         let common_sd_per_m = online.common.after(tick);
         let known = online.filter.take(self.model(), tick)?;
-        let widening = Widening {
-            scale: beyond(scale, known.level),
-            common_sd_per_m,
-        };
         self.filtered
-            .estimate(&self.motion, &known.motion, widening)
+            .estimate(&self.motion, &known, common_sd_per_m)
     }
 
     /// Slowly varying measurement error as a standard deviation, metres, its half-life, seconds, and standard deviation of the new error
@@ -263,20 +253,9 @@ impl FlightFilter {
             Knowing::Past => (&self.filtered, filtered.known),
             Knowing::All => (&self.smoothed, smooth(model, ticks, &filtered.decisions)),
         };
-        let scales = scales(self.usual_misfit_px, ticks, knowing);
-        let common = match knowing {
-            Knowing::Past => by_past(ticks),
-            Knowing::All => by_all(ticks),
-        };
-        let widenings = scales.into_iter().zip(common);
-        let estimates = known.iter().zip(widenings);
-        let estimates = estimates.map(|(known, (scale, common_sd_per_m))| {
-            let known = known.as_ref()?;
-            let widening = Widening {
-                scale: beyond(scale, known.level),
-                common_sd_per_m,
-            };
-            widths.estimate(&self.motion, &known.motion, widening)
+        let estimates = known.iter().zip(common_sds_per_m(ticks, knowing));
+        let estimates = estimates.map(|(known, common_sd_per_m)| {
+            widths.estimate(&self.motion, known.as_ref()?, common_sd_per_m)
         });
         estimates.collect()
     }
@@ -313,7 +292,6 @@ impl FlightFilter {
         .chain(errors)
         .chain(self.filtered.to_array())
         .chain(self.smoothed.to_array())
-        .chain(self.usual_misfit_px)
     }
 }
 

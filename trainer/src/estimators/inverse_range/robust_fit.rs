@@ -2,11 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use dataset::numbers::least_squares::NormalEquations;
+use dataset::numbers::least_squares::{NormalEquations, dot};
 use dataset::numbers::spread::{deviation_from_zero, mean_and_deviation};
 
 use crate::estimators::HUBER;
-use crate::samples::robust_line::dot;
 use crate::samples::view_shift::{MIN_SD_PX, Places};
 
 /// Ridge relative to the mean diagonal element: flights on one line do not determine how positions beside it differ. Among the powers of

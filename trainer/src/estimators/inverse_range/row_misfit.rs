@@ -1,21 +1,19 @@
 //! Deviation of registered rows from the epipolar line.
 //!
 //! The position in a second view lies on a line (epipolar geometry). Along it, mostly in columns, the position gives the distance; across
-//! it, mostly in rows, it contains only error. Clouds behind the aircraft, light and air displace both: where rows scatter more, distances
-//! do.
+//! it, mostly in rows, it contains only error. Rows that are off for some time contradict each other
+//! ([`super::flight_filter`]), and they show a view's lag.
 
 use dataset::numbers::spread::deviation_from_zero;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::camera_health::late_images::Pair;
-use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
+use crate::samples::row_line::RowLine;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::MIN_SD_PX;
 use crate::samples::{Observation, Sample};
 
-/// Constant, and change with column and row in the reference view and with the shift in columns.
-const UNKNOWNS: usize = 4;
 /// Minimum number of shifts.
 const MIN_SHIFTS: usize = 30;
 /// Number of parts in which flights are left out, and the minimum number of flights that show how accurate lags are.
@@ -29,7 +27,7 @@ const MAX_SHIFTS: usize = 20_000;
 pub(super) struct RowRelation {
     /// Indices of the reference view and of the second view.
     pub(super) views: [usize; 2],
-    pub(super) coefficients_px: [f64; UNKNOWNS],
+    pub(super) row: RowLine,
     /// Standard deviation of rows in training, pixels.
     sd_px: f64,
     /// Standard deviation of the lags of training flights by rows that were learned from others, s: they have none. Missing with few
@@ -59,23 +57,11 @@ fn lag_sd_s(views: [usize; 2], training: &[&Sample]) -> Option<f64> {
     (lags_s.len() >= MIN_FLIGHTS).then(|| deviation_from_zero(lags_s.into_iter()))
 }
 
-/// Terms and measured row.
-type Row = ([f64; UNKNOWNS], f64);
-
-fn row_in([reference, view]: [usize; 2], observed: &Observation) -> Option<Row> {
+/// Registered places in both views, pixels.
+fn places_px([reference, view]: [usize; 2], observed: &Observation) -> Option<[DVec2; 2]> {
     let shift = observed.shifts[view].filter(|shift| shift.reference == reference)?;
-    let (place, _) = centre_and_size(observed.boxes[reference].as_ref()?);
-    Some(row_of(place, shift.shift_px))
-}
-
-fn row_of(place: DVec2, shift_px: DVec2) -> Row {
-    let terms = [
-        1.0,
-        place.x / UNIT_PX,
-        place.y / UNIT_PX,
-        shift_px.x / UNIT_PX,
-    ];
-    (terms, shift_px.y)
+    let (place_px, _) = centre_and_size(observed.boxes[reference].as_ref()?);
+    Some([place_px, place_px + shift.shift_px])
 }
 
 /// Standard deviation of that row, including common errors, pixels.
@@ -106,35 +92,28 @@ impl RowRelation {
     fn pair_of(&self, lag_sd_s: f64) -> Pair<'_> {
         Pair {
             views: self.views,
-            off_px: Box::new(|[first, second]| self.off_px(&row_of(first, second - first))),
+            off_px: Box::new(|places_px| self.row.off_px(places_px)),
             row_sd_px: self.sd_px,
             lag_sd_s,
         }
     }
 
     fn of(views: [usize; 2], training: &[&Sample]) -> Option<Self> {
-        let rows: Vec<Row> = (training.iter())
-            .filter_map(|sample| row_in(views, sample))
+        let places = training.iter();
+        let places: Vec<_> = places
+            .filter_map(|sample| places_px(views, sample))
             .collect();
-        if rows.len() < MIN_SHIFTS {
+        if places.len() < MIN_SHIFTS {
             return None;
         }
-        let step = rows.len().div_ceil(MAX_SHIFTS);
-        // In finer units the ridge of the fit moves no row.
-        let finer = UNIT_PX / FINE_UNIT_PX;
-        let points = rows.iter().step_by(step);
-        let points = points.map(|(terms, row_px)| (terms.map(|term| finer * term), *row_px, 1.0));
-        let (coefficients, sd_px) = robust_line(&points.collect::<Vec<_>>())?;
+        let step = places.len().div_ceil(MAX_SHIFTS);
+        let (row, sd_px) = RowLine::fit(places.into_iter().step_by(step).map(|of| (of, 1.0)))?;
         Some(Self {
             views,
-            coefficients_px: coefficients.map(|coefficient| finer * coefficient),
+            row,
             sd_px,
             lag_sd_s: None,
         })
-    }
-
-    fn off_px(&self, (terms, row_px): &Row) -> f64 {
-        row_px - dot(terms, &self.coefficients_px)
     }
 }
 
@@ -146,7 +125,7 @@ pub(super) fn row_misfits(
 ) -> Vec<([usize; 2], f64)> {
     let misfits = relations.iter().filter_map(|relation| {
         let [reference, view] = relation.views;
-        let off_px = relation.off_px(&row_in(relation.views, observed)?);
+        let off_px = relation.row.off_px(places_px(relation.views, observed)?);
         let sd_px = MIN_SD_PX.hypot(row_sd_px(relation.views, observed)?);
         Some(if reference < view {
             ([reference, view], off_px / sd_px)

@@ -5,6 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 use super::cells::Cells;
 use super::layout::{DETECTIONS, EstimatorColumns, SCENARIO, TICK, listed};
 use crate::error::{Error, Result};
+use crate::evaluation::answers::{Answers, EstimatorAnswers};
 use crate::evaluation::rules::EvaluationRules;
 use crate::samples::truth::Truth;
 use crate::samples::{Sample, ScenarioSummary};
@@ -14,20 +15,11 @@ const MAX_DETECTIONS: u32 = 255;
 
 /// Predictions at the evaluated ticks.
 pub(super) struct Predictions {
-    /// Number of views that saw the aircraft; `None` if the table does not say.
-    pub detections: Option<Vec<usize>>,
-    /// Sorted by name.
-    pub estimators: Vec<EstimatorPredictions>,
+    /// Estimators, sorted by name.
+    pub names: Vec<String>,
+    pub answers: Answers,
     /// Number of rows at other ticks.
     pub not_judged: usize,
-}
-
-/// Predictions from one estimator at the evaluated ticks.
-pub(super) struct EstimatorPredictions {
-    pub name: String,
-    pub distances_m: Vec<Option<f64>>,
-    /// Ends of 90 % intervals, metres; `None` for an estimator without intervals.
-    pub intervals_m: Option<Vec<Option<[f64; 2]>>>,
 }
 
 /// Rows matched with scenarios.
@@ -36,7 +28,7 @@ struct Rows<'a> {
     /// Scenario per row.
     scenario: Vec<usize>,
     tick: Vec<u32>,
-    detections: Option<Vec<usize>>,
+    detections: Option<Vec<u8>>,
     scenarios: &'a [ScenarioSummary],
 }
 
@@ -62,18 +54,20 @@ impl Predictions {
         if found == 0 {
             return Err(rows.none_judged(judged, rules));
         }
-        let estimators = cells.layout.estimators.iter();
-        let mut estimators = estimators
-            .map(|columns| rows.predicted(columns, &row_of))
-            .collect::<Result<Vec<_>>>()?;
-        estimators.sort_by(|one, other| one.name.cmp(&other.name));
-        let seen = |seen: &Vec<usize>| {
+        let mut columns: Vec<&EstimatorColumns> = cells.layout.estimators.iter().collect();
+        columns.sort_by_key(|columns| &columns.name);
+        let by_estimator = columns.iter().map(|of| rows.predicted(of, &row_of));
+        let seen = |seen: &Vec<u8>| {
             let of_row = |row: &Option<usize>| row.map_or(0, |row| seen[row]);
             row_of.iter().map(of_row).collect()
         };
         Ok(Self {
-            detections: rows.detections.as_ref().map(seen),
-            estimators,
+            answers: Answers {
+                detections: rows.detections.as_ref().map(seen),
+                by_estimator: by_estimator.collect::<Result<_>>()?,
+                ..Answers::default()
+            },
+            names: columns.iter().map(|of| of.name.clone()).collect(),
             not_judged: rows.tick.len() - found,
         })
     }
@@ -91,7 +85,7 @@ impl<'a> Rows<'a> {
         } else {
             Vec::new()
         };
-        let of_row = |seen: Option<u32>| seen.unwrap_or_default() as usize;
+        let of_row = |seen: Option<u32>| seen.unwrap_or_default() as u8;
         let any = detections.iter().any(Option::is_some);
         Ok(Self {
             cells,
@@ -147,22 +141,22 @@ impl<'a> Rows<'a> {
         &self,
         columns: &EstimatorColumns,
         row_of: &[Option<usize>],
-    ) -> Result<EstimatorPredictions> {
+    ) -> Result<EstimatorAnswers> {
         let numbers = &self.cells.numbers;
         let distances = &numbers[&columns.distance];
-        let at_ticks = row_of.iter().copied();
-        let distances_m = at_ticks.clone().map(|row| distances[row?]).collect();
+        let distance_m = |row: &Option<usize>| (*row).and_then(|row| distances[row]);
+        let distances_m = row_of.iter().map(|row| distance_m(row).unwrap_or(f64::NAN));
+        let distances_m = distances_m.collect();
         let Some([from_column, to_column]) = &columns.interval else {
-            return Ok(EstimatorPredictions {
-                name: columns.name.clone(),
+            return Ok(EstimatorAnswers {
                 distances_m,
-                intervals_m: None,
+                intervals_m: Vec::new(),
             });
         };
         let [from, to] = [from_column, to_column].map(|column| &numbers[column]);
         let interval_m = |row: usize| match (distances[row], from[row], to[row]) {
-            (_, None, None) => Ok(None),
-            (Some(_), Some(from_m), Some(to_m)) if from_m <= to_m => Ok(Some([from_m, to_m])),
+            (_, None, None) => Ok([f64::NAN; 2]),
+            (Some(_), Some(from_m), Some(to_m)) if from_m <= to_m => Ok([from_m, to_m]),
             (_, from_m, to_m) => {
                 let [from, to] = [from_m, to_m].map(|end| {
                     end.map_or_else(|| "missing".to_owned(), |end_m| format!("{end_m:?}"))
@@ -174,11 +168,12 @@ impl<'a> Rows<'a> {
                 )))
             }
         };
-        let intervals_m = at_ticks.map(|row| row.map_or(Ok(None), interval_m));
-        Ok(EstimatorPredictions {
-            name: columns.name.clone(),
+        let intervals_m = row_of
+            .iter()
+            .map(|row| row.map_or(Ok([f64::NAN; 2]), interval_m));
+        Ok(EstimatorAnswers {
             distances_m,
-            intervals_m: Some(intervals_m.collect::<Result<_>>()?),
+            intervals_m: intervals_m.collect::<Result<_>>()?,
         })
     }
 

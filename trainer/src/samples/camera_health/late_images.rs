@@ -460,7 +460,6 @@ mod tests {
                 motion: None,
                 state_live: HealthState::Unknown,
                 lag,
-                vertical_px: None,
             };
             let lag = ViewLag { lag_ms, lag_sd_ms };
             let [left, right] = &views;

@@ -2,12 +2,11 @@
 
 use std::collections::VecDeque;
 
-use dataset::numbers::least_squares::NormalEquations;
+use dataset::numbers::least_squares::{NormalEquations, dot};
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use super::sighting::{MEMORY_S, RECENT_S, STEP_S, STILL_GROWTH, Sighting};
-use crate::samples::robust_line::dot;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::trusted_boxes::other_boxes::Candidate;
 
@@ -26,13 +25,8 @@ const SURE: f64 = 4.0;
 const AWAY_AT_ONCE: f64 = 1.0;
 const AWAY_PER_S: f64 = 0.1;
 const AWAY_PER_S_WITHOUT_MOTION: f64 = 0.3;
-/// Factor of that distance within a track ...
+/// Factor of that distance within a track.
 const SAME_TRACK: f64 = 3.0;
-/// ... and of growth within a track: fog may hide parts.
-const SAME_TRACK_GROWTH: f64 = 1.5;
-/// Maximum ratio between the widths of successive boxes, and its growth per second.
-const MAX_GROWTH: f64 = 1.4;
-const GROWTH_PER_S: f64 = 0.03;
 
 /// Rate of change with its standard error.
 #[derive(Debug, Clone, Copy)]
@@ -142,17 +136,6 @@ impl Trace {
     /// Distance from the expected position relative to the maximum; `None` for a different object.
     pub(super) fn distance_to(&self, time_s: f64, seen: Candidate) -> Option<f64> {
         let since_s = (time_s - self.last.time_s).max(0.0);
-        let is_same_track = self.is_of_track(seen);
-        let grown = seen.pixel_box.width_px / self.last.pixel_box.width_px;
-        let freedom = if is_same_track {
-            SAME_TRACK_GROWTH
-        } else {
-            1.0
-        };
-        let most_grown = freedom * MAX_GROWTH * (GROWTH_PER_S * since_s).exp();
-        if !((freedom * MAX_GROWTH).recip()..=most_grown).contains(&grown) {
-            return None;
-        }
         let motion_px_s = self.motion_px_s();
         let per_s = if motion_px_s.is_some() {
             AWAY_PER_S
@@ -163,12 +146,12 @@ impl Trace {
         let expected_px = last_px + motion_px_s.unwrap_or_default() * since_s;
         let (centre_px, _) = centre_and_size(&seen.pixel_box);
         let away = (centre_px - expected_px).length() / size_px.x.max(seen.pixel_box.width_px);
-        let most = AWAY_AT_ONCE + per_s * since_s;
-        let away = if is_same_track {
-            away / (SAME_TRACK * most)
+        let of_track = if self.is_of_track(seen) {
+            SAME_TRACK
         } else {
-            away / most
+            1.0
         };
+        let away = away / (of_track * (AWAY_AT_ONCE + per_s * since_s));
         (away <= 1.0).then_some(away)
     }
 }

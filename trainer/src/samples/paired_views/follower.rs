@@ -107,7 +107,7 @@ impl Follower {
         let in_sight = self.aircraft.iter().map(|aircraft| ObjectBoxes {
             number: aircraft.number,
             is_followed: Some(aircraft.number) == self.followed,
-            boxes: if self.is_certain(aircraft, &tick, step_s) {
+            boxes: if Self::is_certain(aircraft, &tick, step_s) {
                 aircraft.boxes.clone()
             } else {
                 vec![None; boxes.len()]
@@ -246,7 +246,7 @@ impl Follower {
             let is_favoured = followed(aircraft) && aircraft.paired_s > 0.0;
             let advantage_s = if is_favoured { DISPUTE_S } else { 0.0 };
             // Among objects in one view alone, an older one that does not arrive must not block one that may.
-            let certain = f64::from(u8::from(self.is_certain(aircraft, tick, step_s)));
+            let certain = f64::from(u8::from(Self::is_certain(aircraft, tick, step_s)));
             let width_px = tick.width_px(aircraft);
             [
                 aircraft.paired_s + advantage_s,
@@ -271,32 +271,16 @@ impl Follower {
     }
 
     /// False if its views contradict each other, or if it was never paired and has not approached at a usual speed, stands still, has an
-    /// unusual size for its position, contradicts a second view, or is missing in a view that should see it.
-    fn is_certain(&self, chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
-        let relations = &tick.learned.relations;
+    /// unusual size for its position, or is missing in a view that should see it.
+    fn is_certain(chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
         if chosen.disputed_s > 0.0 && chosen.count() > 1 {
             return false;
         }
-        let is_rival = |other: &&Aircraft| {
-            let mut boxes = other.last_boxes();
-            let apart_s = (chosen.last_s - other.last_s).abs();
-            other.number != chosen.number
-                && other.paired_s == 0.0
-                && apart_s <= DISPUTE_S
-                && boxes.any(|there| {
-                    let mut here = chosen.last_boxes();
-                    here.any(|here| {
-                        let related = related(relations, here, there);
-                        related.is_some_and(|(relation, pair)| relation.misfit(pair).is_none())
-                    })
-                })
-        };
         chosen.paired_s > 0.0
             // With ticks this far apart, waiting for the next would cost more than lamps do.
             || ((chosen.has_approached || step_s >= MAX_STEP_S)
                 && tick.learned.is_on_path(chosen, step_s)
-                && !tick.is_missed(chosen)
-                && !self.aircraft.iter().any(|other| is_rival(&other)))
+                && !tick.is_missed(chosen))
     }
 }
 

@@ -1,15 +1,17 @@
 //! Aircraft appearance in two views: a relation between its boxes, learned from true boxes.
 //!
-//! Cameras beside one runway see a distant aircraft in nearly the same row (the epipolar constraint, nearly linear for small fields of
-//! view) and in nearly the same size, and the parallax between columns is proportional to the size. This gives three residuals, each with a
-//! robust standard deviation. No calibration is used.
+//! Cameras beside one runway see a distant aircraft in nearly the same row ([`RowLine`]) and in nearly the same size, and the parallax
+//! between columns is proportional to the size. This gives three residuals, each with a robust standard deviation.
 
 use dataset::numbers::spread::{deviation_from_zero, median};
 use dataset::tables::pixel_box::PixelBox;
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::sighting::{MAX_DEVIATIONS, MIN_SIZE_SD};
-use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, dot, robust_line};
+use crate::samples::robust_line::{FINE_UNIT_PX, robust_line};
+use crate::samples::row_line::RowLine;
+use crate::samples::trusted_boxes::centre_and_size;
 
 /// Minimum number of pairs.
 pub(super) const MIN_PAIRS: usize = 30;
@@ -25,10 +27,8 @@ const ROW_PART_OF_HEIGHT: f64 = 0.05;
 pub(crate) struct Relation {
     /// View indices, ascending.
     pub(super) views: [usize; 2],
-    /// Row in the second view minus row in the first, pixels: constant, and change per pixel in row and column in the first view and in
-    /// column in the second.
-    row: [f64; 4],
-    /// Standard deviation of that difference for small boxes, pixels.
+    row: RowLine,
+    /// Standard deviation of rows for small boxes, pixels.
     row_sd_px: f64,
     /// Logarithm of the width ratio (second to first), and its standard deviation.
     size: [f64; 2],
@@ -45,9 +45,8 @@ pub(super) fn width_px(pair: [&PixelBox; 2]) -> f64 {
     (pair[0].width_px * pair[1].width_px).sqrt()
 }
 
-fn row_terms([first, second]: [&PixelBox; 2]) -> [f64; 4] {
-    let [y, x, other_x] = [first.cy_px, first.cx_px, second.cx_px].map(|px| px / UNIT_PX);
-    [1.0, y, x, other_x]
+fn places_px(pair: [&PixelBox; 2]) -> [DVec2; 2] {
+    pair.map(|seen| centre_and_size(seen).0)
 }
 
 impl Relation {
@@ -56,14 +55,8 @@ impl Relation {
         if pairs.len() < MIN_PAIRS {
             return None;
         }
-        let rows: Vec<_> = (pairs.iter())
-            .map(|&pair| {
-                let scale = row_scale(pair);
-                (row_terms(pair), pair[1].cy_px - pair[0].cy_px, scale)
-            })
-            .collect();
-        let (mut row, row_sd_px) = robust_line(&rows)?;
-        row[1..].iter_mut().for_each(|slope| *slope /= UNIT_PX);
+        let rows = pairs.iter().map(|&pair| (places_px(pair), row_scale(pair)));
+        let (row, row_sd_px) = RowLine::fit(rows)?;
 
         let ratio = |pair: &[&PixelBox; 2]| (pair[1].width_px / pair[0].width_px).ln();
         let mut ratios: Vec<f64> = pairs.iter().map(ratio).collect();
@@ -100,10 +93,7 @@ impl Relation {
     /// Residuals of row, size and parallax in standard deviations. The last is not finite if the parallax has the wrong sign.
     pub(super) fn residuals(&self, pair: [&PixelBox; 2]) -> [f64; 3] {
         let [first, second] = pair;
-        let [constant, of_y, of_x, of_other_x] = self.row;
-        let terms = [1.0, first.cy_px, first.cx_px, second.cx_px];
-        let expected = dot(&[constant, of_y, of_x, of_other_x], &terms);
-        let row = (second.cy_px - first.cy_px - expected) / (self.row_sd_px * row_scale(pair));
+        let row = self.row.off_px(places_px(pair)) / (self.row_sd_px * row_scale(pair));
         let [usual, size_sd] = self.size;
         let size = ((second.width_px / first.width_px).ln() - usual) / size_sd;
         let [apart_px, slope] = self.parallax;

@@ -3,21 +3,14 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use dataset::numbers::spread::median_of;
-use dataset::tables::pixel_box::PixelBox;
-use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::TrainingCameras;
-use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{Sample, Samples};
 
 /// Usual share of false boxes in a view.
 const USUAL_SHARE: f64 = 0.02;
 const NAMED: usize = 3;
-/// A camera looked elsewhere in a scenario if at least this share of its boxes is dropped, and this share of them is off alike.
-const MOVED_SHARE: f64 = 0.3;
-const ALIKE_SHARE: f64 = 0.7;
 
 /// Dropped boxes in a view.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -39,8 +32,6 @@ struct ScenarioDrops {
     view: String,
     dropped: usize,
     of: usize,
-    /// Offset shared by most dropped boxes, pixels.
-    alike_px: Option<DVec2>,
 }
 
 #[derive(Debug, Clone)]
@@ -58,25 +49,19 @@ impl TrainingDrops {
         for (view, name) in samples.views.iter().enumerate() {
             let mut of_view = [0, 0];
             for flight in training.chunk_by(|a, b| a.scenario == b.scenario) {
-                let mut off = Vec::new();
-                let mut of = 0;
-                for sample in flight {
-                    let Some(seen) = &sample.boxes[view] else {
-                        continue;
-                    };
-                    of += 1;
-                    if !cameras.is_true(view, sample, seen) {
-                        off.push((cameras.place_px(view, sample), *seen));
-                    }
-                }
-                of_view = [of_view[0] + off.len(), of_view[1] + of];
-                if !off.is_empty() {
+                let seen = flight.iter().filter_map(|sample| {
+                    let seen = sample.boxes[view].as_ref()?;
+                    Some(cameras.is_true(view, sample, seen))
+                });
+                let (kept, off): (Vec<bool>, Vec<bool>) = seen.partition(|is_true| *is_true);
+                let (dropped, of) = (off.len(), kept.len() + off.len());
+                of_view = [of_view[0] + dropped, of_view[1] + of];
+                if dropped > 0 {
                     scenarios.push(ScenarioDrops {
                         scenario: samples.scenarios[flight[0].scenario].id.clone(),
                         view: name.clone(),
-                        dropped: off.len(),
+                        dropped,
                         of,
-                        alike_px: alike_px(&off, of),
                     });
                 }
             }
@@ -95,23 +80,6 @@ impl TrainingDrops {
     }
 }
 
-/// Offset from the aircraft that most dropped boxes share, if they are many.
-fn alike_px(dropped: &[(Option<DVec2>, PixelBox)], of: usize) -> Option<DVec2> {
-    if (dropped.len() as f64) < MOVED_SHARE * of as f64 {
-        return None;
-    }
-    let off = dropped.iter().filter_map(|(place_px, seen)| {
-        let (centre, size) = centre_and_size(seen);
-        Some((centre - (*place_px)?, size))
-    });
-    let off: Vec<(DVec2, DVec2)> = off.collect();
-    let middle = |axis: usize| median_of(off.iter().map(|(off, _)| off[axis]));
-    let middle = DVec2::new(middle(0)?, middle(1)?);
-    let is_alike = |(off, size): &&(DVec2, DVec2)| (*off - middle).abs().cmple(*size).all();
-    let alike = off.iter().filter(is_alike).count();
-    (alike as f64 >= ALIKE_SHARE * dropped.len() as f64).then_some(middle)
-}
-
 impl fmt::Display for TrainingDrops {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let views = self.by_view.values();
@@ -122,36 +90,15 @@ impl fmt::Display for TrainingDrops {
             format!("{view} {} of {}", boxes.dropped, boxes.of)
         };
         let by_view: Vec<String> = self.by_view.iter().map(of_view).collect();
-        let scenarios = || self.scenarios.iter();
-        let named: Vec<String> = (scenarios().take(NAMED))
+        let named: Vec<String> = (self.scenarios.iter().take(NAMED))
             .map(|s| format!("{} ({} {} of {})", s.scenario, s.view, s.dropped, s.of))
             .collect();
         write!(
             f,
-            "dropped {dropped} of {of} training boxes, which do not contain the aircraft ({}); most in {}",
+            "dropped {dropped} of {of} training boxes, which do not contain the aircraft ({}); most in {}. The detector reports other objects, \
+             or a camera looked elsewhere and its background did not show it; `dtd view` shows its boxes",
             by_view.join(", "),
             named.join(", ")
-        )?;
-        let moved: Vec<String> = scenarios()
-            .filter_map(|s| {
-                let DVec2 { x, y } = s.alike_px?;
-                let [right, down] = [x, y].map(|off_px| off_px.round() as i64);
-                Some(format!("{} ({} {right} px, {down} px)", s.scenario, s.view))
-            })
-            .take(NAMED)
-            .collect();
-        if moved.is_empty() {
-            write!(
-                f,
-                ". They are off in different ways: the detector probably reports other objects; `dtd view` shows its boxes"
-            )
-        } else {
-            write!(
-                f,
-                ". The same offset (right, down) of most of them in {} probably means that the camera looked elsewhere there, and that \
-                 its background did not show it",
-                moved.join(", ")
-            )
-        }
+        )
     }
 }

@@ -2,7 +2,7 @@
 
 use super::forward::{fits_of, tick_count};
 use super::gaussian::{Gaussian, Step};
-use super::hypothesis::{Decision, Hypothesis, Model, MotionState, step};
+use super::hypothesis::{Decision, Hypothesis, Model, step};
 use super::motion::Motion;
 use crate::estimators::inverse_range::Tick;
 
@@ -16,7 +16,6 @@ struct TickState {
     known: Gaussian,
     /// Factor for all variances.
     inflation: f64,
-    level: f64,
 }
 
 /// Motion at each tick; `None` before the first measurement.
@@ -24,7 +23,7 @@ pub(super) fn smooth(
     model: Model,
     ticks: &[Tick],
     decisions: &[Decision],
-) -> Vec<Option<MotionState>> {
+) -> Vec<Option<Gaussian>> {
     let mut moments = along(model, ticks, decisions);
     for next in (1..moments.len()).rev() {
         let (before, after) = moments.split_at_mut(next);
@@ -35,10 +34,7 @@ pub(super) fn smooth(
             before.known = known;
         }
     }
-    let motion = |moment: TickState| MotionState {
-        motion: moment.known.first(Motion::UNKNOWNS, moment.inflation),
-        level: moment.level,
-    };
+    let motion = |moment: TickState| moment.known.first(Motion::UNKNOWNS, moment.inflation);
     moments
         .into_iter()
         .map(|moment| moment.map(motion))
@@ -85,17 +81,13 @@ fn along(model: Model, ticks: &[Tick], decisions: &[Decision]) -> Vec<Option<Tic
             count,
             matches!(decision, Decision::Taken { .. } | Decision::Begun { .. }),
         ));
-        moments.push(moment.map(|(step, expected, mut next)| {
-            for measurement in tick.others() {
-                next.learn(model, &fits, measurement, count);
-            }
+        moments.push(moment.map(|(step, expected, next)| {
             last = Some((tick.time_s, next.clone()));
             TickState {
                 step,
                 expected,
                 known: next.known,
                 inflation: 1.0,
-                level: f64::from(next.level),
             }
         }));
     }

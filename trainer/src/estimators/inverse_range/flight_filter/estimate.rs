@@ -36,15 +36,6 @@ pub(crate) struct Estimate {
     pub time_to_touchdown_s: Option<Estimated>,
 }
 
-/// Uncertainty beyond the filter's covariance.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Widening {
-    /// Factor for the standard deviation of the distance.
-    pub(super) scale: f64,
-    /// Standard deviation of the inverse range due to common errors, which the filter cannot reduce, 1/m.
-    pub(super) common_sd_per_m: f64,
-}
-
 /// 90 % interval half widths, in standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct HalfWidths {
@@ -65,25 +56,22 @@ impl HalfWidths {
         [self.distance, self.ground_speed, self.time_to_touchdown]
     }
 
-    /// Estimate from the motion; `None` if it is too uncertain or has no distance.
+    /// Estimate from the motion; `None` if it is too uncertain or has no distance. `common_sd_per_m`: standard deviation of the inverse
+    /// range due to common errors, which the filter cannot reduce, 1/m.
     pub(super) fn estimate(
         &self,
         motion: &Motion,
         known: &Gaussian,
-        widening: Widening,
+        common_sd_per_m: f64,
     ) -> Option<Estimate> {
         let sd = |unknown: usize| known.covariance[(unknown, unknown)].sqrt();
         let distance_m = known.mean[0];
         let speed_mps = motion.mean_speed_mps + known.mean[1];
-        let common_sd_m = widening.common_sd_per_m * scale_m(distance_m).powi(2);
+        let common_sd_m = common_sd_per_m * scale_m(distance_m).powi(2);
         // A common error grows with the square of the distance; the speed's error is its rate of change.
         let common_sd_mps = 2.0 * common_sd_m / scale_m(distance_m) * speed_mps;
         let estimate = Estimate {
-            distance_m: estimated(
-                distance_m,
-                [widening.scale * sd(0), common_sd_m],
-                self.distance,
-            ),
+            distance_m: estimated(distance_m, [sd(0), common_sd_m], self.distance),
             ground_speed_mps: estimated(speed_mps, [sd(1), common_sd_mps], self.ground_speed),
             time_to_touchdown_s: time_to_touchdown_s(motion, known, common_sd_m)
                 .map(|(time_s, sds_s)| estimated(time_s, sds_s, self.time_to_touchdown)),

@@ -1,7 +1,6 @@
 //! Forward filter: the state after each tick, from past ticks.
 //!
-//! The most precise measurement at a tick corrects the aircraft's motion. Single views, which are far less precise, only learn their own
-//! errors from it, so that they are useful when the others are missing.
+//! The most precise measurement at a tick corrects the aircraft's motion.
 //!
 //! Which measurements are outliers, and how large this flight's other errors are, is unknown: several hypotheses compete (a Gaussian sum:
 //! Alspach and Sorenson 1972), and the most likely one answers. At each tick every hypothesis branches, weighed by likelihood: the
@@ -11,13 +10,15 @@
 //! Errors that are new at each tick in training are not new thirty times per second: video compression, pixel phase and the air change more
 //! slowly. So if ticks follow each other faster, each has proportionally less weight.
 
+use std::collections::BTreeSet;
+
 use crate::estimators::inverse_range::{Measurement, Tick};
 
-use super::gaussian::Step;
-use super::hypothesis::{Decision, Hypothesis, Model, MotionState, ScaledReading, step};
+use super::gaussian::{Gaussian, Step};
+use super::hypothesis::{Decision, Hypothesis, Model, ScaledReading, step};
 use super::mixture::{Component, mixed};
 
-/// Time constant of misfits, of common errors, and of former answers, s.
+/// Time constant of common errors and of former answers, s.
 pub(super) const MEMORY_S: f64 = 20.0;
 /// Probabilities per usual tick: an outlier after a good measurement, an outlier after an outlier (groups have three on average), and a new
 /// track. Neither these nor the following constants were measured on flights; tests/disturbed.rs has the simulated flights that they were
@@ -43,20 +44,15 @@ pub(super) fn tick_count(model: Model, seconds: f64) -> f64 {
 
 /// Fits with unknown errors in a flight, ascending.
 pub(super) fn fits_of(ticks: &[Tick]) -> Vec<usize> {
-    let used = |tick: &Tick| -> Vec<usize> {
-        let used = tick.best().into_iter().chain(tick.others());
-        used.map(|measurement| measurement.fit).collect()
-    };
-    let mut fits: Vec<usize> = ticks.iter().flat_map(used).collect();
-    fits.sort_unstable();
-    fits.dedup();
-    fits
+    let used = ticks.iter().filter_map(|tick| Some(tick.best()?.fit));
+    let used: BTreeSet<usize> = used.collect();
+    used.into_iter().collect()
 }
 
 /// A filtered flight.
 pub(super) struct Filtered {
     /// Motion after each tick; `None` before the first measurement.
-    pub(super) known: Vec<Option<MotionState>>,
+    pub(super) known: Vec<Option<Gaussian>>,
     /// Decisions of the hypothesis that is most likely after all ticks.
     pub(super) decisions: Vec<Decision>,
 }
@@ -147,7 +143,7 @@ impl Filter {
     }
 
     /// Motion after the next tick; `None` before the first measurement.
-    pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<MotionState> {
+    pub(super) fn take(&mut self, model: Model, tick: &Tick) -> Option<Gaussian> {
         let number = self.ticks;
         self.ticks += 1;
         let seconds = (tick.time_s - self.time_s).max(0.0);
@@ -169,11 +165,6 @@ impl Filter {
             Some(best) if self.hypotheses.is_empty() => self.begin(model, number, best),
             Some(best) => self.branch(model, number, best, count),
         }
-        for measurement in tick.others() {
-            for of in &mut self.hypotheses {
-                of.hypothesis.learn(model, &self.fits, measurement, count);
-            }
-        }
         self.merge();
         let is_measured = tick.best().is_some();
         let states = self.hypotheses.iter().map(|of| {
@@ -186,12 +177,7 @@ impl Filter {
                 is_outlier,
             }
         });
-        let motion = mixed(&states.collect::<Vec<_>>(), is_measured)?;
-        let weights = || self.hypotheses.iter().map(|of| of.log_weight.exp());
-        let levels = self.hypotheses.iter().zip(weights());
-        let levels = levels.map(|(of, weight)| weight * f64::from(of.hypothesis.level));
-        let level = levels.sum::<f64>() / weights().sum::<f64>();
-        Some(MotionState { motion, level })
+        mixed(&states.collect::<Vec<_>>(), is_measured)
     }
 
     fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {

@@ -3,9 +3,7 @@
 
 use std::ops::{Index, IndexMut};
 
-use dataset::numbers::least_squares::CholeskyFactor;
-
-use crate::samples::robust_line::dot;
+use dataset::numbers::least_squares::{CholeskyFactor, dot};
 
 /// Standard deviations beyond which an error is an outlier.
 pub(super) const OUTLIER_DEVIATIONS: f64 = 5.0;
@@ -138,28 +136,20 @@ impl Gaussian {
         from_a * from_a * of(a, a) + shared + from_b * from_b * of(b, b) + reading.variance
     }
 
-    /// Update of some unknowns only (Schmidt 1966): the others are considered, with their errors, and stay. The covariance has Joseph's
-    /// form, which is valid for any gain.
-    pub(super) fn correct(&mut self, reading: &Reading, moves: impl Fn(usize) -> bool) {
-        let size = self.mean.len();
+    /// Update by a reading.
+    pub(super) fn correct(&mut self, reading: &Reading) {
         let total = self.variance_of(reading);
         let [(a, from_a), (b, from_b)] = reading.parts;
         // The covariance is symmetric.
         let spread: Vec<f64> = (self.covariance.row(a).iter().zip(self.covariance.row(b)))
             .map(|(a, b)| from_a * a + from_b * b)
             .collect();
-        let gain: Vec<f64> = (0..size)
-            .map(|i| if moves(i) { spread[i] / total } else { 0.0 })
-            .collect();
-        for (mean, gain) in self.mean.iter_mut().zip(&gain) {
+        let rows = self.covariance.values.chunks_exact_mut(spread.len());
+        for ((mean, row), spread_i) in self.mean.iter_mut().zip(rows).zip(&spread) {
+            let gain = spread_i / total;
             *mean += gain * reading.misfit;
-        }
-        // (I - K h) P (I - K h)^T + K r K^T, multiplied out: P is symmetric, and h P h^T + r is the total.
-        let rows = self.covariance.values.chunks_exact_mut(size);
-        for (i, row) in rows.enumerate() {
-            let of_gain = gain[i] * total - spread[i];
-            for ((value, gain_j), spread_j) in row.iter_mut().zip(&gain).zip(&spread) {
-                *value += of_gain * gain_j - gain[i] * spread_j;
+            for (value, spread_j) in row.iter_mut().zip(&spread) {
+                *value -= gain * spread_j;
             }
         }
     }
@@ -214,7 +204,7 @@ pub(super) fn log_likelihood(
         // One outlier must not decide a fit.
         let surprise = (reading.misfit.powi(2) / total).min(OUTLIER_DEVIATIONS.powi(2));
         sum -= 0.5 * (total.ln() + surprise);
-        known.correct(&reading, |_| true);
+        known.correct(&reading);
     }
     sum
 }

@@ -80,7 +80,7 @@ impl Hypothesis {
             ticks: USUAL_TICKS,
         };
         if let Some(reading) = begun.reading(model, fits, measurement) {
-            begun.known.correct(&reading.at(level, 1.0), |_| true);
+            begun.known.correct(&reading.at(level, 1.0));
         }
         begun
     }
@@ -137,31 +137,9 @@ impl Hypothesis {
         let square = read.reading.misfit.powi(2) / read.variance(level);
         self.squares += count * square.min(OUTLIER_DEVIATIONS.powi(2) * self.factor());
         self.ticks += count;
-        self.known.correct(&read.at(level, count), |_| true);
+        self.known.correct(&read.at(level, count));
         self.level = level;
         self.is_outlier = false;
-    }
-
-    /// Learns a single view's error next to a better measurement, without affecting the motion.
-    pub(super) fn learn(
-        &mut self,
-        model: Model,
-        fits: &[usize],
-        measurement: &Measurement,
-        count: f64,
-    ) {
-        let Some(read) = self.reading(model, fits, measurement) else {
-            return;
-        };
-        let square = read.reading.misfit.powi(2) / (self.factor() * read.variance(self.level));
-        // NaN fails this test.
-        if square <= OUTLIER_DEVIATIONS.powi(2) {
-            let [_, (place, _)] = read.reading.parts;
-            let own = place..place + CorrelatedError::UNKNOWNS;
-            let reading = read.at(self.level, count);
-            self.known
-                .correct(&reading, |unknown| own.contains(&unknown));
-        }
     }
 
     fn factor(&self) -> f64 {
@@ -188,13 +166,6 @@ impl Hypothesis {
         };
         self.level == other.level && self.is_outlier == other.is_outlier && alike(0) && alike(1)
     }
-}
-
-/// Motion after a tick.
-pub(super) struct MotionState {
-    pub(super) motion: Gaussian,
-    /// Mean error level over the hypotheses.
-    pub(super) level: f64,
 }
 
 /// A measurement relative to a state.

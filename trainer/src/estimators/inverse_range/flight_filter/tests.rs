@@ -8,7 +8,6 @@ use rand_chacha::ChaCha12Rng;
 
 use super::*;
 use crate::estimators::inverse_range::{Measurement, scale_m};
-use crate::samples::view_shift::MIN_SD_PX;
 
 /// Fit with both views, and fits with one view each.
 pub(super) const BOTH: usize = 0;
@@ -47,17 +46,10 @@ pub(super) fn truth() -> FlightFilter {
         motion: motion(),
         errors: errors(),
         tick_s: 2.0,
-        usual_misfit_px: None,
         kept: KeptInTraining::default(),
         filtered: HalfWidths::NORMAL,
         smoothed: HalfWidths::NORMAL,
     }
-}
-
-/// Rows of a tick with this misfit, pixels.
-pub(super) fn rows_off(misfit_px: Option<f64>) -> Vec<([usize; 2], f64)> {
-    let row = |misfit_px: f64| ([0, 1], misfit_px / MIN_SD_PX);
-    misfit_px.map(row).into_iter().collect()
 }
 
 pub(super) fn normal(random: &mut ChaCha12Rng) -> f64 {
@@ -145,31 +137,6 @@ fn fly_as(severity: f64, more_mps: f64, seed: u64, tick_s: f64) -> SyntheticFlig
         }
     }
     flown
-}
-
-#[test]
-fn rows_that_misfit_widen_intervals_unless_the_filter_found_larger_errors_by_itself() {
-    let widened = |severity: f64, knowing: Knowing| {
-        let mut ticks = fly_in(severity, 7, 2.0).labelled.ticks;
-        for tick in &mut ticks {
-            tick.rows = rows_off(Some(0.2));
-        }
-        let beside = FlightFilter {
-            usual_misfit_px: Some(0.05),
-            ..truth()
-        };
-        let [plain, wide] = [truth(), beside].map(|filter| filter.of_ticks(&ticks, knowing));
-        let ratios = plain.iter().zip(&wide).skip(ticks.len() / 2);
-        let ratios: Vec<f64> = ratios
-            .map(|(plain, wide)| wide.unwrap().distance_m.sd / plain.unwrap().distance_m.sd)
-            .collect();
-        ratios.iter().sum::<f64>() / ratios.len() as f64
-    };
-    for knowing in [Knowing::Past, Knowing::All] {
-        let [usual, severe] = [1.0, 16.0].map(|severity| widened(severity, knowing));
-        assert!((1.6..2.0).contains(&usual), "{knowing:?}: {usual}");
-        assert!((1.0..1.1).contains(&severe), "{knowing:?}: {severe}");
-    }
 }
 
 /// Flight ticks with some measurements missing.
