@@ -1,7 +1,7 @@
 //! Row of an aircraft in a second view.
 //!
-//! Cameras beside one runway see a distant aircraft in nearly the same row: the epipolar constraint, which is nearly linear for small fields
-//! of view. No calibration is used.
+//! Cameras beside one runway see a distant aircraft in nearly the same row: the epipolar constraint, which is nearly linear for small
+//! fields of view. No calibration is used.
 
 use dataset::numbers::least_squares::dot;
 use glam::DVec2;
