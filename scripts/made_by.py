@@ -13,10 +13,13 @@ def made_by(run, corpus):
     """Commit of this folder, and versions of a run and of a corpus's detections, named as in result_tables.py."""
     commit = ["git", "rev-parse", "HEAD"]
     commit = subprocess.run(commit, cwd=Path(__file__).parent, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
-    record = json.loads(next(Path(corpus).glob("scenarios/*/detections/*.json")).read_text())
+    summary = json.loads((Path(run) / "run.json").read_text())
+    record = next(Path(corpus).glob(f"scenarios/*/detections/{summary['model_hash']}.json"), None)
+    if record is None:
+        sys.exit(f"{corpus} has no detections of the model that {run} was trained on: run `dtd detect`")
+    record = json.loads(record.read_text())
     of_detections = {"tracking": record["tracking"], **{part: record[part]["method"] for part in ("health", "registration")}}
-    of_run = {"run": json.loads((Path(run) / "run.json").read_text())["format"]}
-    return {"commit": commit, "versions": {**of_run, **of_detections}}
+    return {"commit": commit, "versions": {"run": summary["format"], **of_detections}}
 
 
 if __name__ == "__main__":

@@ -266,7 +266,12 @@ pub(crate) fn out_of_time(clocks: &[ComparedClock]) -> Vec<usize> {
         (0..clocks.len()).any(|other| are_together(view, other) && clocks[other].sees_aircraft)
     };
     let groups = (0..clocks.len()).filter(|&view| view == 0 || !is_first(view));
-    let counting = groups.min_by_key(|&view| (!sees(view), clocks[view].tie, view));
+    let strongest = |view: usize| {
+        let group = clocks.iter().enumerate();
+        let group = group.filter(|(other, _)| are_together(view, *other));
+        group.map(|(_, clock)| clock.tie).min()
+    };
+    let counting = groups.min_by_key(|&view| (!sees(view), strongest(view), view));
     let counting = counting.unwrap_or(0);
     let all = 0..clocks.len();
     all.filter(|&view| !are_together(view, counting)).collect()

@@ -49,7 +49,7 @@ pub(crate) struct VerifyArgs {
     /// By default they are only reported, since the corpus may be unfinished.
     #[arg(long)]
     pub(crate) complete: bool,
-    /// Compare labels with those of this corpus; a distance that differs by over 1 mm is a fault
+    /// Compare labels with this corpus's; a length that differs by over 1 mm, or a box by 0.01 px, is a fault
     ///
     /// Its videos are not read and may be missing.
     #[arg(long, value_name = "EXPECTED", value_parser = folder())]

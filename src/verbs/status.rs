@@ -26,8 +26,20 @@ const CLEAR: &str = "\x1b[2J\x1b[H";
 /// Runs the verb.
 pub(crate) fn run(args: &StatusArgs) -> Outcome {
     let watch = VerbWatch::new("status", "");
+    // A first look that fails is a wrong name; later ones may succeed again.
+    let mut is_shown = false;
     loop {
-        let status = status(&args.corpus)?;
+        let status = match status(&args.corpus) {
+            Err(Failure::BadInput(error) | Failure::Failed(error) | Failure::TryAgain(error))
+                if is_shown =>
+            {
+                eprint_warning!("status: {error:#}");
+                wait(&watch)?;
+                continue;
+            }
+            found => found?,
+        };
+        is_shown = true;
         if args.json {
             print_json(&status)?;
         } else {
@@ -36,15 +48,25 @@ pub(crate) fn run(args: &StatusArgs) -> Outcome {
             }
             show(&status);
         }
-        let is_over = status.recorded + status.damaged.len() == status.planned;
-        if !args.watch || is_over {
+        if !args.watch || is_over(&status) {
             return Ok(Ending::Done);
         }
-        for _ in 0..LOOK_INTERVAL.as_secs() {
-            sleep(Duration::from_secs(1));
-            watch.check()?;
-        }
+        wait(&watch)?;
     }
+}
+
+/// True if nothing is left that the present runs will record.
+fn is_over(status: &Status) -> bool {
+    let ended = status.recorded + status.damaged.len() + status.failed.len();
+    status.in_work.is_empty() && ended >= status.planned
+}
+
+fn wait(watch: &VerbWatch) -> Result<(), Failure> {
+    for _ in 0..LOOK_INTERVAL.as_secs() {
+        sleep(Duration::from_secs(1));
+        watch.check()?;
+    }
+    Ok(())
 }
 
 fn status(corpus: &CorpusLocation) -> Result<Status, Failure> {

@@ -36,6 +36,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         complete: args.complete,
     };
     let watch = VerbWatch::new("verify", "scenarios");
+    let mut is_damaged = false;
     let (name, report) = match &args.corpus {
         CorpusLocation::Folder(root) => {
             let corpus = open_corpus(root)?;
@@ -43,6 +44,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             if report.findings.is_empty() {
                 refuse_empty(&corpus)?;
             }
+            is_damaged = report.findings.iter().any(|it| it.scenario.is_some());
             if let Some(expected) = &args.against {
                 let expected = open_filled_corpus(expected)?;
                 report.findings.extend(against(&corpus, &expected)?);
@@ -78,11 +80,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     } else if report.findings.is_empty() {
         Ok(Ending::Done)
     } else {
-        let is_of_scenario = report.findings.iter().any(|it| it.scenario.is_some());
         let remedy = match &args.corpus {
-            CorpusLocation::Folder(root) if is_of_scenario && args.against.is_none() => {
-                format!("; {}", repair(root))
-            }
+            CorpusLocation::Folder(root) if is_damaged => format!("; {}", repair(root)),
             _ => String::new(),
         };
         Err(Failure::Failed(anyhow::anyhow!(

@@ -1,9 +1,11 @@
 //! Compares labels with those of an earlier corpus from the same sweep, e.g. in CI.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::error::Result;
-use dataset::tables::frames::Frames;
+use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::pixel_box::TruthBox;
 
 use crate::faults::{Faults, Finding};
@@ -12,6 +14,15 @@ use crate::faults::{Faults, Finding};
 const LABEL_TOLERANCE_M: f64 = 1e-3;
 /// Largest difference of a ground-truth box's centre or size, pixels.
 const BOX_TOLERANCE_PX: f64 = 1e-2;
+/// Largest difference of a visible or truncated part, or of contrast.
+const RATIO_TOLERANCE: f64 = 1e-3;
+/// Labels that are lengths.
+const LENGTHS: [&str; 4] = [
+    "dtd_m",
+    "along_track_m",
+    "cross_track_m",
+    "height_over_target_m",
+];
 
 /// Differences of a corpus's labels from the expected ones. Scenarios that are not expected are left alone.
 ///
@@ -64,49 +75,81 @@ fn compare_frames(found: &Frames, expected: &Frames, faults: &mut Faults) {
         );
     }
     for (row, (found, expected)) in found.rows.iter().zip(&expected.rows).enumerate() {
-        let dtd_m = [found, expected].map(|tick| tick.labels.map(|labels| labels.dtd_m));
-        let [found_m, expected_m] = dtd_m;
-        let is_same = match (found_m, expected_m) {
-            (Some(found_m), Some(expected_m)) => (found_m - expected_m).abs() <= LABEL_TOLERANCE_M,
-            (found_m, expected_m) => found_m == expected_m,
-        };
-        if !is_same {
-            let shown =
-                |dtd_m: Option<f64>| dtd_m.map_or("none".into(), |dtd_m| format!("{dtd_m:.3}"));
-            let message = format!("is {}, expected {}", shown(found_m), shown(expected_m));
-            faults.row(ScenarioFolder::FRAMES, row, "dtd_m", message);
+        for (index, name) in LENGTHS.into_iter().enumerate() {
+            let [found, expected] = [found, expected].map(|tick| Some(lengths_m(tick)?[index]));
+            let is_same = match (found, expected) {
+                (Some(found), Some(expected)) => (found - expected).abs() <= LABEL_TOLERANCE_M,
+                (found, expected) => found == expected,
+            };
+            if !is_same {
+                let shown = |length_m: Option<f64>| {
+                    length_m.map_or("none".into(), |length_m| format!("{length_m:.3}"))
+                };
+                let message = format!("is {}, expected {}", shown(found), shown(expected));
+                faults.row(ScenarioFolder::FRAMES, row, name, message);
+            }
         }
     }
 }
 
+/// The labels with the names in [`LENGTHS`], if there are any.
+fn lengths_m(tick: &TickRow) -> Option<[f64; 4]> {
+    let of = tick.labels.as_ref()?;
+    Some([
+        of.dtd_m,
+        of.along_track_m,
+        of.cross_track_m,
+        of.height_over_target_m,
+    ])
+}
+
 fn compare_boxes(found: &[TruthBox], expected: &[TruthBox], faults: &mut Faults) {
-    let (there, wanted) = (found.len(), expected.len());
-    if there != wanted {
-        faults.file(
-            ScenarioFolder::TRUTH_BOXES,
-            format!("has {there} boxes, expected {wanted}"),
-        );
-    }
-    for (row, (found, expected)) in found.iter().zip(expected).enumerate() {
-        let is_same_image = found.tick == expected.tick && found.view == expected.view;
-        let numbers = |of: &TruthBox| {
-            let of = &of.pixel_box;
-            [of.cx_px, of.cy_px, of.width_px, of.height_px]
-        };
-        let pairs = numbers(found).into_iter().zip(numbers(expected));
-        let is_same = pairs
-            .into_iter()
-            .all(|(found, expected)| (found - expected).abs() <= BOX_TOLERANCE_PX);
-        if !(is_same_image && is_same) {
-            let shown = |of: &TruthBox| format!("{:.2?} px at tick {}", numbers(of), of.tick);
+    let by_image = |boxes: &[TruthBox]| -> BTreeMap<(u32, String), TruthBox> {
+        let boxes = boxes.iter().cloned();
+        boxes.map(|of| ((of.tick, of.view.clone()), of)).collect()
+    };
+    let (found, expected) = (by_image(found), by_image(expected));
+    let images: BTreeSet<_> = found.keys().chain(expected.keys()).collect();
+    for image in images {
+        let [found, expected] = [&found, &expected].map(|boxes| boxes.get(image));
+        let is_same = found
+            .zip(expected)
+            .is_some_and(|(found, expected)| are_same(found, expected));
+        if !is_same {
+            let shown = |of: Option<&TruthBox>| {
+                of.map_or("none".into(), |of| {
+                    format!("{:.2?} px, {:.3?}", numbers_px(of), ratios(of))
+                })
+            };
             let message = format!("is {}, expected {}", shown(found), shown(expected));
+            let (tick, view) = image;
             faults.view_row(
-                &found.view,
+                view,
                 ScenarioFolder::TRUTH_BOXES,
-                row,
-                "box",
+                *tick as usize,
+                "box of the tick",
                 message,
             );
         }
     }
+}
+
+fn are_same(found: &TruthBox, expected: &TruthBox) -> bool {
+    let near = |of: &[f64], other: &[f64], tolerance: f64| {
+        of.iter()
+            .zip(other)
+            .all(|(of, other)| (of - other).abs() <= tolerance)
+    };
+    near(&numbers_px(found), &numbers_px(expected), BOX_TOLERANCE_PX)
+        && near(&ratios(found), &ratios(expected), RATIO_TOLERANCE)
+}
+
+fn numbers_px(of: &TruthBox) -> [f64; 4] {
+    let of = &of.pixel_box;
+    [of.cx_px, of.cy_px, of.width_px, of.height_px]
+}
+
+/// Visible part, part outside the image, and contrast.
+fn ratios(of: &TruthBox) -> [f64; 3] {
+    [of.visible_fraction, of.truncation, of.transmission]
 }

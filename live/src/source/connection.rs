@@ -16,8 +16,10 @@ use ffmpeg_next::util::error::{EINVAL, ENOMEM};
 use ffmpeg_next::util::interrupt;
 use ffmpeg_next::{Dictionary, Error};
 
-/// Bytes that a peer can make FFmpeg allocate at once, e.g. for the body of an answer. A plane of the largest image has as many.
-const MAX_BLOCK_BYTES: usize = 65 << 20;
+/// Bytes that a peer can make FFmpeg allocate at once, e.g. for the body of an answer, unless the run's own images need more.
+const MAX_BLOCK_BYTES: usize = 64 << 20;
+/// Bytes for a pixel of an image that FFmpeg converts, with room for its rows' padding.
+const PIXEL_BYTES: usize = 4;
 
 /// Reason why a camera cannot be opened.
 #[derive(Debug)]
@@ -42,7 +44,9 @@ pub(super) fn open(
     // SAFETY: the calls are those of `ffmpeg_next::format::input_with_interrupt_and_dictionary`, on a context that lives until it is
     // wrapped, closed, or freed by FFmpeg. FFmpeg asks whether to go on from within them, and `opening` is null after the first one.
     unsafe {
-        ffi::av_max_alloc(MAX_BLOCK_BYTES);
+        let image_bytes = usize::try_from(max_pixels)
+            .map_or(usize::MAX, |pixels| pixels.saturating_mul(PIXEL_BYTES));
+        ffi::av_max_alloc(MAX_BLOCK_BYTES.max(image_bytes));
         let mut context = ffi::avformat_alloc_context();
         if context.is_null() {
             return Err(errno(ENOMEM));

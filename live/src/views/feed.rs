@@ -108,8 +108,10 @@ impl Feed {
             let end = self.once();
             let is_recorded = self.source.is_recorded();
             let is_wrong = matches!(end, Ok(End::Useless(_)) | Err(OpenFault::Wrong(_)));
-            let goes_on = if is_wrong && !is_recorded {
-                self.shared.goes_on_without(self.view)
+            let is_wrong = is_wrong && !is_recorded;
+            let may_go_on = self.shared.goes_on_after(self.view, is_wrong);
+            let goes_on = if is_wrong {
+                may_go_on
             } else {
                 self.shared.metrics.has_images(self.view)
             };

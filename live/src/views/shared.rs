@@ -95,10 +95,10 @@ impl Shared {
         }
     }
 
-    /// True if the program goes on although this view's camera is wrong: one camera must not end what others may still do. Before the first
-    /// image of any view, cameras that are all wrong do.
-    pub(crate) fn goes_on_without(&self, view: usize) -> bool {
-        self.is_wrong[view].store(true, Ordering::Relaxed);
+    /// Takes how an attempt to open a view ended. True if the program goes on although its camera is wrong: one camera must not end what
+    /// others may still do. Before the first image of any view, cameras that are all wrong do.
+    pub(crate) fn goes_on_after(&self, view: usize, is_wrong: bool) -> bool {
+        self.is_wrong[view].store(is_wrong, Ordering::Relaxed);
         let mut others = self.is_wrong.iter().enumerate();
         others.any(|(other, is_wrong)| {
             self.metrics.has_images(other) || !is_wrong.load(Ordering::Relaxed)

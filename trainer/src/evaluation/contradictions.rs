@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use dataset::numbers::units::SimTime;
 use dataset::work::watch::Watch;
 
 use crate::estimators::inverse_range::contradiction::{Evidence, Withheld};
 use crate::samples::camera_health::first_of;
+use crate::samples::paired_views::STEP_S;
 use crate::samples::{Observation, Samples};
 
 /// Time that an aircraft must be in sight without a distance, s: as in live estimation.
@@ -55,16 +55,16 @@ fn has_box(observed: &Observation) -> bool {
     observed.boxes.iter().any(Option::is_some)
 }
 
-/// Time with a box in any view, s.
+/// Time with a box in any view, s: a box counts since the tick before, for at most [`STEP_S`].
 fn in_sight_s<'a>(seen: impl Iterator<Item = &'a Observation>) -> f64 {
-    let (mut with_box, mut last_ns) = (Vec::new(), 0);
+    let (mut total_s, mut last_s) = (0.0, f64::NEG_INFINITY);
     for observed in seen {
         if has_box(observed) {
-            with_box.push(observed.time_ns - last_ns);
+            total_s += (observed.time_s() - last_s).min(STEP_S);
         }
-        last_ns = observed.time_ns;
+        last_s = observed.time_s();
     }
-    SimTime(with_box.iter().sum()).seconds()
+    total_s
 }
 
 #[cfg(test)]
@@ -81,7 +81,7 @@ mod tests {
             }
         };
         let flight: Vec<_> = (0..20).map(at).collect();
-        let step_s = flight[1].time_s();
+        let step_s = flight[1].time_s().min(STEP_S);
         assert_eq!(in_sight_s(flight.iter()), 13.0 * step_s);
     }
 }

@@ -90,6 +90,7 @@ pub fn predict(
     let mut done = 0;
     let mut seen_live = Alignment::default();
     let mut contradictions = Contradictions::default();
+    let mut late = Corrections::default();
     for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
         watch.check()?;
         let of_flight = match moment {
@@ -102,6 +103,7 @@ pub fn predict(
                 let seen: Vec<Observation> = seen.collect();
                 let id = &corpus_read.scenarios[flight[0].scenario].id;
                 late_views.extend(lags.named(id, &corpus_read.views));
+                late += lags.counts;
                 FlightPredictions::live(&trained, &corpus_read, &seen)
             }
         };
@@ -120,7 +122,7 @@ pub fn predict(
     }
     warn_of_lags(&late_views, watch);
     let corrections = corpus_read.scenarios.iter().map(|of| of.corrections);
-    if let Some(line) = Corrections::line(corrections) {
+    if let Some(line) = Corrections::line(corrections.chain([late])) {
         watch.say(&line);
     }
     contradictions.report(watch);

@@ -236,7 +236,17 @@ impl OpenScenario {
             return Ok(None);
         };
         let record = self.record()?;
-        let rows = R::parse(content, &path, record.pictures())?;
+        // It is as it was sealed, and still not a table of this version.
+        let rows = R::parse(content, &path, record.pictures()).map_err(|error| match error {
+            Error::Table { .. } => Error::corpus(
+                &path,
+                format!(
+                    "{}; run `dtd detect` with this version again",
+                    error.beside(&path)
+                ),
+            ),
+            error => error,
+        })?;
         refuse_faults(&path, rows.iter().map(|row| fault(row, &record)))?;
         Ok(Some(rows))
     }

@@ -357,7 +357,7 @@ pub(crate) fn put_in_time<'a>(
 /// Warns of the first of these lines.
 pub(crate) fn warn_of_lags(lines: &[String], watch: &dyn Watch) {
     if let Some(line) = first_of(lines) {
-        watch.warn(&format!("{line}; its boxes are moved along its own path, and intervals include what remains uncertain"));
+        watch.warn(&format!("{line}; its boxes are moved along its own path, or left out where that is not known, and intervals include what remains uncertain"));
     }
 }
 

@@ -23,6 +23,8 @@ pub(crate) struct PastLags {
     /// Number of ticks since the last measurement.
     new_ticks: usize,
     lags: Vec<Vec<Lag>>,
+    /// Effects on boxes.
+    pub(crate) counts: Corrections,
 }
 
 impl PastLags {
@@ -40,7 +42,10 @@ impl PastLags {
         if self.new_ticks == STEP_TICKS {
             self.new_ticks = 0;
             let seen: Vec<&Observation> = self.seen.iter().collect();
-            self.lags = lags_by(pairs, &[], observed.boxes.len(), &seen).unwrap_or_default();
+            // Otherwise nothing new is known.
+            if let Some(lags) = lags_by(pairs, &[], observed.boxes.len(), &seen) {
+                self.lags = lags;
+            }
         }
         if !self.lags.iter().flatten().any(is_corrected) {
             return observed;
@@ -50,10 +55,19 @@ impl PastLags {
             since_s > 0.0 && since_s <= RECENT_S
         });
         let mut flight: Vec<Observation> = recent.cloned().collect();
-        flight.push(observed);
+        flight.push(observed.clone());
         let mut of_flight: Vec<&mut Observation> = flight.iter_mut().collect();
         in_time(&mut of_flight, &self.lags, &mut Corrections::default());
-        flight.swap_remove(flight.len() - 1)
+        let corrected = flight.swap_remove(flight.len() - 1);
+        let late = self.lags.iter().enumerate();
+        for (view, _) in late.filter(|(_, lags)| lags.iter().any(is_corrected)) {
+            match (observed.boxes[view], corrected.boxes[view]) {
+                (Some(_), Some(_)) => self.counts.late += 1,
+                (Some(_), None) => self.counts.late_withheld += 1,
+                (None, _) => {}
+            }
+        }
+        corrected
     }
 
     /// Lines for users about the views that are late.
