@@ -13,8 +13,8 @@ const GROUPS: &[(&str, &[&str])] = &[
     (
         "Corpora",
         &[
-            "airport", "tracks", "plan", "generate", "label", "detect", "verify", "view", "export",
-            "push", "fetch", "schema",
+            "airport", "tracks", "plan", "generate", "label", "detect", "status", "verify", "view",
+            "export", "push", "fetch", "schema",
         ],
     ),
     (

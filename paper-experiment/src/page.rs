@@ -44,7 +44,7 @@ const NOT_DONE: [[&str; 2]; 8] = [
     ],
     [
         "a new camera by its calibration network alone",
-        "`dtd refit` fits all that belongs to a view at once, from ten approaches (docs/results.md#a-turned-and-zoomed-camera)",
+        "`dtd refit` fits all that belongs to a view at once, from ten approaches (docs/results.md#beside-the-paper)",
     ],
     [
         "other sizes of the networks",

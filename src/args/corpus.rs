@@ -49,9 +49,10 @@ pub(crate) struct VerifyArgs {
     /// By default they are only reported, since the corpus may be unfinished.
     #[arg(long)]
     pub(crate) complete: bool,
-    /// Compare labels with this corpus's; a length that differs by over 1 mm, or a box by 0.01 px, is a fault
+    /// Compare with this corpus
     ///
-    /// Its videos are not read and may be missing.
+    /// A label that differs by over 1 mm, or a ground-truth box by over 0.01 px, is a fault. The videos of this corpus are not read and may
+    /// be missing.
     #[arg(long, value_name = "EXPECTED", value_parser = folder())]
     pub(crate) against: Option<PathBuf>,
     /// Print the result as JSON

@@ -20,9 +20,9 @@ pub(crate) struct PlanArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
-    /// Compare with this corpus, or its URL: which scenarios are complete, new, changed, removed
+    /// Compare with this corpus
     ///
-    /// The default is ./corpus if it was made from a sweep of this name.
+    /// Shows which scenarios are complete, new, changed or removed there. The default is ./corpus if it was made from a sweep of this name.
     #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| CorpusLocation::of(&path)))]
     pub(crate) against: Option<CorpusLocation>,
     /// Estimate the recording time with this simulator

@@ -86,7 +86,8 @@ def judged(lines, truth):
         held = [line["dtd_from_m"] <= dtd_m <= line["dtd_to_m"] for line, dtd_m in true if dtd_m and NM_M <= dtd_m <= 10 * NM_M]
         figures = {"answers": len(errors_pct), "mape_pct": mean(errors_pct), "worst_pct": max(errors_pct, default=None)}
         found[f"with_{count}"] = {**figures, "held_90": mean(held)}
-    named = [line for line in lines if line.get("event") in ("camera", "withheld") and line["why"]]
+    # A camera whose surroundings are unknown is not found to be wrong.
+    named = [line for line in lines if line.get("event") in ("camera", "withheld") and line["why"] and line.get("shows") != "unknown"]
     found["named_s"] = named[0]["time_s"] if named else None
     found["named"] = {line["view"]: line.get("reason") or line["shows"] for line in named}
     return found

@@ -121,8 +121,8 @@ fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse()
     let metrics = judged(&RunFolder::at(&out), &after);
     let stated = metrics.estimators["inverse_range_filtered"].stated_intervals;
     let held = stated.unwrap().held;
-    // With the errors that the camera had before they would be too narrow.
-    assert!((0.88..=0.99).contains(&held), "{held}");
+    // With the errors that the camera had before they would be far too narrow.
+    assert!((0.85..=0.99).contains(&held), "{held}");
 }
 
 #[test]
