@@ -220,6 +220,8 @@ def wrong_views(measured, now):
     flights = lambda kind, is_foggy: {id: of for id, of in measured[kind]["by_flight"].items() if ("foggy" in id) == is_foggy}
     rows = []
     for kind, name in WRONG_VIEWS.items():
+        if kind not in measured:
+            continue
         for is_foggy in (False, True):
             of, usual = flights(kind, is_foggy), flights("untouched", is_foggy)
             cells = [f"{name}, in fog" if is_foggy else name, str(len(of))]
@@ -245,6 +247,7 @@ TABLES = {
     "not-ideal.json: faults": not_ideal,
     "left-out.json: conditions": left_out,
     "cameras.json: faults": cameras,
+    "wrong-views.json: sources": wrong_views,
 }
 
 
