@@ -18,7 +18,8 @@ use store::{CorpusStore, Logged, StoreError};
 
 use crate::generate::FolderState;
 
-/// Time without a completed scenario from which on nobody records: twice what one with two views takes an X-Plane at 8 images per second.
+/// A gap this long between two completed scenarios is a break of the work: twice the time that an X-Plane needs for a scenario with two
+/// views at 8 images per second.
 const PAUSE: Duration = Duration::from_secs(3_600);
 
 /// Scenarios of a corpus by stage.
@@ -57,7 +58,7 @@ pub struct InWork {
     pub by: Option<String>,
 }
 
-/// How fast scenarios were completed, by all processes together.
+/// Pace at which all processes together complete scenarios.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pace {
     /// Mean time from one completed scenario to the next, seconds.

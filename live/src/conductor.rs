@@ -441,7 +441,7 @@ impl Conductor {
         }
     }
 
-    /// Leaves out the views whose times do not fit those of the others.
+    /// Leaves out views whose times cannot be compared with the other views'.
     fn leave_out_other_times(&self, views: &mut [SeenView], sees: &mut [Sees]) {
         let clocks = (0..views.len()).map(|view| ComparedClock {
             tie: self.shared.tie(view),

@@ -95,7 +95,7 @@ impl Options {
         if let Some((view, source)) = self.sources.iter().find(is_unverified) {
             return Err(Error::Views(format!(
                 "view {view}: FFmpeg does not verify the certificate of {source}, so that anyone in between can read the password and \
-                 replace the images; give --insecure-tls {view} if nobody can be in between"
+                 replace the images; give --insecure-tls {view} on a network that you trust"
             )));
         }
         let named = self.sources.iter().filter(|(_, of)| of.is_of_one_view());

@@ -23,7 +23,7 @@ pub(crate) struct LabelArgs {
 pub(crate) struct StatusArgs {
     /// Folder of the corpus, or its URL
     ///
-    /// Of a corpus in an object store, scenarios in work are only known to the machines that record them.
+    /// An object store does not show the scenarios that machines are recording.
     #[arg(value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| CorpusLocation::of(&path)))]
     pub(crate) corpus: CorpusLocation,
     /// Look again every 5 s, until all scenarios are recorded

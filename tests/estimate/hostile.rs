@@ -17,7 +17,7 @@ use crate::workshop::{Workshop, ffmpeg};
 /// Maximum memory of the program, KiB, with `--max-memory 600M`.
 const MAX_KIB: u64 = 700 << 10;
 
-/// What a server does with a connection, and part of the cause that is told.
+/// A server's behaviour on a connection, and part of the cause in the event.
 type Act = (fn(TcpStream, &str), &'static str);
 
 const ACTS: [Act; 8] = [
@@ -213,7 +213,7 @@ fn reply(head: &str, body: &str) -> String {
     format!("RTSP/1.0 {head}\r\nCSeq: CSEQ\r\nContent-Length: {bytes}\r\n\r\n{body}")
 }
 
-/// A server that describes this stream and sends nothing of it.
+/// A server that describes this stream but never sends it.
 fn described(media: &str) -> impl Fn(&str) -> String {
     let body = format!("v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=x\r\nt=0 0\r\n{media}");
     move |method| match method {

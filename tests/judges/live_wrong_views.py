@@ -55,7 +55,7 @@ def copied(video, folder):
     return path
 
 
-# Sources of the two views, from the flight's own videos and those of a different flight in the same light and weather.
+# Sources of the two views, from the flight's own videos and a different flight's in the same light and weather.
 KINDS = {
     "untouched": lambda own, other, folder: own,
     "exchanged": lambda own, other, folder: own[::-1],

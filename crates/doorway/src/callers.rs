@@ -11,7 +11,7 @@ use axum::http::header::{HOST, HeaderValue, ORIGIN};
 /// Rejects requests for a foreign host name or from a foreign page.
 ///
 /// # Errors
-/// What was expected and found.
+/// The expected and the found value.
 pub fn check_caller(headers: &HeaderMap) -> Result<(), String> {
     let mut hosts = headers.get_all(HOST).iter().map(text_of);
     let (Some(host), None) = (hosts.next(), hosts.next()) else {

@@ -1,4 +1,4 @@
-//! Compares labels with those of an earlier corpus from the same sweep, e.g. in CI.
+//! Compares labels with an earlier corpus's from the same sweep, e.g. in CI.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use crate::faults::{Faults, Finding};
 
 /// Largest difference of a label, metres: far more than rounding, far less than any effect on a distance.
 const LABEL_TOLERANCE_M: f64 = 1e-3;
-/// Largest difference of a ground-truth box's centre or size, pixels.
+/// Largest difference of a ground-truth box's centre or size, pixels: 1 mm at a distance of 1 km with a lens of 10 degrees.
 const BOX_TOLERANCE_PX: f64 = 1e-2;
 /// Largest difference of a visible or truncated part, or of contrast.
 const RATIO_TOLERANCE: f64 = 1e-3;

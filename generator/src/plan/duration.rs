@@ -1,6 +1,6 @@
 //! Duration of recording, part by part: images, flights that are flown live, loading, weather.
 //!
-//! Every part has a source: an X-Plane's profile, a measurement with the stand-in, or an assumption, which is said.
+//! Every part has a source: an X-Plane's profile, a measurement with the stand-in, or a stated assumption.
 
 use dataset::corpus::scenario::Flight;
 use dataset::plan::{Common, PlannedScenario};

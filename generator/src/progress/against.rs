@@ -49,7 +49,7 @@ pub struct Against {
     pub weather: BTreeMap<String, ReportedWeather>,
     /// Size of the complete scenarios, if their images match the plan's.
     pub size: Option<MeasuredSize>,
-    /// How fast the corpus's scenarios were recorded.
+    /// Pace of the corpus's recordings.
     pub pace: Option<Pace>,
 }
 

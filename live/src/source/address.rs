@@ -101,11 +101,11 @@ pub(crate) struct FfmpegSource {
     pub(crate) recorded: Option<RecordedTimes>,
 }
 
-/// What FFmpeg opens.
+/// Input for FFmpeg.
 enum Place {
     /// A video file.
     File(PathBuf),
-    /// A camera by its name for FFmpeg. The options name its only format and its protocols, so that nothing else is opened.
+    /// A camera by its name for FFmpeg. The options allow one format and its protocols only.
     Feed(String, Vec<(&'static str, String)>),
 }
 

@@ -1,7 +1,7 @@
 //! Opens a camera with FFmpeg, within limits that FFmpeg has no options for.
 //!
-//! FFmpeg follows the redirects of an RTSP server, and gives the password to whoever the server names. Here its next look at whether to go
-//! on, before it sends anything, ends the attempt. Before the first image it decodes a few to learn about the stream, at any size.
+//! FFmpeg follows an RTSP server's redirects and sends the password to the new address. Here the interrupt callback, which FFmpeg asks
+//! before it sends anything, ends such an attempt. Before the first image it decodes a few to learn about the stream, at any size.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, CString};

@@ -12,7 +12,7 @@ use crate::samples::{CommonError, Look, Observation, Scored, whole_of};
 pub struct SeenTick {
     /// Time, nanoseconds.
     pub time_ns: i64,
-    /// True for images of recordings, whose clocks nobody has compared: rows tell if a view is late.
+    /// True for images of recordings, whose clocks are unchecked: the rows show whether a view is late.
     pub is_recorded: bool,
     /// Images per view; the default without a usable image.
     pub views: Vec<SeenView>,

@@ -66,7 +66,7 @@ pub struct Withheld {
 /// Evidence with its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cause {
-    /// What contradicts.
+    /// Kind of contradiction.
     pub evidence: Evidence,
     /// Residual that the views kept, joint standard deviations.
     pub deviations: f64,

@@ -14,7 +14,7 @@ const TIMES_OF_TRAINING: f64 = 2.0;
 /// Minimum number of flights that show what is usual.
 const MIN_FLIGHTS: usize = 4;
 
-/// What a residual compares: the evidence, the views of a fit, and for paths the view alone.
+/// Identity of a comparison: the evidence, the views of a fit, and for paths the single view.
 pub(super) type Compared = (Evidence, Vec<usize>, usize);
 
 /// Residuals of rows, and of views alone beside pairs, at a tick. `variance_m2`: of a measurement, with all errors.
