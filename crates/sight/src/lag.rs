@@ -141,7 +141,7 @@ struct Solution {
     best_s: f64,
     sightings: usize,
     loss: f64,
-    /// Scatter of the residuals, in their standard deviations, at least 1.
+    /// See [`Fit::excess`].
     excess: f64,
 }
 
@@ -154,6 +154,8 @@ pub struct Fit {
     pub best_s: f64,
     /// Number of sightings that count, about one a second.
     pub sightings: usize,
+    /// Scatter of the rows that no lag explains, in their standard deviations, at least 1.
+    pub excess: f64,
 }
 
 impl Sighting {
@@ -232,6 +234,7 @@ fn converged(tracks: &[Vec<Sighting>], rows: &Rows, mut lags: Vec<Lag>) -> Optio
     let fit = Fit {
         best_s: solution.best_s,
         sightings: solution.sightings,
+        excess: solution.excess,
         lags,
     };
     is_known.then_some((fit, solution))

@@ -43,7 +43,7 @@ use crate::samples::sides::scenario_split::ScenarioSplit;
 use crate::samples::training_cameras::DroppedByView;
 
 /// Run format, increased whenever numbers change their meaning or are added or removed.
-pub(crate) const RUN_FORMAT: u32 = 13;
+pub(crate) const RUN_FORMAT: u32 = 14;
 
 /// Version information, which decides whether a run can be read.
 #[derive(Deserialize)]

@@ -3,8 +3,8 @@
 //! Exchanged cameras, one file for two views, views of two flights, or a camera that was turned in fog give distances that look as certain
 //! as others. Three residuals in joint standard deviations reveal them ([`Evidence`]): rows that do not fit each other, a view whose own
 //! distance on the training's paths is another one ([`residuals`]), and a distance that does not shrink while the boxes grow ([`closing`]).
-//! A residual counts if it stays on one side for a whole window ([`history`]), because gusts, intercepts and wrong boxes pass. Its limit is
-//! a multiple of what training flights kept that long, measured by fits that did not see them.
+//! A residual counts if it stays for a whole window ([`history`]), because gusts, intercepts and wrong boxes pass. Its limit is a multiple
+//! of what training flights kept that long, measured by fits that did not see them.
 
 mod closing;
 mod history;
@@ -139,7 +139,7 @@ impl ContradictionWatch {
             }
             let history = self.histories.entry(compared).or_default();
             let next = Residual { time_s, deviations };
-            history.take(next, evidence.window_s(), training.limit(evidence));
+            history.take(next, evidence, training.limit(evidence));
         }
         if let Some(best) = tick.best() {
             let views = fits.views_of(best.fit);
@@ -278,7 +278,7 @@ mod tests {
             for tick in 0..=10 {
                 let time_s = 2.0 * f64::from(tick);
                 let next = Residual { time_s, deviations };
-                history.take(next, WINDOW_S, NEAR_DEVIATIONS);
+                history.take(next, Evidence::Rows, NEAR_DEVIATIONS);
             }
             watch.judge(KeptInTraining::of_rows(1.0))
         };

@@ -29,6 +29,10 @@ const CERTAIN: f64 = 3.0;
 /// Standard deviation of a lag, relative to it. Views that were five seconds late (`late-5s` of scripts/moved_cameras.py) had lags that
 /// were off by up to 1 % in clear weather, and by up to 9 % in fog, where only the last five miles are seen.
 const PART_SD: f64 = 0.03;
+/// Scatter of the rows, in their standard deviations, above which no lag explains them, because the views show two aircraft: those of two
+/// flights had 2.6 to 45 after half a minute (tests/judges/live_wrong_views.py), and 90 flights of scripts/moved_cameras.py, late or not, at
+/// most 1.44.
+const MAX_EXCESS: f64 = 2.0;
 /// Changes of one view's lag that two pairs of views tell are the same if they are so near, s: an image every two seconds.
 const SAME_CHANGE_S: f64 = 2.0;
 /// What the cameras of a flight add to the rows that a run expects, beside their directions, pixels: a constant, and slopes over a thousand
@@ -56,24 +60,31 @@ pub(crate) struct Pair<'a> {
 impl Pair<'_> {
     /// Lag of a flight, if it does not change, seconds; `None` of too few sightings.
     pub(crate) fn lag_s(&self, flight: &[&Observation]) -> Option<f64> {
-        let lags = self.fitted(flight, |tracks, rows| lag::constant(tracks, rows, 0.0))?;
-        Some(lags[0].seconds)
+        let fit = self.fitted(flight, |tracks, rows| lag::constant(tracks, rows, 0.0))?;
+        Some(fit.lags[0].seconds)
     }
 
-    /// Lags of the second view, with what more sightings of the flight do not reduce.
+    /// Lags of the second view, with what more sightings of the flight do not reduce; none if it shows another aircraft.
     fn lags(&self, flight: &[&Observation]) -> Option<Vec<Lag>> {
-        let mut lags = self.fitted(flight, lag::changing)?;
-        for lag in &mut lags {
+        let mut fit = self.fitted(flight, lag::changing)?;
+        if fit.excess > MAX_EXCESS {
+            return Some(vec![Lag {
+                from_s: f64::NEG_INFINITY,
+                seconds: 0.0,
+                sd_s: 0.0,
+            }]);
+        }
+        for lag in &mut fit.lags {
             lag.sd_s = lag.sd_s.hypot(self.lag_sd_s);
         }
-        Some(lags)
+        Some(fit.lags)
     }
 
     fn fitted(
         &self,
         flight: &[&Observation],
         fit: impl Fn(&[Vec<Sighting>], &Rows) -> Option<lag::Fit>,
-    ) -> Option<Vec<Lag>> {
+    ) -> Option<lag::Fit> {
         let [reference, view] = self.views;
         let mut tracks: BTreeMap<[Option<u32>; 2], Vec<Sighting>> = BTreeMap::new();
         let mut row_sd_px = ROW_SD_PX.max(self.row_sd_px);
@@ -106,15 +117,12 @@ impl Pair<'_> {
         let mut sd_px = [slope_sd_px; PLACE_TERMS];
         sd_px[0] = row_sd_px;
         let off_px = |places_px: [DVec2; 2]| Some((self.off_px)(places_px));
-        Some(
-            fit(
-                &tracks,
-                &Rows {
-                    off_px: &off_px,
-                    sd_px,
-                },
-            )?
-            .lags,
+        fit(
+            &tracks,
+            &Rows {
+                off_px: &off_px,
+                sd_px,
+            },
         )
     }
 }

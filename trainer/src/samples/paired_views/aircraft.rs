@@ -93,17 +93,23 @@ impl Trace {
     /// by 0.3 % per second, which ten seconds show only from 4 NM on. `None` if the object is too new.
     fn is_moving(&self) -> Option<bool> {
         self.first()?;
-        let lasted_s = self.last.time_s - self.earlier.front()?.time_s;
         let centre = |seen: &PixelBox| centre_and_size(seen).0;
         let right = self.slope(CENTRE_SD_PX, |seen| centre(seen).x)?;
         let down = self.slope(CENTRE_SD_PX, |seen| centre(seen).y)?;
-        let width_sd = WIDTH_SD_PX / self.last.pixel_box.width_px;
-        let growth = self.slope(width_sd, |seen| seen.width_px.ln())?;
         let motion = Slope {
             per_s: right.per_s.hypot(down.per_s),
             error: right.error.max(down.error),
         };
-        Some(motion.is_over(STILL_PX_S) || growth.is_over(STILL_GROWTH / lasted_s))
+        Some(motion.is_over(STILL_PX_S) || self.is_growing()?)
+    }
+
+    /// True for significant growth; `None` if the object is too new.
+    fn is_growing(&self) -> Option<bool> {
+        self.first()?;
+        let lasted_s = self.last.time_s - self.earlier.front()?.time_s;
+        let width_sd = WIDTH_SD_PX / self.last.pixel_box.width_px;
+        let growth = self.slope(width_sd, |seen| seen.width_px.ln())?;
+        Some(growth.is_over(STILL_GROWTH / lasted_s))
     }
 
     /// Regression line for a quantity over at least two sightings, with a minimum standard deviation.
@@ -173,6 +179,8 @@ pub(super) struct Aircraft {
     pub(super) last_s: f64,
     /// Duration of the current contradiction between views, seconds.
     pub(super) disputed_s: f64,
+    /// Time for which another view showed another approaching object in its place, less the time for which views have agreed since, seconds.
+    pub(super) doubted_s: f64,
     /// True if it came along the training's paths at a usual speed.
     pub(super) has_approached: bool,
 }
@@ -188,6 +196,7 @@ impl Aircraft {
             seen_s: 0.0,
             last_s: 0.0,
             disputed_s: 0.0,
+            doubted_s: 0.0,
             has_approached: false,
         };
         new.boxes[view] = Some(index);
@@ -219,6 +228,14 @@ impl Aircraft {
         traces.filter_map(Trace::is_moving).max()
     }
 
+    /// True if it is an aircraft: views have agreed on it, it came along the training's paths, or it grows in a view.
+    pub(super) fn approaches(&self) -> bool {
+        let mut traces = self.traces.iter().flatten();
+        self.paired_s > 0.0
+            || self.has_approached
+            || traces.any(|trace| trace.is_growing() == Some(true))
+    }
+
     pub(super) fn is_of_track(&self, view: usize, seen: Candidate) -> bool {
         let trace = self.traces[view].as_ref();
         trace.is_some_and(|trace| trace.is_of_track(seen))
@@ -248,6 +265,12 @@ impl Aircraft {
             }
             self.last_s = time_s;
         }
+    }
+
+    /// Leaves a view's box to another object, which continues it from now on.
+    pub(super) fn leave(&mut self, view: usize) {
+        self.boxes[view] = None;
+        self.traces[view] = None;
     }
 
     /// Splits the object by view, after a long contradiction. All pairing is lost.
@@ -283,5 +306,6 @@ impl Aircraft {
             }
         }
         self.seen_s = self.seen_s.max(other.seen_s);
+        self.doubted_s = self.doubted_s.max(other.doubted_s);
     }
 }

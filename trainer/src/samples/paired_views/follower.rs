@@ -102,6 +102,7 @@ impl Follower {
                 aircraft.has_approached |= learned.shows_approach(aircraft, step_s);
             }
         }
+        self.doubt(&tick, step_s);
         let chosen = self.choose(&tick, step_s);
         self.followed = chosen.map(|chosen| self.aircraft[chosen].number);
         let in_sight = self.aircraft.iter().map(|aircraft| ObjectBoxes {
@@ -169,7 +170,7 @@ impl Follower {
         let mut kept = Vec::with_capacity(self.aircraft.len());
         for mut aircraft in std::mem::take(&mut self.aircraft) {
             while let Some(intruder) = tick.intruder(&aircraft) {
-                aircraft.boxes[intruder] = None;
+                aircraft.leave(intruder);
             }
             if tick.is_disputed(&aircraft) {
                 aircraft.disputed_s += step_s;
@@ -235,6 +236,22 @@ impl Follower {
         }
     }
 
+    /// Counts the time for which views show different approaching objects where they should show the same, as those of two flights do.
+    fn doubt(&mut self, tick: &Tick, step_s: f64) {
+        for index in 0..self.aircraft.len() {
+            let of = &self.aircraft[index];
+            let change_s = if of.count() > 1 && of.disputed_s == 0.0 {
+                -step_s
+            } else if tick.is_replaced(of, &self.aircraft) {
+                step_s
+            } else {
+                0.0
+            };
+            let doubted_s = &mut self.aircraft[index].doubted_s;
+            *doubted_s = (*doubted_s + change_s).clamp(0.0, MEMORY_S);
+        }
+    }
+
     /// Index of the object to follow.
     fn choose(&self, tick: &Tick, step_s: f64) -> Option<usize> {
         let followed = |aircraft: &Aircraft| Some(aircraft.number) == self.followed;
@@ -270,10 +287,10 @@ impl Follower {
             .map(|(index, _)| *index)
     }
 
-    /// False if its views contradict each other, or if it was never paired and has not approached at a usual speed, stands still, has an
-    /// unusual size for its position, or is missing in a view that should see it.
+    /// False if its views contradict each other or show different aircraft, or if it was never paired and has not approached at a usual speed,
+    /// stands still, has an unusual size for its position, or is missing in a view that should see it.
     fn is_certain(chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
-        if chosen.disputed_s > 0.0 && chosen.count() > 1 {
+        if chosen.disputed_s > 0.0 && chosen.count() > 1 || chosen.doubted_s > DISPUTE_S {
             return false;
         }
         chosen.paired_s > 0.0
@@ -390,13 +407,27 @@ impl Tick<'_> {
 
     /// True if a view that should see the aircraft does not.
     fn is_missed(&self, aircraft: &Aircraft) -> bool {
-        let is_missed_by = |other: usize| {
-            self.looks[other] && !self.has_cut_off && aircraft.boxes[other].is_none()
+        self.missing(aircraft).next().is_some()
+    }
+
+    /// True if only such a view sees another approaching object.
+    fn is_replaced(&self, aircraft: &Aircraft, all: &[Aircraft]) -> bool {
+        self.missing(aircraft).any(|missing| {
+            let mut others = all.iter().filter(|other| other.count() == 1);
+            others.any(|other| other.boxes[missing].is_some() && other.approaches())
+        })
+    }
+
+    /// Views that should see the aircraft but do not.
+    fn missing<'b>(&'b self, aircraft: &'b Aircraft) -> impl Iterator<Item = usize> + 'b {
+        let is_missed_by = |other: &usize| {
+            self.looks[*other] && !self.has_cut_off && aircraft.boxes[*other].is_none()
         };
-        self.seen(aircraft).any(|of| {
+        self.seen(aircraft).flat_map(move |of| {
             let (view, seen) = self.pixel_box(of);
-            let mut relations = self.learned.relations.iter();
-            relations.any(|relation| relation.also_sees(view, seen).is_some_and(is_missed_by))
+            let others = self.learned.relations.iter();
+            let others = others.filter_map(move |relation| relation.also_sees(view, seen));
+            others.filter(is_missed_by)
         })
     }
 

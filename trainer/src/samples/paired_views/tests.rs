@@ -397,6 +397,27 @@ fn views_that_see_different_things_from_the_start_give_no_answer() {
 }
 
 #[test]
+fn views_that_begin_to_show_different_arrivals_give_no_answer_until_they_have_agreed_for_long() {
+    let (paired, flights) = each_second();
+    let mut disturbed = tracked(&flights[0]);
+    let truth = disturbed.clone();
+    for (tick, observed) in disturbed.iter_mut().enumerate().take(100).skip(30) {
+        observed.boxes[1] = flights[1].get(tick + 90).and_then(|of| of.boxes[1]);
+        observed.tracks[1] = Some(50);
+        observed.shifts.fill(None);
+    }
+    let chosen = paired.of_one_aircraft(&disturbed);
+    let answered =
+        |ticks: std::ops::Range<usize>| (seen(&chosen[ticks.clone()]), seen(&truth[ticks]));
+    let (first, of_first) = answered(0..30);
+    assert_eq!(first, of_first);
+    // The other arrival shows in ten seconds that it is one.
+    assert_eq!(answered(50..130).0, 0);
+    let (last, of_last) = answered(170..truth.len());
+    assert_eq!(last, of_last);
+}
+
+#[test]
 fn boxes_of_two_views_are_of_one_aircraft_in_one_row_and_size_and_with_the_parallax_of_that_size() {
     let (paired, flights) = each_second();
     let relation = &paired.relations[0];

@@ -2,6 +2,9 @@
 
 use std::collections::VecDeque;
 
+use dataset::numbers::spread::median_of;
+
+use super::Evidence;
 use crate::samples::paired_views::{MAX_GAP_S, STEP_S};
 
 /// Minimum number of ticks in a window.
@@ -23,7 +26,8 @@ pub(super) struct Residual {
 pub(super) struct History {
     /// The oldest first.
     recent: VecDeque<Residual>,
-    /// Smallest residual to one side during the last complete window, with its start; 0 if there are residuals of both signs.
+    /// Residual that was kept throughout the last complete window, with the window's start: of rows, the median size, because gusts move both
+    /// views' rows alike; of others, the smallest residual to one side, and 0 with residuals of both signs.
     pub(super) kept: Option<Residual>,
     /// True after a whole window in which the views agreed.
     pub(super) has_agreed: bool,
@@ -33,9 +37,10 @@ pub(super) struct History {
 
 impl History {
     /// Takes the next residual. After a window over the limit a new one begins: agreeing again takes a whole window as well.
-    pub(super) fn take(&mut self, next: Residual, window_s: f64, limit: f64) {
+    pub(super) fn take(&mut self, next: Residual, evidence: Evidence, limit: f64) {
+        let window_s = evidence.window_s();
         remember(&mut self.recent, next, |of| of.time_s, window_s);
-        let kept = self.kept_for(next.time_s, window_s);
+        let kept = self.kept_for(next.time_s, evidence);
         if kept.is_some_and(|kept| kept.deviations > limit) {
             self.recent.clear();
         }
@@ -49,18 +54,24 @@ impl History {
         self.kept = kept.or(self.kept);
     }
 
-    fn kept_for(&self, time_s: f64, window_s: f64) -> Option<Residual> {
+    fn kept_for(&self, time_s: f64, evidence: Evidence) -> Option<Residual> {
         let since_s = self.recent[0].time_s;
-        if time_s - since_s < window_s || self.recent.len() < MIN_TICKS {
+        if time_s - since_s < evidence.window_s() || self.recent.len() < MIN_TICKS {
             return None;
         }
-        let mut sorted: Vec<f64> = self.recent.iter().map(|of| of.deviations).collect();
-        sorted.sort_by(f64::total_cmp);
-        let outliers = (OUTLIERS * sorted.len() as f64) as usize;
-        let [least, most] = [sorted[outliers], sorted[sorted.len() - 1 - outliers]];
+        let residuals = self.recent.iter().map(|of| of.deviations);
+        let deviations = if evidence == Evidence::Rows {
+            median_of(residuals.map(f64::abs))?
+        } else {
+            let mut sorted: Vec<f64> = residuals.collect();
+            sorted.sort_by(f64::total_cmp);
+            let outliers = (OUTLIERS * sorted.len() as f64) as usize;
+            let [least, most] = [sorted[outliers], sorted[sorted.len() - 1 - outliers]];
+            least.max(-most).max(0.0)
+        };
         Some(Residual {
             time_s: since_s,
-            deviations: least.max(-most).max(0.0),
+            deviations,
         })
     }
 }
@@ -93,14 +104,12 @@ pub(super) fn remember<T>(
 mod tests {
     use super::*;
 
-    const WINDOW_S: f64 = 60.0;
-
     fn kept(times_s: impl Iterator<Item = f64>, deviations: impl Fn(f64) -> f64) -> Option<f64> {
         let mut history = History::default();
         for time_s in times_s {
             let deviations = deviations(time_s);
             let next = Residual { time_s, deviations };
-            history.take(next, WINDOW_S, f64::INFINITY);
+            history.take(next, Evidence::Paths, f64::INFINITY);
         }
         Some(history.kept?.deviations)
     }

