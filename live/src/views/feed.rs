@@ -115,7 +115,9 @@ impl Feed {
             } else {
                 self.shared.metrics.has_images(self.view)
             };
-            let reports = reports_of(end, is_recorded, goes_on);
+            // After the last recording, no camera is waited for that was wrong until then.
+            let is_last = is_recorded || (is_wrong && self.shared.is_over());
+            let reports = reports_of(end, is_last, goes_on);
             let is_over = !matches!(reports[..], [Report::Lost(_)]);
             for report in reports {
                 self.report(report);
@@ -123,6 +125,9 @@ impl Feed {
             // After the cause, so that the event has it.
             lock(&self.status).set_connected(false);
             if is_over {
+                if is_recorded {
+                    self.shared.ended(self.view);
+                }
                 break;
             }
             let lasted_s = self.shared.clock.now_s() - opened_s;
