@@ -105,7 +105,14 @@ impl Feed {
         let mut delay_ms = FIRST_DELAY_MS;
         while !self.shared.is_stopped() {
             let opened_s = self.shared.clock.now_s();
-            let end = self.once();
+            let end = match self.once() {
+                Err(OpenFault::Disk(error)) => {
+                    // Whoever reads it has ended if it fails.
+                    let _ = self.messages.send(Message::Failed(error.into()));
+                    break;
+                }
+                end => end,
+            };
             let is_recorded = self.source.is_recorded();
             let is_wrong = matches!(end, Ok(End::Useless(_)) | Err(OpenFault::Wrong(_)));
             let is_wrong = is_wrong && !is_recorded;
@@ -329,7 +336,8 @@ struct Connection {
 /// useless.
 fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, goes_on: bool) -> Vec<Report> {
     match end {
-        Ok(End::Stopped) => Vec::new(),
+        // The conductor is told before.
+        Ok(End::Stopped) | Err(OpenFault::Disk(_)) => Vec::new(),
         Ok(End::Useless(why)) | Err(OpenFault::Wrong(why) | OpenFault::Useless(why))
             if !goes_on =>
         {
