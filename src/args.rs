@@ -21,6 +21,7 @@ use std::path::PathBuf;
 use std::process;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use clap::{ArgAction, Command, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataset::work::memory::Bytes;
@@ -101,9 +102,32 @@ impl Args {
     pub(crate) fn of_process() -> Self {
         let matches = Self::grouped_command()
             .try_get_matches_from(arguments(env::args_os().collect()))
-            .unwrap_or_else(|error| exit_without_secrets(&error));
+            .unwrap_or_else(|error| exit_without_secrets(&with_hint(error)));
         Self::from_arg_matches(&matches).unwrap_or_else(|error| exit_without_secrets(&error))
     }
+}
+
+/// Words that are tried for verbs.
+const OTHER_NAMES: [(&str, &str); 6] = [
+    ("record", "generate"),
+    ("replay", "generate"),
+    ("simulate", "generate"),
+    ("live", "estimate"),
+    ("check", "verify"),
+    ("init", "examples"),
+];
+
+/// The error with the verb that was probably meant.
+fn with_hint(mut error: clap::Error) -> clap::Error {
+    let given = error.get(ContextKind::InvalidSubcommand);
+    let meant = OTHER_NAMES
+        .iter()
+        .find(|(other, _)| matches!(given, Some(ContextValue::String(given)) if given == other));
+    if let Some((_, verb)) = meant {
+        let verbs = ContextValue::Strings(vec![(*verb).to_owned()]);
+        error.insert(ContextKind::SuggestedSubcommand, verbs);
+    }
+    error
 }
 
 /// Arguments for clap, whose `help` takes only verbs: `dtd help --help` is `dtd help`.

@@ -3,6 +3,8 @@
 use std::fmt::Display;
 use std::process::ExitCode;
 
+use generator::sweep::SweepError;
+
 /// Everything was done.
 const DONE: u8 = 0;
 /// The work could not be done.
@@ -60,10 +62,11 @@ impl Failure {
     /// A failure caused by the caller's input, unless a disk that is full or broken is behind it.
     pub(crate) fn bad_input(error: impl Into<anyhow::Error>) -> Self {
         let error = error.into();
-        let is_of_disk = |cause: &(dyn std::error::Error + 'static)| {
-            (cause.downcast_ref()).is_some_and(dataset::Error::is_of_disk)
+        let cause = match error.downcast_ref() {
+            Some(SweepError::Unreadable(cause)) => Some(cause),
+            _ => error.downcast_ref(),
         };
-        if error.chain().any(is_of_disk) {
+        if cause.is_some_and(dataset::Error::is_of_disk) {
             Self::Failed(error)
         } else {
             Self::BadInput(error)
@@ -156,13 +159,13 @@ mod tests {
                 std::path::Path::new("plan.json"),
             )(cause))
         };
-        for errno in [Errno::NOSPC, Errno::DQUOT, Errno::FBIG, Errno::IO] {
+        for errno in [Errno::NOSPC, Errno::DQUOT, Errno::ROFS, Errno::IO] {
             assert!(
                 matches!(failure(errno.raw_os_error()), Failure::Failed(_)),
                 "{errno}"
             );
         }
-        for errno in [Errno::NOTDIR, Errno::ROFS, Errno::ACCESS] {
+        for errno in [Errno::NOTDIR, Errno::ACCESS] {
             assert!(
                 matches!(failure(errno.raw_os_error()), Failure::BadInput(_)),
                 "{errno}"

@@ -8,6 +8,7 @@ use std::sync::{Arc, LazyLock, Mutex, MutexGuard, Once, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
+use console::Term;
 use dataset::plain::one_line;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
@@ -25,6 +26,14 @@ static BARS: LazyLock<MultiProgress> = LazyLock::new(|| {
         Form::Log | Form::Json => ProgressDrawTarget::hidden(),
     })
 });
+
+/// Columns of a terminal from which on there is room for a long bar.
+const WIDE: usize = 120;
+
+/// Columns of the terminal.
+fn columns() -> usize {
+    Term::stderr().size().1.into()
+}
 
 /// The steps in work, the newest last, and when a line of progress was written last.
 static STEPS: Mutex<Steps> = Mutex::new(Steps {
@@ -106,16 +115,24 @@ impl Bar {
 
     /// A bar where the end is known, else a sign of life.
     fn set_style(&self) {
-        let template = match self.bar.length() {
-            Some(_) => "{prefix:>9.bold} {bar:32.cyan} {known}",
-            None => "{prefix:>9.bold} {spinner:.cyan} {known}",
+        let bar_columns = match self.bar.length() {
+            Some(_) if columns() < WIDE => 10,
+            Some(_) => 32,
+            None => 1,
         };
-        let Ok(style) = ProgressStyle::with_template(template) else {
+        let template = match self.bar.length() {
+            Some(_) => format!("{{prefix:>9.bold}} {{bar:{bar_columns}.cyan}} {{known}}"),
+            None => "{prefix:>9.bold} {spinner:.cyan} {known}".to_owned(),
+        };
+        let Ok(style) = ProgressStyle::with_template(&template) else {
             return;
         };
         let step = self.step.clone();
+        // The last column stays free: some terminals wrap a line that reaches it.
+        let taken = step.name.len().max(9) + bar_columns + 3;
         let known = move |_: &ProgressState, out: &mut dyn std::fmt::Write| {
-            let words = lock(&step.standing).words(step.unit, step.elapsed(), false);
+            let left = columns().saturating_sub(taken);
+            let words = lock(&step.standing).fitted(step.unit, step.elapsed(), left);
             // A bar that cannot be drawn is no loss.
             let _ = out.write_str(&words);
         };

@@ -193,7 +193,7 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
     assert!((3..=6).contains(&pictures), "{pictures} images");
     assert_eq!(report.matches("<svg").count(), 4 + pictures, "plots");
     let place = |words: &str| report.find(words).unwrap_or_else(|| panic!("no {words:?}"));
-    assert!(place("Recommended: <code>") < place("The best 5 by distance"));
+    assert!(place("Recommended: <code>") < place("The best by distance"));
     assert!(place("logarithmic") < place("<table"));
     assert!(
         place("bursts_5_s") < place("bursts_20_s") && place("bursts_20_s") < place("bursts_60_s")

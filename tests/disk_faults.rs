@@ -1,7 +1,7 @@
-//! A disk that fails once: after any error of any sync, rename, write or read, no sealed scenario is damaged, and the same command
-//! again ends with 0 and the files of an undisturbed run.
+//! A disk that fails once: after any error of any open, new folder, sync, rename, write, read or close, no sealed scenario is damaged, and
+//! the same command again ends with 0 and the files of an undisturbed run.
 //!
-//! `DTD_DISK_FAULTS` is the number of faults for each verb (a few; 39 are about 500 in all), or `all`; `DTD_DISK_FAULTS_SEED` draws them,
+//! `DTD_DISK_FAULTS` is the number of faults for each verb (a few; 38 are about 600 in all), or `all`; `DTD_DISK_FAULTS_SEED` draws them,
 //! `DTD_DISK_FAULTS_VERBS=label,push` restricts the verbs. As many faults as there are processors are tried at once.
 
 mod tiny;
@@ -26,7 +26,7 @@ use testkit::{repository, skipped};
 use tiny::{TOO_LONG, Tiny};
 
 /// Verbs that write, each with work to do; `{store}` stands for the URL of an object store, `{model}` for the detector.
-const VERBS: [(&str, &str); 13] = [
+const VERBS: [(&str, &str); 16] = [
     ("generate", "generate sweep.toml --out corpus"),
     ("label", "label corpus"),
     ("detect", "detect corpus --model {model} --force"),
@@ -52,11 +52,25 @@ const VERBS: [(&str, &str); 13] = [
     ("fetch", "fetch {store} --out corpus"),
     ("examples", "examples examples"),
     ("man", "man man"),
+    (
+        "tracks",
+        "tracks import track.csv --runway WSSS/02L --out recordings",
+    ),
+    (
+        "estimate",
+        "estimate run --as-fast-as-possible --offset right=auto --keep-offsets offsets.json \
+         --view left=corpus/scenarios/{scenario}/views/left.mp4 --view right=corpus/scenarios/{scenario}/views/right.mp4",
+    ),
+    (
+        "paper",
+        "paper --scale small --frame-rate 1/12 --config training.toml --out paper",
+    ),
 ];
 /// Faults for each verb if nothing else is said.
 const FEW: usize = 3;
-/// Errors of broken and full disks.
+/// Errors of broken and full disks, and of a process without descriptors.
 const EIO: i32 = 5;
+const EMFILE: i32 = 24;
 const ENOSPC: i32 = 28;
 
 /// A fault of the disk.
@@ -88,8 +102,39 @@ fn start_of(verb: &str) -> Tiny {
     match verb {
         "generate" | "fetch" => LACKING.copy(),
         "label" => LABELLED_OTHERWISE.copy(),
+        "tracks" => {
+            let tiny = Tiny::made().copy();
+            fs::write(tiny.path("track.csv"), track()).unwrap();
+            tiny
+        }
         _ => Tiny::made().copy(),
     }
+}
+
+/// A recorded flight as a receiver would report it, once in a second.
+fn track() -> String {
+    let recorded = repository().join("tests/data/flights/01_calm_ils.csv");
+    let mut text =
+        "timestamp,icao24,latitude,longitude,altitude,groundspeed,track,vertical_rate,onground\n"
+            .to_owned();
+    for line in fs::read_to_string(recorded).unwrap().lines().skip(1) {
+        let row: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        if row[0].fract() > 0.0 {
+            continue;
+        }
+        let (north_mps, east_mps, down_mps) = (row[8], row[9], row[10]);
+        let knots = north_mps.hypot(east_mps) * 3_600.0 / 1_852.0;
+        let track_deg = east_mps.atan2(north_mps).to_degrees();
+        let [feet, feet_per_min] = [row[3], -down_mps * 60.0].map(|metres| metres / 0.3048);
+        let on_ground = row[13] > 0.0;
+        text += &format!(
+            "{},76ccaa,{},{},{feet:.0},{knots:.1},{track_deg:.2},{feet_per_min:.0},{on_ground}\n",
+            1_700_000_000.0 + row[0],
+            row[1],
+            row[2]
+        );
+    }
+    text
 }
 
 /// The library that makes a disk fail, built once; `None` without a compiler.
@@ -168,7 +213,10 @@ impl Undisturbed {
         };
         let mut faults = Vec::new();
         for (operation, errors) in [
-            ("sync", &[EIO, ENOSPC][..]),
+            ("open", &[EIO, EMFILE][..]),
+            ("mkdir", &[EIO, ENOSPC]),
+            ("close", &[EIO]),
+            ("sync", &[EIO, ENOSPC]),
             ("rename", &[EIO, ENOSPC]),
             ("write", &[EIO, ENOSPC]),
             ("read", &[EIO]),
@@ -219,13 +267,17 @@ impl Undisturbed {
         if fault.operation != "read" && first.status.code() == Some(2) {
             wrong.push(format!("called a failing disk bad input: {words}"));
         }
+        if words.contains("move the folder") || words.contains("move its folder") {
+            wrong.push(format!("called a sound scenario damaged: {words}"));
+        }
         let corpus = Corpus::open(&tiny.corpus()).unwrap();
         for scenario in corpus.folders().unwrap() {
             for fault in seal::faults(scenario.root()).unwrap() {
                 wrong.push(format!("{}: {fault}", scenario.id()));
             }
         }
-        if !first.status.success() {
+        // A service goes on without its offsets.
+        if !first.status.success() || words.contains("is not kept") {
             let mut again = tiny.dtd(&tiny.arguments(line));
             let second = tiny::run(&mut again, TOO_LONG).unwrap();
             if !second.status.success() {

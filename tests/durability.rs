@@ -208,7 +208,7 @@ fn a_disk_that_takes_no_more_ends_the_run_and_nothing_half_written_counts() {
         .current_dir(repository())
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     let outcome = json(&output);
     assert_eq!(outcome["stopped"]["cause"], "storage", "{outcome}");
     assert_eq!(outcome["failed"], serde_json::json!([]));

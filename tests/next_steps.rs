@@ -198,8 +198,10 @@ fn the_status_of_a_corpus_counts_stages_and_names_what_is_in_work_and_failed() {
         value!(["no weather", "no image"]),
         "{found}"
     );
-    let left_s = 2.0 * found["pace"]["s_per_scenario"].as_f64().unwrap();
-    assert_eq!(found["left_s"], left_s, "{found}");
+    // One of the two has begun.
+    let [left_s, pace_s] = [&found["left_s"], &found["pace"]["s_per_scenario"]];
+    let left = left_s.as_f64().unwrap() / pace_s.as_f64().unwrap();
+    assert!((1.0..=2.0).contains(&left), "{found}");
     let shown = said(&tiny.line("status corpus").succeeds());
     assert!(
         shown.contains("3 of 5 recorded, 3 labelled, 2 searched"),

@@ -103,6 +103,8 @@ pub fn evaluate_detector(
             }
             // For the caller to change, not a fault of the scenario.
             Err(error @ Error::Search(labeller::Error::Option { .. })) => return Err(error),
+            Err(Error::Search(error)) if error.is_of_environment() => return Err(error.into()),
+            Err(Error::Dataset(error)) if error.is_of_environment() => return Err(error.into()),
             Err(error @ (Error::Dataset(_) | Error::Search(_))) => {
                 failed.push(Failure {
                     id: id.clone(),

@@ -65,6 +65,9 @@ pub struct Pace {
     pub s_per_scenario: f64,
     /// Number of these times.
     pub of: usize,
+    /// When the last scenario was completed.
+    #[serde(skip)]
+    pub last: SystemTime,
 }
 
 impl Pace {
@@ -85,9 +88,11 @@ impl Pace {
         let steps = pairs.filter_map(|pair| pair[1].duration_since(pair[0]).ok());
         let steps: Vec<Duration> = steps.filter(|step| *step < PAUSE).collect();
         let total_s = steps.iter().sum::<Duration>().as_secs_f64();
-        (!steps.is_empty()).then(|| Self {
+        let last = completed.last().filter(|_| !steps.is_empty())?;
+        Some(Self {
             s_per_scenario: total_s / steps.len() as f64,
             of: steps.len(),
+            last: *last,
         })
     }
 }
@@ -178,7 +183,16 @@ impl Status {
     fn at(mut self, pace: Option<Pace>) -> Self {
         let left = self.planned - self.recorded - self.damaged.len();
         self.pace = pace;
-        self.left_s = pace.map(|pace| pace.s_per_scenario * left as f64);
+        self.left_s = pace.map(|pace| {
+            let since_s = pace.last.elapsed().unwrap_or_default().as_secs_f64();
+            let is_in_work = left > 0 && !self.in_work.is_empty();
+            let begun_s = if is_in_work {
+                since_s.min(pace.s_per_scenario)
+            } else {
+                0.0
+            };
+            pace.s_per_scenario * left as f64 - begun_s
+        });
         self
     }
 }

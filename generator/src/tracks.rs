@@ -102,6 +102,7 @@ pub fn import_tracks(
         };
         let tracks = match formats::read(file, runway) {
             Ok(tracks) => tracks,
+            Err(error) if error.is_of_disk() => return Err(error),
             Err(error) => {
                 refuse(None, error.to_string());
                 continue;
@@ -169,6 +170,7 @@ fn write_checked(path: &Path, text: &str, runway: &Runway) -> dataset::Result<Op
             } => how,
             RecordingError::Implausible { fault, .. } => fault.to_string(),
             RecordingError::Flight { fault, .. } => fault.to_string(),
+            RecordingError::Unreadable(error) if error.is_of_disk() => return Err(error),
             other => other.to_string(),
         };
         return Ok(Some(format!("its states are no approach: it {reason}")));

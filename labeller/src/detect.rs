@@ -283,8 +283,12 @@ impl Model {
 /// Creates a detector; every worker has its own.
 type MakeDetector<'a> = &'a (dyn Fn() -> Result<Box<dyn Detector>> + Sync);
 
-/// Detects in all committed scenarios with an ONNX model. A scenario that fails is reported and does not stop the others; an error
-/// is returned if the model, the options or the corpus cannot be used at all. Scenarios that are done when `watch` stops the run stay.
+/// Detects in all committed scenarios with an ONNX model. A scenario that fails is reported and does not stop the others. Scenarios that
+/// are done when `watch` stops the run stay.
+///
+/// # Errors
+/// The model, the options or the corpus cannot be used at all, or disk, permissions or another process kept scenarios from being searched,
+/// as many as were tried.
 pub fn detect_corpus(
     corpus: &Corpus,
     model_path: &Path,
@@ -318,6 +322,7 @@ fn detect_with(
     if let Some(only) = &options.only {
         pending.retain(|folder| only.contains(&folder.id()));
     }
+    let mut hindrance = None;
     while !pending.is_empty() {
         let mut jobs = Vec::new();
         for folder in mem::take(&mut pending) {
@@ -329,6 +334,7 @@ fn detect_with(
             match ScenarioJob::plan(folder, model, options) {
                 Ok(Some(job)) => jobs.push(job),
                 Ok(None) => outcome.unchanged.push(id),
+                Err(error) if error.is_of_environment() => hindrance = hindrance.or(Some(error)),
                 Err(error) => outcome.failed.push(Failure {
                     id,
                     reason: error.to_string(),
@@ -352,6 +358,9 @@ fn detect_with(
                 End::Failed(Error::Stopped(_)) | End::NotBegun => outcome.left.push(id),
                 // For the caller to change, not a fault of the scenario.
                 End::Failed(error @ Error::Option { .. }) => return Err(error),
+                End::Failed(error) if error.is_of_environment() => {
+                    hindrance = hindrance.or(Some(error));
+                }
                 End::Failed(error) => outcome.failed.push(Failure {
                     id,
                     reason: error.to_string(),
@@ -366,6 +375,9 @@ fn detect_with(
                 .left
                 .extend(pending.drain(..).map(|folder| folder.id()));
         }
+    }
+    if let Some(error) = hindrance {
+        return Err(error);
     }
     outcome.stopped = watch.is_stopped();
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];

@@ -77,6 +77,11 @@ impl Error {
         )
     }
 
+    /// True if neither model nor scenario is at fault ([`dataset::Error::is_of_environment`]).
+    pub fn is_of_environment(&self) -> bool {
+        matches!(self, Self::Dataset(error) if error.is_of_environment())
+    }
+
     pub(crate) fn scenario(id: &str, message: impl ToString) -> Self {
         Self::Scenario {
             id: id.to_owned(),

@@ -48,8 +48,11 @@ pub struct LabelOutcome {
     pub stopped: bool,
 }
 
-/// Labels all committed scenarios, several in parallel. A scenario that fails is reported and does not stop the others; an error is
-/// returned only if the corpus cannot be listed. Scenarios that are done when `watch` stops the run stay.
+/// Labels all committed scenarios, several in parallel. A scenario that fails is reported and does not stop the others. Scenarios that are
+/// done when `watch` stops the run stay.
+///
+/// # Errors
+/// The corpus cannot be listed, or disk, permissions or another process kept scenarios from being labelled, as many as were tried.
 pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> {
     let scenarios = corpus.scenarios()?;
     watch.begin("", scenarios.len() as u64);
@@ -68,6 +71,7 @@ pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> 
         stopped: watch.is_stopped(),
         ..LabelOutcome::default()
     };
+    let mut hindrance = None;
     for (id, result) in results {
         match result {
             Ok(Labelled {
@@ -85,13 +89,14 @@ pub fn label_corpus(corpus: &Corpus, watch: &dyn Watch) -> Result<LabelOutcome> 
                 }
             }
             Err(Error::Stopped(_)) => outcome.left.push(id),
+            Err(error) if error.is_of_environment() => hindrance = hindrance.or(Some(error)),
             Err(error) => outcome.failed.push(Failure {
                 id,
                 reason: error.to_string(),
             }),
         }
     }
-    Ok(outcome)
+    hindrance.map_or(Ok(outcome), Err)
 }
 
 struct Labelled {

@@ -17,7 +17,8 @@ pub(crate) struct DetectArgs {
     pub(crate) corpus: PathBuf,
     /// The detector, an ONNX file [default: the bundled one]
     ///
-    /// The bundled one is for images of the bundled simulator. Which models work, and the settings next to them: docs/detectors.md.
+    /// The bundled one is for images of the bundled simulator, and has never seen a photograph. Which models work, and the settings next to
+    /// them: docs/detectors.md.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     /// Parts of the images to search

@@ -63,7 +63,7 @@ pub(crate) struct EstimateArgs {
     pub(crate) estimator: Option<String>,
     /// The detector, an ONNX file [default: the bundled one]
     ///
-    /// It must be the one whose boxes the run was trained on.
+    /// It must be the one whose boxes the run was trained on. The bundled one has never seen a photograph (docs/my-rig.md).
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     /// Rows of the images to search: TOP:BOTTOM [default: all]

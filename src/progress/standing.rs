@@ -64,6 +64,19 @@ impl Standing {
         Duration::try_from_secs_f64(left as f64 / self.per_s(elapsed)?).ok()
     }
 
+    /// The progress in words, in at most so many columns: the disk is left out first, then the last words.
+    pub(crate) fn fitted(&self, unit: &str, elapsed: Duration, columns: usize) -> String {
+        let whole = self.words(unit, elapsed, false);
+        if whole.chars().count() <= columns {
+            return whole;
+        }
+        let without_disk = Self {
+            disk: None,
+            ..self.clone()
+        };
+        shortened(without_disk.words(unit, elapsed, false), columns)
+    }
+
     /// The progress in words. `says_elapsed`: with the elapsed time.
     pub(crate) fn words(&self, unit: &str, elapsed: Duration, says_elapsed: bool) -> String {
         let mut parts = Vec::new();
@@ -97,6 +110,24 @@ impl Standing {
         parts.retain(|part| !part.is_empty());
         parts.join("; ")
     }
+}
+
+/// The text in at most so many columns: whole words, and an ellipsis in the place of the others.
+fn shortened(text: String, columns: usize) -> String {
+    if text.chars().count() <= columns {
+        return text;
+    }
+    let mut kept: Vec<&str> = text.split(' ').collect();
+    let width = |kept: &[&str]| {
+        kept.iter()
+            .map(|word| word.chars().count() + 1)
+            .sum::<usize>()
+    };
+    while !kept.is_empty() && width(&kept) > columns {
+        kept.pop();
+    }
+    let kept = kept.join(" ");
+    format!("{}…", kept.trim_end_matches([';', ',', ':']))
 }
 
 fn rate(per_s: f64) -> String {
@@ -146,6 +177,20 @@ mod tests {
             words(&standing(7, 0, None), 7.0),
             "7 ticks in 7 seconds, 1.0/s"
         );
+    }
+
+    #[test]
+    fn on_a_narrow_terminal_the_disk_and_then_the_last_words_are_left_out() {
+        let mut night = standing(1, 0, Some(2));
+        night.disk = Some(Disk::default());
+        night.working_on = "0600-clear-r1 0600-cloudy-r1".into();
+        let fitted = |columns| night.fitted("ticks", Duration::ZERO, columns);
+        let whole = "1/2 ticks; 0 B written; 0600-clear-r1 0600-cloudy-r1";
+        assert_eq!(fitted(52), whole);
+        assert_eq!(fitted(51), "1/2 ticks; 0600-clear-r1 0600-cloudy-r1");
+        assert_eq!(fitted(38), "1/2 ticks; 0600-clear-r1…");
+        assert_eq!(fitted(24), "1/2 ticks…");
+        assert_eq!(fitted(3), "…");
     }
 
     #[test]

@@ -146,8 +146,7 @@ pub(crate) fn detect(
 ) -> Result<DetectOutcome, Failure> {
     refuse_other_models(model)?;
     let watch = VerbWatch::new("detect", "images");
-    let outcome = detect_corpus(corpus, model, &options, &watch)
-        .map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;
+    let outcome = detect_corpus(corpus, model, &options, &watch).map_err(search_failure)?;
     for failure in &outcome.failed {
         watch.warn(&format!(
             "scenario {} was not searched: {}",
@@ -161,6 +160,14 @@ pub(crate) fn detect(
         watch.warn(&line);
     }
     Ok(outcome)
+}
+
+/// The failure of a search or of labelling.
+pub(crate) fn search_failure(error: labeller::Error) -> Failure {
+    match error {
+        labeller::Error::Dataset(error) => Failure::of_corpus(error),
+        error => Failure::bad_input_if(error.is_bad_input(), error),
+    }
 }
 
 /// Rejects a path that is not a file and so not a detector.

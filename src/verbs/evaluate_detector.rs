@@ -10,7 +10,7 @@ use detector_evaluation::{
 use labeller::{DetectOptions, Mode};
 
 use super::Outcome;
-use super::detect::refuse_other_models;
+use super::detect::{self, refuse_other_models};
 use super::open_corpus::open_filled_corpus;
 use super::output::{Next, finish, interrupted, print_json, print_table};
 use crate::args::detector::EvaluateDetectorArgs;
@@ -84,7 +84,7 @@ fn failure_of(error: Error) -> Failure {
         Error::NoMode | Error::Unlabelled(_) | Error::Projection { .. } => {
             Failure::bad_input(error)
         }
-        Error::Search(ref cause) if cause.is_bad_input() => Failure::bad_input(error),
+        Error::Search(cause) => detect::search_failure(cause),
         error => error.into(),
     }
 }

@@ -160,11 +160,9 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
             );
             Ok(Ending::Losses)
         }
-        Some(Stopped::Storage { reason }) => {
-            eprint_error!("{reason}");
-            Ok(Ending::Losses)
+        Some(Stopped::Storage { reason } | Stopped::Store { reason }) => {
+            Err(Failure::Failed(anyhow::anyhow!("{reason}")))
         }
-        Some(Stopped::Store { reason }) => Err(Failure::Failed(anyhow::anyhow!("{reason}"))),
         None if generated.failed.is_empty() && generated.marked.is_empty() => Ok(Ending::Done),
         None => Ok(Ending::Losses),
     }

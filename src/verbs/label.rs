@@ -7,6 +7,7 @@ use dataset::work::watch::Watch;
 use labeller::{LabelOutcome, label_corpus};
 
 use super::Outcome;
+use super::detect::search_failure;
 use super::open_corpus::{open_filled_corpus, repair};
 use super::output::{Next, count, failed, finish, interrupted, print_json};
 use crate::args::corpus::LabelArgs;
@@ -46,7 +47,7 @@ pub(crate) fn ending_of(outcome: &LabelOutcome) -> Ending {
 /// Labels a corpus with a progress bar. Ctrl-C or SIGTERM ends it after the current scenarios, which stay.
 pub(crate) fn label(corpus: &Corpus) -> Result<LabelOutcome, Failure> {
     let watch = VerbWatch::new("label", "scenarios");
-    let outcome = label_corpus(corpus, &watch)?;
+    let outcome = label_corpus(corpus, &watch).map_err(search_failure)?;
     for failure in &outcome.failed {
         watch.warn(&format!(
             "scenario {} was not labelled: {}",

@@ -20,7 +20,7 @@ pub(crate) fn open_sound_corpus(verb: &str, root: &Path) -> Result<(Corpus, Endi
         .map_err(Failure::of_corpus)?;
     for scenario in &damaged {
         eprint_warning!(
-            "{verb}: scenario {} is damaged and left out: {}; move its folder {}",
+            "{verb}: scenario {} is damaged or may not be read, and is left out: {}; move its folder {}",
             scenario.id,
             scenario.reason,
             out_of(root)

@@ -26,10 +26,9 @@ pub(crate) fn run(TracksCommand::Import(args): &TracksCommand) -> Outcome {
             ))
         })?,
     };
-    fs::create_dir_all(&args.out).map_err(|error| {
-        Failure::bad_input_message(format!("--out {}: {error}", args.out.display()))
-    })?;
-    let outcome = import_tracks(&args.files, &runway, &args.out)?;
+    let made = fs::create_dir_all(&args.out).map_err(dataset::Error::io("create", &args.out));
+    made.map_err(Failure::bad_input)?;
+    let outcome = import_tracks(&args.files, &runway, &args.out).map_err(Failure::of_corpus)?;
     if args.json {
         print_json(&outcome)?;
     } else {

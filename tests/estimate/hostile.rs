@@ -3,8 +3,9 @@
 use std::fs;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use testkit::command::text;
@@ -16,8 +17,11 @@ use crate::workshop::{Workshop, ffmpeg};
 
 /// Maximum memory of the program, KiB, with `--max-memory 600M`.
 const MAX_KIB: u64 = 700 << 10;
+/// Longest time from a connection to the next one: opening is given up after 32 s at most, and tried again after one more.
+const MAX_TIME_OF_AN_ACT: Duration = Duration::from_secs(40);
 
-/// A server's behaviour on a connection, and part of the cause in the event.
+/// A server's behaviour on a connection, and part of the cause in the event; empty if it is the cause of the act before or after, which is
+/// told once.
 type Act = (fn(TcpStream, &str), &'static str);
 
 const ACTS: [Act; 8] = [
@@ -73,7 +77,7 @@ const ACTS: [Act; 8] = [
             let video = "m=video 0 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\na=control:one\r\n";
             answer(stream, described(&video.repeat(2_000)));
         },
-        "",
+        "no image came",
     ),
     (
         |stream, _| answer(stream, |_| reply("404 Not Found", "")),
@@ -88,17 +92,8 @@ fn a_camera_that_is_none_is_told_with_its_cause_and_the_other_one_goes_on() {
         return;
     };
     let other = TcpListener::bind("127.0.0.1:0").unwrap();
-    let hostile = TcpListener::bind("127.0.0.1:0").unwrap();
-    let right = format!("rtsp://me@{}/right", hostile.local_addr().unwrap());
     let elsewhere = other.local_addr().unwrap().to_string();
-    thread::spawn(move || {
-        for (act, _) in ACTS.iter().chain(ACTS.last().into_iter().cycle()) {
-            let Ok((stream, _)) = hostile.accept() else {
-                return;
-            };
-            act(stream, &elsewhere);
-        }
-    });
+    let (right, connected) = hostile(&ACTS, elsewhere);
     let mut command = workshop.command([&server.address("left"), &right]);
     command
         .args(["--max-memory", "600M"])
@@ -106,6 +101,12 @@ fn a_camera_that_is_none_is_told_with_its_cause_and_the_other_one_goes_on() {
     let mut running = Running::start(&mut command);
     let left = goes_on(&mut running, ACTS.iter().map(|(_, cause)| *cause));
     assert!(left.contains(&"up".into()), "{left:?}");
+    let connected: Vec<Instant> = connected.try_iter().collect();
+    for (act, times) in connected.windows(2).enumerate() {
+        let took = times[1] - times[0];
+        assert!(took < MAX_TIME_OF_AN_ACT, "act {act} took {took:?}");
+    }
+    assert!(connected.len() >= ACTS.len(), "{connected:?}");
     other.set_nonblocking(true).unwrap();
     match other.accept() {
         Ok((mut stream, _)) => {
@@ -118,6 +119,18 @@ fn a_camera_that_is_none_is_told_with_its_cause_and_the_other_one_goes_on() {
         }
         Err(error) => assert_eq!(error.kind(), ErrorKind::WouldBlock),
     }
+}
+
+#[test]
+fn a_recording_beside_a_camera_that_is_wrong_ends() {
+    let workshop = Workshop::shared();
+    let short = workshop.folder.path().join("short.mp4");
+    let left = text(&stills(&workshop)["left"]);
+    ffmpeg(&["-i", left, "-t", "2", "-c", "copy", text(&short)]);
+    let (right, _connected) = hostile(&ACTS[..1], String::new());
+    let mut running = Running::start(&mut workshop.command([text(&short), &right]));
+    assert_eq!(running.last()["cause"], "recordings");
+    assert!(running.child.wait().unwrap().success());
 }
 
 #[test]
@@ -150,6 +163,23 @@ fn a_camera_with_huge_images_takes_no_memory_for_them() {
     server.command("offer right huge");
     let size = "its images have 8192x8192 pixels, expected 960x640";
     goes_on(&mut running, [size].into_iter());
+}
+
+/// The address of a server that does these acts, one for each connection, and the last one again and again; and the times of connections.
+fn hostile(acts: &'static [Act], elsewhere: String) -> (String, Receiver<Instant>) {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("rtsp://me@{}/right", server.local_addr().unwrap());
+    let (connected, times) = channel();
+    thread::spawn(move || {
+        for (act, _) in acts.iter().chain(acts.last().into_iter().cycle()) {
+            let Ok((stream, _)) = server.accept() else {
+                return;
+            };
+            let _ = connected.send(Instant::now());
+            act(stream, &elsewhere);
+        }
+    });
+    (address, times)
 }
 
 /// Reads on until the right view was down for these causes, one after the other. Returns the states of the left one, never down.

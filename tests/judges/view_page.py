@@ -172,6 +172,10 @@ def check_all(page: Page, url: str) -> None:
     page.goto(url)
     page.get_by_role("link", name=scenario, exact=True).wait_for()
     page.get_by_text("Reading the predictions").wait_for(state="detached")
+    first = page.locator(".runs tbody tr").first
+    assert "recommended" in first.inner_text(), first.inner_text()
+    page.get_by_label("Ticks").select_option("nm:1")
+    assert "–" not in first.inner_text(), first.inner_text()
     check_pictures(page, tables, scenario)
     check_access(page, "images of all scenarios")
     check_width(page, "images of all scenarios")

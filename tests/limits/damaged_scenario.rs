@@ -31,7 +31,7 @@ fn a_damaged_scenario_is_left_out_and_named_with_the_way_to_replace_it() {
         let words = [
             id.as_str(),
             DAMAGED,
-            "is damaged and left out",
+            "is damaged or may not be read, and is left out",
             "move its folder out of corpus/scenarios",
         ];
         assert_says(&tiny, verb, 3, &words);

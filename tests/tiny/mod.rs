@@ -136,11 +136,16 @@ impl Tiny {
         format!("file://{}", self.path("store").display())
     }
 
-    /// The words of a command line, with `{store}` for that URL and `{model}` for the bundled detector.
+    /// The words of a command line, with `{store}` for that URL, `{model}` for the bundled detector and `{scenario}` for the first one.
     pub(crate) fn arguments(&self, line: &str) -> Vec<String> {
         let fill = |word: &str| match word {
             "{store}" => self.store(),
             "{model}" => MODEL.into(),
+            _ if word.contains("{scenario}") => {
+                let first = &self.scenarios()[0];
+                let id = first.file_name().unwrap().to_str().unwrap();
+                word.replace("{scenario}", id)
+            }
             _ => word.into(),
         };
         line.split_whitespace().map(fill).collect()

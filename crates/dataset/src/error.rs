@@ -10,6 +10,18 @@ use crate::numbers::limits::FieldOutOfLimits;
 use crate::plain::shown;
 use crate::work::memory::TooMuchMemory;
 
+/// Errors of the system that concern no single file.
+const DISK_ERRORS: [Errno; 8] = [
+    Errno::NOSPC,
+    Errno::DQUOT,
+    Errno::FBIG,
+    Errno::IO,
+    Errno::ROFS,
+    Errno::MFILE,
+    Errno::NFILE,
+    Errno::STALE,
+];
+
 /// A corpus or a corpus file that cannot be read or written. Every message says which file.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -86,6 +98,8 @@ pub enum Error {
         path: PathBuf,
         /// The operation and the failure.
         message: String,
+        /// The operating system's number of the failure, if it is one of the system.
+        errno: Option<i32>,
     },
     /// A different process works on a scenario, on the files of the whole corpus, or on a folder in the making.
     #[error("{} {}", shown(path), in_use_by(holder, *waited))]
@@ -190,7 +204,7 @@ impl Error {
                 None => fault.to_string(),
             },
             Self::Table { path, message }
-            | Self::Video { path, message }
+            | Self::Video { path, message, .. }
             | Self::Corpus { path, message }
                 if path.ends_with(file) =>
             {
@@ -210,16 +224,25 @@ impl Error {
         matches!(self, Self::Io { source, .. } if source.kind() == ErrorKind::AlreadyExists)
     }
 
-    /// Returns true for a full or broken disk: the same operation succeeds after the repair.
-    pub fn is_of_disk(&self) -> bool {
-        let Self::Io { source, .. } = self else {
-            return false;
+    /// The operating system's error, if it is one.
+    pub fn errno(&self) -> Option<Errno> {
+        let number = match self {
+            Self::Io { source, .. } => source.raw_os_error(),
+            Self::Video { errno, .. } => *errno,
+            _ => None,
         };
-        let is_full = matches!(
-            source.kind(),
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge
-        );
-        is_full || source.raw_os_error() == Some(Errno::IO.raw_os_error())
+        number.map(Errno::from_raw_os_error)
+    }
+
+    /// Returns true for a disk that is full, broken or read-only, and for a process without descriptors: the same operation succeeds once
+    /// that is mended.
+    pub fn is_of_disk(&self) -> bool {
+        (self.errno()).is_some_and(|errno| DISK_ERRORS.contains(&errno))
+    }
+
+    /// True if the files are not at fault, but the disk, permissions, or a process that works on them.
+    pub fn is_of_environment(&self) -> bool {
+        self.errno() == Some(Errno::ACCESS) || self.is_of_disk() || self.is_passing()
     }
 
     /// True if a different process was in the way: a retry may succeed.

@@ -19,6 +19,8 @@ mod trial;
 mod video_encoder;
 mod writer;
 
+use std::any::Any;
+use std::fmt::Display;
 use std::path::Path;
 use std::sync::Once;
 
@@ -235,10 +237,15 @@ fn open_stream(path: &Path) -> Result<(format::context::Input, usize, TimeBase)>
     Ok((input, index, time_base))
 }
 
-fn fault(path: &Path, action: &str, cause: impl std::fmt::Display) -> Error {
+fn fault(path: &Path, action: &str, cause: impl Display + 'static) -> Error {
+    let errno = match (&cause as &dyn Any).downcast_ref() {
+        Some(ffmpeg_next::Error::Other { errno }) => Some(*errno),
+        _ => None,
+    };
     Error::Video {
         path: path.to_owned(),
         message: format!("cannot {action}: {cause}"),
+        errno,
     }
 }
 

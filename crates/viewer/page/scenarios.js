@@ -4,7 +4,7 @@ import { choice, element, json } from './dom.js';
 import { FlownPaths } from './flown.js';
 import { address, note, shown } from './link.js';
 import { classes, colourings, legend } from './path-colours.js';
-import { comparison, estimators } from './runs.js';
+import { Comparison, estimators } from './runs.js';
 import { Thumbnails } from './thumbnails.js';
 import { onSchemeChange } from './colours.js';
 import { brief, count, duration, fixed, plural } from './units.js';
@@ -66,18 +66,18 @@ export class Scenarios {
       onpointerleave: () => this.point(null) });
     this.found = element('p', { class: 'note', role: 'status' });
     this.failures = element('div');
-    this.compared = element('section');
+    this.compared = new Comparison();
     this.flown = new FlownPaths({ onpick: id => { location.hash = address({ scenario: id }); }, onpoint: id => this.point(id) });
     this.colourChoice = element('div');
     this.legend = element('ul', { class: 'legend', 'aria-label': 'Colours of the paths' });
     this.flownSaid = element('p', { class: 'note' });
     this.element = element('div', { class: 'overview' },
       element('section', { class: 'top-of-list', 'aria-labelledby': 'title' },
-        element('h1', { id: 'title' }, corpus.corpus), this.head, this.filterBar, this.found),
+        element('h1', { id: 'title' }, corpus.corpus), this.head, this.compared.element, this.filterBar, this.found),
       element('div', { class: 'list' }, this.list, this.failures),
       element('section', { class: 'beside', 'aria-labelledby': 'flown-title' },
         element('h2', { id: 'flown-title' }, 'Flown paths'),
-        element('div', { class: 'layers' }, this.colourChoice, this.legend), this.flown.element, this.flownSaid, this.compared));
+        element('div', { class: 'layers' }, this.colourChoice, this.legend), this.flown.element, this.flownSaid));
     onSchemeChange(() => this.drawPaths(), signal);
     this.fill();
     this.readPaths();
@@ -108,8 +108,8 @@ export class Scenarios {
         element('strong', {}, row.id), ` (${STATES[row.state]})`,
         element('ul', {}, row.faults.map(fault => element('li', {}, fault)))))),
     ] : []);
-    this.compared.replaceChildren(...this.runs.length ? [element('h2', {}, 'Runs'), ...comparison(this.runs)]
-      : corpus.runs.length ? [element('h2', {}, 'Runs'), element('p', { class: 'note' }, 'Reading the predictions ...')] : []);
+    if (this.runs.length) this.compared.show(this.runs, corpus.scenarios);
+    else if (corpus.runs.length) this.compared.element.replaceChildren(element('p', { class: 'note' }, 'Reading the predictions ...'));
   }
 
   progress() {

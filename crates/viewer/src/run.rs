@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use dataset::corpus::scenario::other_flight::other_flight;
 use dataset::corpus::seal::sealed::Sealed;
 use dataset::files::json_file::read_json;
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::tables::columns::Table;
 use dataset::tables::frames::TickRow;
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,7 @@ use crate::rounded::thousandths;
 
 const PREDICTIONS: &str = "predictions.parquet";
 const METRICS: &str = "metrics.json";
+const RUN: &str = "run.json";
 /// Suffix of columns with answers.
 const ANSWER: &str = "_dtd_m";
 /// Column of the ground truth, which has the same ending.
@@ -38,7 +40,19 @@ pub(crate) struct Answers {
     /// Flights by scenario.
     pub(crate) flights: BTreeMap<String, Flight>,
     metrics: Option<Metrics>,
+    recommended: Option<String>,
     problems: Vec<String>,
+}
+
+/// The part of `run.json` that the page shows.
+#[derive(Deserialize)]
+struct Trained {
+    choice: Choice,
+}
+
+#[derive(Deserialize)]
+struct Choice {
+    estimator: String,
 }
 
 /// The answers for one scenario.
@@ -56,10 +70,28 @@ pub(crate) struct Flight {
 #[derive(Debug, Clone, Deserialize, Serialize)]
 struct Metrics {
     #[serde(default)]
-    estimators: BTreeMap<String, Figures>,
+    estimators: BTreeMap<String, Estimator>,
 }
 
-/// An estimator's figures over all judged ticks.
+/// An estimator's figures over all judged ticks, and over parts of them.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+struct Estimator {
+    #[serde(flatten)]
+    all: Figures,
+    #[serde(default)]
+    by_weather: BTreeMap<String, Figures>,
+    #[serde(default)]
+    by_distance_nm: Vec<DistanceBin>,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize)]
+struct DistanceBin {
+    from_nm: f64,
+    to_nm: f64,
+    #[serde(flatten)]
+    figures: Figures,
+}
+
 #[derive(Debug, Clone, Deserialize, Serialize)]
 struct Figures {
     mape_pct: Option<f64>,
@@ -74,18 +106,22 @@ struct Figures {
 pub(crate) struct Summary<'a> {
     name: &'a str,
     metrics: Option<&'a Metrics>,
+    /// Name of the estimator that the training recommends.
+    recommended: Option<&'a str>,
     /// Errors by scenario and estimator.
     flights: BTreeMap<&'a str, BTreeMap<&'a str, Errors>>,
     problems: Vec<String>,
 }
 
 /// An estimator's errors in one scenario, over the judged ticks.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 struct Errors {
     mape_pct: f64,
     worst_pct: f64,
     worst_tick: u32,
     answered: usize,
+    /// Sum and number of the errors, percent, by whole nautical miles of the true distance.
+    by_nm: BTreeMap<i64, (f64, usize)>,
 }
 
 impl Run {
@@ -115,6 +151,7 @@ impl Run {
             return Summary {
                 name: &self.name,
                 metrics: None,
+                recommended: None,
                 flights: BTreeMap::new(),
                 problems,
             };
@@ -122,6 +159,7 @@ impl Run {
         Summary {
             name: &self.name,
             metrics: answers.metrics.as_ref(),
+            recommended: answers.recommended.as_deref(),
             flights: answers
                 .flights
                 .iter()
@@ -167,6 +205,9 @@ impl Answers {
                 Err(error) if error.is_not_found() => {}
                 Err(error) => answers.problems.push(error.to_string()),
             }
+            // Results of `dtd evaluate --out` are no run.
+            let trained = file(RUN).and_then(|path| read_json::<Trained>(&path, "run"));
+            answers.recommended = trained.ok().map(|trained| trained.choice.estimator);
         }
         answers
     }
@@ -233,17 +274,22 @@ impl Errors {
         let rows = tick.iter().zip(truth_m).zip(answers);
         let errors = rows.filter_map(|((&tick, &truth_m), answer)| {
             let error_pct = ((*answer)? - truth_m).abs() / truth_m * 100.0;
-            error_pct.is_finite().then_some((tick, error_pct))
+            let nm = (truth_m / METERS_PER_NAUTICAL_MILE).floor() as i64;
+            error_pct.is_finite().then_some((tick, error_pct, nm))
         });
         let mut sum_pct = 0.0;
+        let mut by_nm = BTreeMap::<i64, (f64, usize)>::new();
         let mut found: Option<Self> = None;
-        for (tick, error_pct) in errors {
+        for (tick, error_pct, nm) in errors {
             sum_pct += error_pct;
+            let bin = by_nm.entry(nm).or_default();
+            *bin = (bin.0 + error_pct, bin.1 + 1);
             let worst = found.get_or_insert(Self {
                 mape_pct: 0.0,
                 worst_pct: error_pct,
                 worst_tick: tick,
                 answered: 0,
+                by_nm: BTreeMap::new(),
             });
             worst.answered += 1;
             if error_pct > worst.worst_pct {
@@ -253,6 +299,7 @@ impl Errors {
         found.map(|found| Self {
             mape_pct: thousandths(sum_pct / found.answered as f64),
             worst_pct: thousandths(found.worst_pct),
+            by_nm,
             ..found
         })
     }
@@ -275,7 +322,8 @@ mod tests {
                 mape_pct: 2.0,
                 worst_pct: 3.0,
                 worst_tick: 4,
-                answered: 3
+                answered: 3,
+                by_nm: BTreeMap::from([(0, (6.0, 3))]),
             })
         );
         assert_eq!(Errors::of(&[3], &[1000.0], &[None]), None);

@@ -87,10 +87,7 @@ impl GenerateError {
             // A path where no corpus can be created.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
                 source.kind(),
-                ErrorKind::NotFound
-                    | ErrorKind::NotADirectory
-                    | ErrorKind::PermissionDenied
-                    | ErrorKind::ReadOnlyFilesystem
+                ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::PermissionDenied
             ),
             Self::Corpus(error) => error.is_bad_content(),
             Self::Store(error) => error.is_bad_input(),

@@ -1,8 +1,9 @@
 //! Disk space: how much is free, and whether a failure means that the disk is full. How much a plan needs:
 //! [`crate::plan::room_bytes`].
 
-use std::io::ErrorKind;
 use std::path::Path;
+
+use rustix::io::Errno;
 
 /// Minimum usable free space, bytes: the size of an image.
 const NOTHING_BYTES: u64 = 8 << 20;
@@ -26,24 +27,11 @@ pub fn free_bytes(folder: &Path) -> Option<u64> {
 
 /// True if the next scenario would fail for the same reason: the disk is full, or not writable.
 pub(super) fn is_storage_failure(error: &dataset::Error, corpus: &Path) -> bool {
-    let said_so = match error {
-        dataset::Error::Io { source, .. } => matches!(
-            source.kind(),
-            ErrorKind::StorageFull
-                | ErrorKind::QuotaExceeded
-                | ErrorKind::FileTooLarge
-                | ErrorKind::ReadOnlyFilesystem
-                | ErrorKind::PermissionDenied
-        ),
-        // Libraries wrap the system's error.
-        other => {
-            let said = other.to_string();
-            ["No space left", "File too large", "Disk quota exceeded"]
-                .iter()
-                .any(|words| said.contains(words))
-        }
-    };
-    said_so || free_bytes(corpus).is_some_and(|free| free < NOTHING_BYTES)
+    let is_said = matches!(
+        error.errno(),
+        Some(Errno::NOSPC | Errno::DQUOT | Errno::FBIG | Errno::ROFS | Errno::ACCESS)
+    );
+    is_said || free_bytes(corpus).is_some_and(|free| free < NOTHING_BYTES)
 }
 
 #[cfg(test)]
@@ -59,14 +47,16 @@ mod tests {
     #[test]
     fn a_full_disk_and_a_read_only_one_concern_all_scenarios_and_a_damaged_file_does_not() {
         let here = Path::new(".");
-        let io = |kind: ErrorKind| dataset::Error::io("write", here)(kind.into());
-        assert!(is_storage_failure(&io(ErrorKind::StorageFull), here));
-        assert!(is_storage_failure(&io(ErrorKind::ReadOnlyFilesystem), here));
-        let video = dataset::Error::Video {
+        let io = |errno: Errno| dataset::Error::io("write", here)(errno.into());
+        assert!(is_storage_failure(&io(Errno::NOSPC), here));
+        assert!(is_storage_failure(&io(Errno::ROFS), here));
+        let video = |errno| dataset::Error::Video {
             path: here.into(),
-            message: "cannot write: No space left on device".into(),
+            message: "cannot write".into(),
+            errno,
         };
-        assert!(is_storage_failure(&video, here));
-        assert!(!is_storage_failure(&io(ErrorKind::InvalidData), here));
+        let full = Some(Errno::NOSPC.raw_os_error());
+        assert!(is_storage_failure(&video(full), here));
+        assert!(!is_storage_failure(&video(None), here));
     }
 }

@@ -24,7 +24,7 @@ const MAX_STREAMS: u32 = 16;
 const UDP_BUFFER_BYTES: u32 = 4 << 20;
 
 /// Reason why a source cannot be opened.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug)]
 pub(crate) enum OpenFault {
     /// It may be there later.
     Absent(String),
@@ -32,6 +32,8 @@ pub(crate) enum OpenFault {
     Wrong(String),
     /// It will never do.
     Useless(String),
+    /// The disk fails, whatever the file is.
+    Disk(dataset::Error),
 }
 
 pub(crate) struct Patience {
@@ -187,8 +189,10 @@ impl FfmpegSource {
         patience.wait(most_ms);
         let (name, given) = match &self.place {
             Place::File(path) => {
-                return open_file(path, is_over)
-                    .map_err(|error| OpenFault::Useless(error.beside(path)));
+                return open_file(path, is_over).map_err(|error| match error {
+                    error if error.is_of_disk() => OpenFault::Disk(error),
+                    error => OpenFault::Useless(error.beside(path)),
+                });
             }
             Place::Feed(name, options) => (name, options),
         };

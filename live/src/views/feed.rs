@@ -105,7 +105,14 @@ impl Feed {
         let mut delay_ms = FIRST_DELAY_MS;
         while !self.shared.is_stopped() {
             let opened_s = self.shared.clock.now_s();
-            let end = self.once();
+            let end = match self.once() {
+                Err(OpenFault::Disk(error)) => {
+                    // Whoever reads it has ended if it fails.
+                    let _ = self.messages.send(Message::Failed(error.into()));
+                    break;
+                }
+                end => end,
+            };
             let is_recorded = self.source.is_recorded();
             let is_wrong = matches!(end, Ok(End::Useless(_)) | Err(OpenFault::Wrong(_)));
             let is_wrong = is_wrong && !is_recorded;
@@ -115,7 +122,9 @@ impl Feed {
             } else {
                 self.shared.metrics.has_images(self.view)
             };
-            let reports = reports_of(end, is_recorded, goes_on);
+            // After the last recording, no camera is waited for that was wrong until then.
+            let is_last = is_recorded || (is_wrong && self.shared.is_over());
+            let reports = reports_of(end, is_last, goes_on);
             let is_over = !matches!(reports[..], [Report::Lost(_)]);
             for report in reports {
                 self.report(report);
@@ -123,6 +132,9 @@ impl Feed {
             // After the cause, so that the event has it.
             lock(&self.status).set_connected(false);
             if is_over {
+                if is_recorded {
+                    self.shared.ended(self.view);
+                }
                 break;
             }
             let lasted_s = self.shared.clock.now_s() - opened_s;
@@ -324,7 +336,8 @@ struct Connection {
 /// useless.
 fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, goes_on: bool) -> Vec<Report> {
     match end {
-        Ok(End::Stopped) => Vec::new(),
+        // The conductor is told before.
+        Ok(End::Stopped) | Err(OpenFault::Disk(_)) => Vec::new(),
         Ok(End::Useless(why)) | Err(OpenFault::Wrong(why) | OpenFault::Useless(why))
             if !goes_on =>
         {

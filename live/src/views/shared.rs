@@ -65,6 +65,8 @@ pub(crate) struct Shared {
     clocks: Vec<Mutex<ViewClock>>,
     /// Views without a source, or whose camera was wrong when it last answered.
     is_wrong: Vec<AtomicBool>,
+    /// Views whose recording is over.
+    has_ended: Vec<AtomicBool>,
 }
 
 impl Shared {
@@ -83,6 +85,7 @@ impl Shared {
             is_measured: (views.clone())
                 .map(|view| options.measured.contains(view))
                 .collect(),
+            has_ended: views.clone().map(|_| AtomicBool::default()).collect(),
             is_wrong: views
                 .map(|view| AtomicBool::new(!options.sources.contains_key(view)))
                 .collect(),
@@ -102,6 +105,21 @@ impl Shared {
         let mut others = self.is_wrong.iter().enumerate();
         others.any(|(other, is_wrong)| {
             self.metrics.has_images(other) || !is_wrong.load(Ordering::Relaxed)
+        })
+    }
+
+    /// Takes the end of a view's recording.
+    pub(crate) fn ended(&self, view: usize) {
+        self.has_ended[view].store(true, Ordering::Relaxed);
+    }
+
+    /// True if no view can have an image any more: recordings are over, and the other cameras wrong since the start.
+    pub(crate) fn is_over(&self) -> bool {
+        let has_ended = |view: usize| self.has_ended[view].load(Ordering::Relaxed);
+        let mut views = self.is_wrong.iter().enumerate();
+        views.all(|(view, is_wrong)| {
+            let never_came = is_wrong.load(Ordering::Relaxed) && !self.metrics.has_images(view);
+            has_ended(view) || never_came
         })
     }
 

@@ -7,6 +7,7 @@ mod any_numbers;
 mod page_sizes;
 
 use std::collections::HashMap;
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -209,7 +210,7 @@ const MAX_KEPT: usize = 16 << 20;
 /// A table that is written part by part, because the whole does not fit into memory.
 pub struct TableParts {
     path: PathBuf,
-    writer: Option<ArrowWriter<NewFile>>,
+    writer: Option<(NewFile, ArrowWriter<File>)>,
 }
 
 impl TableParts {
@@ -231,7 +232,7 @@ impl TableParts {
         let schema = Arc::new(Schema::new(part.fields));
         let batch = RecordBatch::try_new(schema.clone(), part.arrays)
             .map_err(|error| Error::table(&self.path, error))?;
-        let writer = match &mut self.writer {
+        let (_, writer) = match &mut self.writer {
             Some(writer) => writer,
             none => {
                 let properties = WriterProperties::builder()
@@ -245,9 +246,11 @@ impl TableParts {
                     properties.set_column_dictionary_enabled(column, false)
                 });
                 let properties = properties.build();
-                let file = NewFile::create(&self.path)?;
-                let writer = ArrowWriter::try_new(file, schema, Some(properties));
-                none.insert(writer.map_err(failed)?)
+                let mut file = NewFile::create(&self.path)?;
+                let opened = file.file().try_clone();
+                let opened = opened.map_err(Error::io("write", &self.path))?;
+                let writer = ArrowWriter::try_new(opened, schema, Some(properties));
+                none.insert((file, writer.map_err(failed)?))
             }
         };
         writer.write(&batch).map_err(failed)?;
@@ -275,16 +278,12 @@ impl TableParts {
 
     /// The complete file, not in its place yet.
     fn written(self) -> Result<Option<NewFile>> {
-        let Some(writer) = self.writer else {
+        let Some((file, writer)) = self.writer else {
             return Ok(None);
         };
-        let file = writer.into_inner();
-        let failed = |error| match error {
-            // Only the disk is left to fail here, and its error is wrapped as text.
-            ParquetError::General(said) => Error::io("write", &self.path)(io::Error::other(said)),
-            error => not_written(&self.path, error),
-        };
-        file.map(Some).map_err(failed)
+        let closed = writer.close();
+        closed.map_err(|error| not_written(&self.path, error))?;
+        Ok(Some(file))
     }
 }
 

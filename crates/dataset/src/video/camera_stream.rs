@@ -57,7 +57,8 @@ impl CameraStream {
         frame_rate: FrameRate,
     ) -> Result<Self> {
         start_ffmpeg();
-        let failed = |action: &str, cause: &dyn std::fmt::Display| fault(path, action, cause);
+        let failed =
+            |action: &str, cause: &dyn std::fmt::Display| fault(path, action, cause.to_string());
         let named = encoder::find_by_name("libx264").ok_or_else(|| {
             failed(
                 "start the camera's stream",
@@ -145,7 +146,7 @@ impl CameraStream {
         Ok(packet.size())
     }
 
-    fn fault(&self, action: &str, cause: impl std::fmt::Display) -> Error {
+    fn fault(&self, action: &str, cause: impl std::fmt::Display + 'static) -> Error {
         fault(&self.path, action, cause)
     }
 }

@@ -124,7 +124,7 @@ impl PacketReader {
         }))
     }
 
-    fn fault(&self, action: &str, cause: impl std::fmt::Display) -> Error {
+    fn fault(&self, action: &str, cause: impl std::fmt::Display + 'static) -> Error {
         fault(&self.path, action, cause)
     }
 }

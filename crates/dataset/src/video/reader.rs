@@ -306,7 +306,7 @@ impl VideoReader {
         Ok(None)
     }
 
-    fn fault(&self, action: impl AsRef<str>, cause: impl std::fmt::Display) -> Error {
+    fn fault(&self, action: impl AsRef<str>, cause: impl std::fmt::Display + 'static) -> Error {
         fault(&self.path, action.as_ref(), cause)
     }
 }

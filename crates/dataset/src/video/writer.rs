@@ -255,7 +255,7 @@ impl VideoWriter {
         }
     }
 
-    fn fault(&self, action: &str, cause: impl std::fmt::Display) -> Error {
+    fn fault(&self, action: &str, cause: impl std::fmt::Display + 'static) -> Error {
         fault(&self.path, action, cause)
     }
 }

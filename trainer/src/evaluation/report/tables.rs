@@ -107,7 +107,8 @@ fn interval(of: &EstimatorMetrics) -> String {
     }))
 }
 
-/// Numbers of the competitors, in the order of [`names`], with the smallest errors over the common ticks, the best first.
+/// Numbers of the competitors, in the order of [`names`], with the smallest errors over the common ticks, the best first; and of the
+/// paper's method.
 pub(in crate::evaluation) fn best(estimators: &ByEstimator, most: usize) -> Vec<usize> {
     let shown = shown(estimators).into_iter().enumerate();
     let competitors = shown.filter(|(_, shown)| shown.standing() == Standing::Competitor);
@@ -115,7 +116,10 @@ pub(in crate::evaluation) fn best(estimators: &ByEstimator, most: usize) -> Vec<
         competitors.filter_map(|(number, shown)| Some((shown.of.common.mape_pct?, number)));
     let mut errors: Vec<(f64, usize)> = errors.collect();
     errors.sort_by(|one, other| one.0.total_cmp(&other.0));
-    errors.into_iter().take(most).map(|one| one.1).collect()
+    let is_paper = |number: usize| names(estimators)[number] == Estimator::PaperLstm.name();
+    let ranks = errors.into_iter().map(|one| one.1).enumerate();
+    let charted = ranks.filter(|(rank, number)| *rank < most || is_paper(*number));
+    charted.map(|(_, number)| number).collect()
 }
 
 /// Errors of all estimators. `best` is the highlighted one, with the reason; `interval_share` is the share of the intervals.
@@ -135,7 +139,9 @@ pub(in crate::evaluation) fn headline(
     if has_dual {
         table = table.numbers("Dual", ["MAPE, %", "ticks"]);
     }
-    for shown in shown(estimators) {
+    let mut rows = shown(estimators);
+    rows.sort_by_key(|shown| shown.name != best);
+    for shown in rows {
         let of = shown.of;
         let (all, dual) = (&of.overall.all, of.overall.dual.as_ref());
         let title = shown.own.map_or("", |own| own.description().title);
