@@ -225,7 +225,11 @@ fn scores_of(answer: Answer<'_>) -> impl Iterator<Item = &[f32]> {
 
 /// True if almost all candidates of a blank window are of the last class, as in DETR.
 fn has_no_object(answer: Answer<'_>) -> bool {
-    let is_none = |scores: &[f32]| scores.len() > 1 && softmax(scores)[scores.len() - 1] > 0.5;
+    // Logits of classes that do not exclude each other are below 0 where nothing is.
+    let is_none = |scores: &[f32]| {
+        let last = scores.last().copied().unwrap_or_default();
+        scores.len() > 1 && last > 0.0 && softmax(scores)[scores.len() - 1] > 0.5
+    };
     let none = scores_of(answer).filter(|scores| is_none(scores)).count();
     none as f64 >= MIN_NO_OBJECT * scores_of(answer).count() as f64
 }
