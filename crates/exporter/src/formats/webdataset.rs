@@ -59,15 +59,10 @@ impl FileFormat for WebDataset {
         let scenarios = scenario.export.scenarios.iter();
         let same_split = scenarios
             .filter(|other| split_of(other.selected.side) == split_of(source.selected.side));
-        let of_scenario = scenario
-            .export
-            .request
-            .shards()
-            .div_ceil(same_split.count().max(1) as u32);
-        let samples = source
-            .rows()
-            .filter(|row| source.has_sample(row.tick))
-            .count() as u32;
+        let least = scenario.export.request.shards();
+        let of_scenario = least.div_ceil(same_split.count().max(1) as u32);
+        let samples = source.rows().filter(|row| source.has_sample(row.tick));
+        let samples = samples.count() as u32;
         let mut shards = Shards {
             most_samples: (samples / of_scenario).max(1),
             ..Shards::new(parent, &source.record.id, MAX_BYTES)

@@ -26,11 +26,8 @@ impl PairOutputs {
             .filter(|&index| named.is_none_or(|name| outputs[index].name == name))
             .collect();
         if boxes.len() > 1 {
-            let says_box = |word| move |name: &str| name.to_lowercase().contains(word);
-            let [of_box, of_detection] = ["box", "det"].map(says_box);
-            boxes.retain(|&index| {
-                of_box(&outputs[index].name) || of_detection(&outputs[index].name)
-            });
+            let says_box = |name: &str| name.contains("box") || name.contains("det");
+            boxes.retain(|&index| says_box(&outputs[index].name.to_lowercase()));
         }
         let &[boxes] = &boxes[..] else {
             return None;
