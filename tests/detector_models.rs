@@ -272,6 +272,11 @@ fn settings_name_output_and_layout_where_nothing_else_tells_them() {
     let of_rf_detr = pair(["dets", "labels"], &parts, &|k| {
         scores_of(k, 91, 5).into_iter().map(logit).collect()
     });
+    // The last of three classes and "no object" excludes the others.
+    let of_detr = pair(["pred_boxes", "logits"], &parts, &|k| match k {
+        9 => vec![-50.0, SCORE.ln(), -50.0, (1.0 - SCORE).ln()],
+        _ => vec![-50.0, -50.0, -50.0, 5.0],
+    });
     let both = vec![
         columns_of("output0", &boxes, 80, 4),
         columns_of("output1", &boxes, 80, 4),
@@ -284,6 +289,11 @@ fn settings_name_output_and_layout_where_nothing_else_tells_them() {
             "RF-DETR",
             of_rf_detr,
             "layout = 'boxes-and-scores'\naircraft_class = 5\n[input]\nmean = [0.485, 0.456, 0.406]\nstd = [0.229, 0.224, 0.225]",
+        ),
+        (
+            "DETR with as many classes as numbers in a box",
+            of_detr,
+            "layout = 'boxes-and-scores'\naircraft_class = 1",
         ),
         (
             "YOLO-NAS",
@@ -358,7 +368,11 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it_with_what_to_do(
     let task = |task| [("task", task), ("names", "{0: 'airplane'}")];
     let (segment, classify) = (task("segment"), task("classify"));
     let black = [("dtd_profile", r#"{"input": {"scale": 0.0}}"#)];
-    let cases: [(Model<'_>, &[&str]); 19] = [
+    let cases: [(Model<'_>, &[&str]); 20] = [
+        (
+            pair().with_second_input("scale_factor"),
+            &["PaddleDetection: `exclude_post_process=True`"],
+        ),
         (
             usual().with_input(windows_of(20_000)),
             &["windows of 20000 px, expected 32 to 4096"],

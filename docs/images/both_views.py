@@ -56,13 +56,14 @@ def main():
     demo, scenario, tick = pathlib.Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
     corpus = Corpus(demo / "corpus")
     at = (pl.col("scenario") == scenario) & (pl.col("tick") == tick)
-    (estimate,) = corpus.predictions(demo / "run").filter(at).iter_rows(named=True)
+    of_estimator = pl.col("estimator") == ESTIMATOR
+    (estimate,) = corpus.predictions(demo / "run").filter(at, of_estimator).iter_rows(named=True)
     views = corpus.views_of(scenario)
     page = Image.new("RGB", (len(views) * (WIDTH + GAP) - GAP, HEIGHT + STRIP), DARK)
     for number, view in enumerate(views):
         (box,) = corpus.boxes().filter(at, pl.col("view") == view).iter_rows(named=True)
         page.paste(drawn(corpus.frame(scenario, view, tick), box, view), (number * (WIDTH + GAP), 0))
-    true_m, found_m = estimate["dtd_m"], estimate[f"{ESTIMATOR}_dtd_m"]
+    true_m, found_m = estimate["dtd_m"], estimate["predicted_dtd_m"]
     words = (
         f"ground truth: {true_m:,.1f} m to touchdown ({true_m / METRES_PER_NM:.2f} NM)      {ESTIMATOR}: {found_m:,.1f} m"
         f"      error: {found_m - true_m:+.1f} m ({100 * abs(found_m / true_m - 1):.3f} %)"

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::pose::FlightState;
 use dataset::geometry::runway::Runway;
+use dataset::numbers::limits::FieldOutOfLimits;
 
 pub(crate) use files::matching_files;
 use plausibility::ApproachPath;
@@ -48,6 +49,16 @@ pub enum RecordingError {
         line: Option<u64>,
         /// Fault of the flight.
         fault: BadFlight,
+    },
+    /// A number that no airliner has, in the approach.
+    #[error("{}:{line}: {fault}", path.display())]
+    OutOfLimits {
+        /// The file.
+        path: PathBuf,
+        /// The line.
+        line: u64,
+        /// Column, value and range.
+        fault: FieldOutOfLimits,
     },
     /// The columns contradict each other, or the flight does not land on the runway.
     #[error("{} {fault}", path.display())]
@@ -112,8 +123,11 @@ impl Recording {
             .iter()
             .find_map(|row| Some((row.line, row.fault.clone()?)))
         {
-            let file = path.display();
-            return Err(RecordingError::Unusable(format!("{file}:{line}: {fault}")));
+            return Err(RecordingError::OutOfLimits {
+                path: path.to_owned(),
+                line,
+                fault,
+            });
         }
         let states: Vec<FlightState> = rows.iter().map(|row| row.state).collect();
         let path_flown = ApproachPath::new(&states, runway, inbound);

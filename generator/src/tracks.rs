@@ -1,13 +1,13 @@
 //! Real arrivals as recordings: tracks of ADS-B receivers, smoothed and completed to the states that a recording has.
 //!
 //! ```text
-//! file -> formats: fixes per aircraft -> arrival: the last approach in runway coordinates, or why there is none
+//! file -> formats: fixes per aircraft -> arrival: the approaches in runway coordinates, or why there is none
 //!      -> smoother: path and speed -> height: true heights from barometric ones -> states: attitude, flaps, gear, touchdown -> CSV
 //! ```
 //!
-//! Receivers measure times, positions, ground speeds and altitudes; X-Plane's recordings have the attitude as well. Everything else is
-//! derived, and each row states the origin of position and attitude. Wind is not known: heading is the track, and airspeed the ground
-//! speed.
+//! Receivers measure times, positions, ground speeds, altitudes and sometimes the roll; X-Plane's recordings have the attitude as well.
+//! Everything else is derived, and each row states the origin of position and attitude. Wind is not known: heading is the track, and
+//! airspeed the ground speed.
 
 mod arrival;
 mod attitude;
@@ -18,18 +18,23 @@ mod height;
 mod smoother;
 mod states;
 
+use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::Permissions;
-use std::io;
-use std::os::unix::fs::PermissionsExt;
+use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use dataset::corpus::workshop;
+use dataset::files::new_file::{NewFile, clear_leftovers, sync};
+use dataset::files::own_path::resolved;
 use dataset::geometry::runway::Runway;
 use serde::Serialize;
 
 use arrival::FURTHEST_M;
 pub use axis::ArrivalAxis;
 pub(crate) use axis::{JudgedTracks, arrival_axis};
+pub use formats::NamedColumn;
 
 use crate::recording::{Implausible, Recording, RecordingError};
 
@@ -82,16 +87,29 @@ pub struct TrackImport {
     pub refused: Vec<RefusedTrack>,
 }
 
-/// Makes recordings of the arrivals at a runway, in an existing folder. A file that cannot be read is refused like a track.
+/// Makes recordings of the arrivals at a runway, in a folder, which is created if missing. A file with the wrong content is refused like a
+/// track. Recordings that are there already, from the same tracks, stay, so that a call that was interrupted can be repeated.
 ///
 /// # Errors
-/// A recording cannot be written.
+/// A recording cannot be written, or another process imports to this folder.
 pub fn import_tracks(
     files: &[PathBuf],
+    columns: &[NamedColumn],
     runway: &Runway,
     folder: &Path,
 ) -> dataset::Result<TrackImport> {
+    let is_new = !folder.is_dir();
+    let claim = workshop::lock(folder, folder, Duration::ZERO)?;
+    let _claim = if is_new {
+        sync(resolved(folder)?.parent().unwrap_or(folder))?;
+        claim
+    } else {
+        claim.in_existing_folder()
+    };
+    clear_leftovers(folder);
     let mut outcome = TrackImport::default();
+    // Files by the recording made from them.
+    let mut made_from: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     for file in files {
         let mut refuse = |aircraft: Option<String>, reason: String| {
             outcome.refused.push(RefusedTrack {
@@ -100,11 +118,11 @@ pub fn import_tracks(
                 reason,
             });
         };
-        let tracks = match formats::read(file, runway) {
+        let tracks = match formats::read(file, columns, runway) {
             Ok(tracks) => tracks,
             Err(error) if error.is_of_disk() => return Err(error),
             Err(error) => {
-                refuse(None, error.to_string());
+                refuse(None, error.beside(file));
                 continue;
             }
         };
@@ -113,34 +131,58 @@ pub fn import_tracks(
         }
         let alone = tracks.len() == 1;
         for track in tracks {
-            let made = match states::of_track(&track.fixes, runway) {
-                Ok(made) => made,
-                Err(reason) => {
-                    refuse(track.aircraft, reason.to_string());
+            let arrivals = states::of_track(&track, runway);
+            let count = arrivals.len();
+            for (number, made) in (1..).zip(arrivals) {
+                let aircraft = track.aircraft.clone();
+                let made = match made {
+                    Ok(made) => made,
+                    Err(reason) => {
+                        refuse(aircraft, reason);
+                        continue;
+                    }
+                };
+                let number = (count > 1).then(|| number.to_string());
+                let of_aircraft = aircraft.clone().filter(|_| !alone);
+                let names = [Some(stem(file)), of_aircraft, number];
+                let name = names.into_iter().flatten().collect::<Vec<_>>().join("-");
+                let path = folder.join(format!("{}.csv", plain(&name)));
+                if let Some(other) = made_from.insert(path.clone(), file) {
+                    let other = other.display();
+                    refuse(
+                        aircraft,
+                        format!(
+                            "{} is the recording of {other}; rename one file",
+                            path.display()
+                        ),
+                    );
                     continue;
                 }
-            };
-            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-            let name = match &track.aircraft {
-                Some(aircraft) if !alone => format!("{}.csv", plain(&format!("{stem}-{aircraft}"))),
-                _ => format!("{}.csv", plain(&stem)),
-            };
-            let path = folder.join(name);
-            match write_checked(&path, &made.csv(), runway)? {
-                Some(reason) => refuse(track.aircraft, reason),
-                None => outcome.imported.push(ImportedTrack {
-                    file: file.clone(),
-                    aircraft: track.aircraft,
-                    recording: path,
-                    along_sd_m: made.along_sd_m,
-                    across_sd_m: made.across_sd_m,
-                    outliers: made.outliers,
-                    continued_s: made.continued_s,
-                }),
+                match write_checked(&path, &made.csv(), runway)? {
+                    Some(reason) => refuse(aircraft, reason),
+                    None => outcome.imported.push(ImportedTrack {
+                        file: file.clone(),
+                        aircraft,
+                        recording: path,
+                        along_sd_m: made.along_sd_m,
+                        across_sd_m: made.across_sd_m,
+                        outliers: made.outliers,
+                        continued_s: made.continued_s,
+                    }),
+                }
             }
         }
     }
     Ok(outcome)
+}
+
+/// Name of a file without its ending, and without the one before `.gz`.
+fn stem(file: &Path) -> String {
+    let mut stem = Path::new(file.file_stem().unwrap_or_default());
+    if file.extension().is_some_and(|ending| ending == "gz") {
+        stem = Path::new(stem.file_stem().unwrap_or_default());
+    }
+    stem.to_string_lossy().into_owned()
 }
 
 /// Replaces characters that mean something in a path.
@@ -154,32 +196,33 @@ fn plain(name: &str) -> String {
 /// Writes a recording beside its place, reads it as a sweep would, and puts it there if it is accepted; else returns the reason. An
 /// existing file stays.
 fn write_checked(path: &Path, text: &str, runway: &Runway) -> dataset::Result<Option<String>> {
-    let failed = |error| dataset::Error::io("write", path)(error);
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let staged = tempfile::Builder::new()
-        .suffix(".csv")
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder)
-        .map_err(failed)?;
-    std::fs::write(staged.path(), text).map_err(failed)?;
-    if let Err(error) = Recording::read(staged.path(), runway, FURTHEST_M, &[]) {
+    let mut file = NewFile::create(path)?;
+    let written = file.write_all(text.as_bytes());
+    written.map_err(dataset::Error::io("write", path))?;
+    if let Err(error) = Recording::read(file.temporary(), runway, FURTHEST_M, &[]) {
         let reason = match error {
+            RecordingError::Unreadable(error) => return Err(error),
             RecordingError::Implausible {
                 fault: Implausible::NoApproach { how, .. },
                 ..
             } => how,
             RecordingError::Implausible { fault, .. } => fault.to_string(),
             RecordingError::Flight { fault, .. } => fault.to_string(),
-            RecordingError::Unreadable(error) if error.is_of_disk() => return Err(error),
-            other => other.to_string(),
+            RecordingError::OutOfLimits { fault, .. } => format!("has {fault}"),
+            RecordingError::Unusable(why) => why,
         };
         return Ok(Some(format!("its states are no approach: it {reason}")));
     }
-    match staged.persist_noclobber(path) {
-        Ok(_) => Ok(None),
-        Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => {
-            Ok(Some(format!("{} exists already", path.display())))
+    match file.commit_new() {
+        Err(error) if error.is_taken() => {
+            let found = fs::read(path).map_err(dataset::Error::io("read", path))?;
+            Ok((found != text.as_bytes()).then(|| {
+                let path = path.display();
+                format!(
+                    "{path} exists already with other content; move it away, or name another folder"
+                )
+            }))
         }
-        Err(error) => Err(failed(error.error)),
+        committed => committed.map(|()| None),
     }
 }

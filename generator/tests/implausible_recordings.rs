@@ -70,6 +70,15 @@ fn turns_tell_the_unit_and_the_sign_of_the_roll() {
 }
 
 #[test]
+fn climbs_and_descents_tell_the_sign_of_the_pitch() {
+    for flight in FLIGHTS {
+        let table = Table::of(flight).changed("pitch_deg", |deg| -deg);
+        let message = read(&table.text(","), &[]).unwrap_err();
+        assert!(message.contains("pitch_deg"), "{flight}: {message}");
+    }
+}
+
+#[test]
 fn a_pitch_that_never_changes_is_accepted() {
     let good = Table::of(FLIGHTS[0]);
     let made_up = good

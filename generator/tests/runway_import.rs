@@ -122,6 +122,27 @@ fn tables_that_differ_are_named_and_the_one_on_the_localizers_axis_is_recommende
 }
 
 #[test]
+fn apt_dat_alone_gives_a_runway_at_the_elevation_of_the_field_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = imported(&[apt_dat(folder.path(), 0.0)]);
+    assert!((found.runway.threshold.altitude_msl_m - 91.44).abs() < 0.01);
+    let text = found.toml();
+    let threshold = text
+        .lines()
+        .find(|line| line.starts_with("threshold"))
+        .unwrap();
+    assert!(
+        threshold.contains("# ASSUMED: elevation of the field"),
+        "{text}"
+    );
+    let path = apt_dat(folder.path(), 0.0);
+    let far_away = fs::read_to_string(&path).unwrap().replace(" 25 ", " 25 -");
+    fs::write(&path, far_away).unwrap();
+    let said = import("ZZZZ", "07", &[path], &[]).unwrap_err().to_string();
+    assert!(said.contains("m apart, expected 300 to 8000 m"), "{said}");
+}
+
+#[test]
 fn what_is_missing_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let apt = apt_dat(folder.path(), 0.0);
@@ -132,7 +153,6 @@ fn what_is_missing_is_named() {
     assert!(
         message("YYYY", "07", slice::from_ref(&apt)).contains("the airport is in none of them")
     );
-    assert!(message("ZZZZ", "07", &[apt]).contains("no elevation of ZZZZ 07"));
     let other = write(folder.path(), "apt.dat", "some text\n".into());
     assert!(message("ZZZZ", "07", &[other]).contains("is no table of runways"));
     let broken = write(

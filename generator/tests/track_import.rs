@@ -107,7 +107,7 @@ fn import(folder: &Path, text: &str) -> TrackImport {
     fs::write(&file, text).unwrap();
     let out = folder.join("flights");
     fs::create_dir_all(&out).unwrap();
-    import_tracks(&[file], &runway(), &out).unwrap()
+    import_tracks(&[file], &[], &runway(), &out).unwrap()
 }
 
 /// Fails unless the track is refused alone, with a reason that has these words.
@@ -198,17 +198,17 @@ fn a_track_that_is_no_arrival_is_refused_with_the_reason() {
     let level = moved(&|report| report.state.pose.altitude_msl_m = 700.0);
     let (gap, early_end, taxiing) = (far(4_000.0, 5_500.0), far(-1e9, 5_000.0), far(-100.0, 1e9));
     let cases = [
-        (elsewhere, "never approaches"),
+        (elsewhere, "never comes near the runway"),
         (another_runway, "beside the centreline"),
         (gap, "no position for"),
         (early_end, "it ends"),
         (level, "descends at"),
-        (taxiing, "never approaches"),
+        (taxiing, "never seen in the air near the runway"),
     ];
     for (reports, words) in cases {
         assert_refused(&csv(&reports, 0.0), words);
     }
-    assert_refused("a,b\n1,2\n", "no column for timestamp");
+    assert_refused("a,b\n1,2\n", "lacks the columns timestamp, latitude");
 }
 
 #[test]
@@ -265,10 +265,10 @@ fn two_files_of_one_name_do_not_replace_each_other_and_dates_are_understood() {
         fs::write(&file, &dated).unwrap();
         file
     });
-    let found = import_tracks(&files, &runway(), &out).unwrap();
+    let found = import_tracks(&files, &[], &runway(), &out).unwrap();
     assert_eq!(found.imported.len(), 1, "{found:?}");
     assert!(
-        found.refused[0].reason.contains("exists already"),
+        found.refused[0].reason.contains("is the recording of"),
         "{found:?}"
     );
 }

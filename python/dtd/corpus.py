@@ -162,12 +162,13 @@ class Corpus:
         return self._of_model("backgrounds", "backgrounds_blake3", model)
 
     def predictions(self, run: str | Path) -> pl.DataFrame:
-        """What estimators say: one row per scenario and tick, with weather and side.
+        """What estimators say: one row per scenario, tick and estimator, as in the table `predictions` of an export for Hugging Face.
 
         `run` is a folder of `dtd evaluate`, whose rows are the judged ticks with their true distance `dtd_m`, or a table of `dtd predict`
         or of other software (Parquet or .csv), as `dtd evaluate --predictions` judges it.
         """
         path = Path(run).resolve()
+        name = path.name
         if path.is_dir():
             path = sealed(path, "predictions.parquet")
             if not path.exists():
@@ -187,7 +188,30 @@ class Corpus:
             if column not in table.columns:
                 raise CorpusError(f"{path} is no table of predictions: it has no column {column}, only {', '.join(table.columns)}")
         of_scenario = self.scenarios().select("scenario", "weather", "side")
-        return table.join(of_scenario, on="scenario", how="left", maintain_order="left")
+
+        def number(column: str, called: str) -> pl.Expr:
+            there = pl.col(column) if column in table.columns else pl.lit(None)
+            return there.cast(pl.Float64).alias(called)
+
+        def of_estimator(column: str) -> pl.DataFrame:
+            return table.select(
+                pl.lit(name).alias("run"),
+                "scenario",
+                pl.col("tick").cast(pl.UInt32),
+                pl.lit(column.removesuffix("_dtd_m")).alias("estimator"),
+                number(column, "predicted_dtd_m"),
+                number(f"{column}_sd", "predicted_dtd_sd_m"),
+                number(f"{column}_from", "predicted_dtd_from_m"),
+                number(f"{column}_to", "predicted_dtd_to_m"),
+                number("dtd_m", "dtd_m"),
+                row=pl.int_range(pl.len()),
+            )
+
+        estimators = [of_estimator(column) for column in table.columns if column.endswith("_dtd_m")]
+        if not estimators:
+            raise CorpusError(f"{path} has no predictions: no column is named ESTIMATOR_dtd_m, only {', '.join(table.columns)}")
+        rows = pl.concat(estimators).sort("row", maintain_order=True).drop("row")
+        return rows.join(of_scenario, on="scenario", how="left", maintain_order="left")
 
     def views_of(self, scenario: str) -> list[str]:
         """The views of a scenario, in their order."""

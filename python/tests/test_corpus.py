@@ -110,7 +110,9 @@ class Tables(unittest.TestCase):
                 frame.write_csv(table) if table.suffix == ".csv" else frame.write_parquet(table)
             for source in [tables[0], tables[1], run]:
                 found = self.corpus.predictions(source)
-                self.assertEqual(found["mine_dtd_m"].to_list(), [1234.5, None])
+                self.assertEqual(found["predicted_dtd_m"].to_list(), [1234.5, None])
+                self.assertEqual(found["estimator"].to_list(), ["mine"] * 2)
+                self.assertEqual(found["run"].to_list(), [source.name] * 2)
                 self.assertEqual(found["weather"].to_list(), ["clear"] * 2)
                 self.assertEqual(found["scenario"].to_list(), [SCENARIO] * 2)
             pl.DataFrame({"tick": [3]}).write_parquet(tables[0])

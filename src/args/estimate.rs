@@ -11,6 +11,7 @@ use live::{Decoder, Source};
 use crate::args::detector::RuntimeArgs;
 use crate::args::folder;
 use crate::args::shared::choice::{Choices, choice};
+use crate::args::shared::output::Output;
 
 const DECODERS: Choices<Decoder, 3> = [
     ("cpu", "", Decoder::Cpu),
@@ -48,7 +49,7 @@ pub(crate) struct EstimateArgs {
     /// Keep measured offsets in this file (JSON), and begin with those that it has
     ///
     /// Valid only for this run and these source addresses, parameters included. No other process may use it meanwhile.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = Output::File.parser())]
     pub(crate) keep_offsets: Option<PathBuf>,
     /// File whose first line is the password of the view's server
     #[arg(long = "password-file", value_name = "VIEW=FILE")]

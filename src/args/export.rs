@@ -45,13 +45,16 @@ pub(crate) struct ExportArgs {
     /// Width and height of crops [default: 160x160]
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
     crop_px: Option<[u32; 2]>,
+    /// Minimum number of shards of a side, for as many workers of a loader (webdataset, crops) [default: 16]
+    #[arg(long, value_name = "N", value_parser = from_one)]
+    shards: Option<NonZeroU32>,
     /// Format of images in separate files [default: png]
     #[arg(long, value_parser = choice(PICTURES))]
     pictures: Option<StillFormat>,
     /// Evaluated run whose predictions to export (huggingface); may be repeated
     #[arg(long, value_name = "RUN")]
     run: Vec<PathBuf>,
-    /// Licence that the dataset card states: an SPDX identifier or a URL (huggingface)
+    /// Licence that the export states: an SPDX identifier or a URL (huggingface, coco)
     #[arg(long, value_name = "SPDX|URL", value_parser = license)]
     license: Option<String>,
     /// Print the result as JSON
@@ -136,6 +139,7 @@ impl ExportArgs {
             every: self.every,
             boxes: self.boxes.unwrap_or(BoxSource::Truth),
             crop_px: self.crop_px,
+            shards: self.shards,
             detections: self.detections.clone(),
             runs: self.run.clone(),
             license: self.license.clone(),

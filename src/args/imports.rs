@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use generator::tracks::NamedColumn;
 
+use crate::args::shared::output::Output;
 use crate::help;
 
 #[derive(Debug, Subcommand)]
@@ -43,7 +45,9 @@ pub(crate) enum TracksCommand {
 
 #[derive(Debug, Args)]
 pub(crate) struct TracksImportArgs {
-    /// Tracks: CSV of `traffic` or OpenSky, `trace_full` of readsb, JSON lines of jet1090, or X-Plane's `Data.txt` or `.fdr`
+    /// Tracks: tables (CSV, Parquet, JSON), `trace_full` of readsb, JSON lines of jet1090, or X-Plane's `Data.txt` or `.fdr`; also gzipped
+    ///
+    /// Tables as `traffic`, OpenSky, Flightradar24 and TartanAviation write them, or any other with --columns.
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// The runway on which they land, e.g. LFPG/09R
@@ -52,8 +56,14 @@ pub(crate) struct TracksImportArgs {
     /// A file with the runway's `[airport]` table: a sweep, or the output of `dtd airport import` [default: the built-in runways]
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) airports: Option<PathBuf>,
+    /// Columns of a table with names of its own, separated by commas, e.g. time=Timestamp,altitude_m=Height
+    ///
+    /// Names: time, date, latitude, longitude, position (both with a comma between them), altitude, geometric_altitude and speed (feet and
+    /// knots, or with _m, _mps or _kmh at the end), track, roll, on_ground, aircraft.
+    #[arg(long, value_name = "NAME=COLUMN,..", value_delimiter = ',')]
+    pub(crate) columns: Vec<NamedColumn>,
     /// Folder for the recordings, one CSV file per arrival
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
     /// Print the result as JSON
     #[arg(long)]

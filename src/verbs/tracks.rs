@@ -1,7 +1,5 @@
 //! `dtd tracks import`: recordings from tracks of real arrivals.
 
-use std::fs;
-
 use generator::airports::{bundled, in_file};
 use generator::tracks::import_tracks;
 
@@ -26,9 +24,8 @@ pub(crate) fn run(TracksCommand::Import(args): &TracksCommand) -> Outcome {
             ))
         })?,
     };
-    let made = fs::create_dir_all(&args.out).map_err(dataset::Error::io("create", &args.out));
-    made.map_err(Failure::bad_input)?;
-    let outcome = import_tracks(&args.files, &runway, &args.out).map_err(Failure::of_corpus)?;
+    let outcome = import_tracks(&args.files, &args.columns, &runway, &args.out)
+        .map_err(Failure::of_corpus)?;
     if args.json {
         print_json(&outcome)?;
     } else {

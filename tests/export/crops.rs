@@ -16,7 +16,7 @@ use testkit::{program_of_venv, repository};
 use crate::tiny::Tiny;
 use crate::{json_of, refused};
 
-const EXPORT: &str = "export corpus --to crops --out crops --crop-px 96x64";
+const EXPORT: &str = "export corpus --to crops --out crops --crop-px 96x64 --shards 1";
 
 /// Samples that the judge read, by shard.
 fn read(tiny: &Tiny) -> BTreeMap<String, Vec<Value>> {

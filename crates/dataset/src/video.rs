@@ -43,7 +43,7 @@ pub use reader::{RgbPicture, VideoReader};
 pub use time_base::TimeBase;
 pub use trial::{TRIAL_PICTURES, TrialFault, try_encoder};
 pub use video_encoder::VideoEncoder;
-pub use writer::VideoWriter;
+pub use writer::{GROUP_OF_PICTURES, VideoWriter};
 
 use crate::error::{Error, Result};
 use crate::files::outside_file::{self, FileKind};

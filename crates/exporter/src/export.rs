@@ -277,6 +277,7 @@ mod tests {
     use std::num::NonZeroU32;
     use std::sync::atomic::AtomicU64;
 
+    use dataset::numbers::frame_rate::FrameRate;
     use dataset::work::watch::Silent;
     use testkit::files::contents;
     use testkit::short_corpus;
@@ -351,6 +352,39 @@ mod tests {
             dataset::corpus::seal::faults(&out).unwrap(),
             Vec::<String>::new()
         );
+    }
+
+    #[test]
+    fn ticks_far_apart_have_the_pixels_of_their_images() {
+        let temporary = tempfile::tempdir().unwrap();
+        let rate = FrameRate {
+            numerator: 1,
+            denominator: 1,
+        };
+        let paint = |_: &str, tick: u32, rgb: &mut [u8]| rgb.fill(tick as u8 + 50);
+        let root = temporary.path().join("corpus");
+        let corpus = short_corpus::write_flight(&root, "0001-a", SIZE_PX, rate, 100, &paint);
+        labeller::label_corpus(&corpus, &Silent).unwrap();
+        let out = temporary.path().join("out");
+        let outcome = export(&corpus, &request(Format::Coco, 45), &out, &Silent).unwrap();
+        assert_eq!(outcome.pictures, 3, "ticks 0, 45 and 90");
+        let mut reader = corpus
+            .scenario("0001-a")
+            .open()
+            .unwrap()
+            .open_video("right")
+            .unwrap();
+        let mut rgb = Vec::new();
+        for tick in 0..100 {
+            reader.next_frame(&mut rgb).unwrap().unwrap();
+            let path = out.join(format!("images/0001-a_right_{tick:06}.png"));
+            if tick % 45 == 0 {
+                assert!(
+                    image::open(&path).unwrap().into_rgb8().into_raw() == rgb,
+                    "tick {tick}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -34,8 +34,10 @@ pub(crate) struct Abilities {
     pub(crate) word: &'static str,
     /// True if it has images as separate files.
     pub(crate) has_stills: bool,
-    /// True if it has a dataset card, which states the licence.
-    pub(crate) has_card: bool,
+    /// True if it has a place for the licence.
+    pub(crate) has_license: bool,
+    /// True if its samples are in shards.
+    pub(crate) has_shards: bool,
     /// True if it has a place for predictions.
     pub(crate) has_predictions: bool,
     /// True if it can leave out ticks; a video's image needs those before it.
@@ -56,12 +58,13 @@ pub(crate) enum BoxUse {
 }
 
 impl Abilities {
-    /// A format of still images: every n-th tick, all boxes, no card.
+    /// A format of still images: every n-th tick, all boxes, no licence.
     pub(crate) fn of_stills(word: &'static str) -> Self {
         Self {
             word,
             has_stills: true,
-            has_card: false,
+            has_license: false,
+            has_shards: false,
             has_predictions: false,
             has_every: true,
             boxes: BoxUse::All,
@@ -90,6 +93,9 @@ pub enum BoxSource {
 /// Default crop size, px: the smallest window in which the detector looks at an aircraft.
 pub(crate) const USUAL_CROP_PX: [u32; 2] = [160, 160];
 
+/// Default number of shards: loaders give each worker a whole one, and fail if a worker gets none.
+const USUAL_SHARDS: NonZeroU32 = NonZeroU32::new(16).unwrap();
+
 /// Content, format and options of an export.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExportRequest {
@@ -110,6 +116,9 @@ pub struct ExportRequest {
     /// Width and height of crops, pixels; `None`: [`USUAL_CROP_PX`], or no crops.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crop_px: Option<[u32; 2]>,
+    /// Minimum number of shards of a side, if it has as many samples; `None`: [`USUAL_SHARDS`], or no shards.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shards: Option<NonZeroU32>,
     /// Model whose detections are meant, by its file name or hash; `None`: the only one that there is.
     pub detections: Option<String>,
     /// Folders of evaluated runs whose predictions are exported as well. Their content identifies the request, not their path.
@@ -131,6 +140,7 @@ impl ExportRequest {
             every: NonZeroU32::MIN,
             boxes: BoxSource::Truth,
             crop_px: None,
+            shards: None,
             detections: None,
             runs: Vec::new(),
             license: None,
@@ -147,6 +157,11 @@ impl ExportRequest {
         self.crop_px.unwrap_or(USUAL_CROP_PX)
     }
 
+    /// Minimum number of shards of a side.
+    pub(crate) fn shards(&self) -> u32 {
+        self.shards.unwrap_or(USUAL_SHARDS).get()
+    }
+
     /// Refuses options that the format has no place for.
     pub(crate) fn check(&self, can: &Abilities) -> Result<()> {
         let is_of_crops = can.boxes == BoxUse::Crops;
@@ -157,10 +172,11 @@ impl ExportRequest {
                 .then_some(("--every", "an image of a video needs those before it")),
             (self.crop_px.is_some() && !is_of_crops)
                 .then_some(("--crop-px", "its images are whole")),
+            (self.shards.is_some() && !can.has_shards).then_some(("--shards", "it has none")),
             (!self.runs.is_empty() && !can.has_predictions)
                 .then_some(("--run", "it has no place for predictions")),
-            (self.license.is_some() && !can.has_card)
-                .then_some(("--license", "it has no dataset card")),
+            (self.license.is_some() && !can.has_license)
+                .then_some(("--license", "it has no place for it")),
         ];
         match refused.into_iter().flatten().next() {
             None => Ok(()),

@@ -31,6 +31,12 @@ const ANTENNA_M: std::ops::RangeInclusive<f64> = 150.0..=600.0;
 const USUAL_GLIDE_PATH_DEG: f64 = 3.0;
 const USUAL_TOUCHDOWN_M: f64 = 291.0;
 
+/// Distances of the ends of runways, metres: the longest ones for airliners have 5.5 km.
+const RUNWAY_M: std::ops::RangeInclusive<f64> = 300.0..=8_000.0;
+/// Source of an elevation that no table has for the runway.
+const OF_FIELD: &str =
+    "ASSUMED: elevation of the field in apt.dat, from which the threshold's may differ by metres";
+
 /// Maximum number of reasons in a message.
 const MAX_REASONS: usize = 5;
 /// A runway without a second source.
@@ -105,6 +111,15 @@ pub fn import(
         .iter()
         .map(|ends| Line::of(ends, localizer.map(|(place, ..)| place)))
         .collect();
+    if let Some(line) = lines.iter().find(|line| !RUNWAY_M.contains(&line.length_m)) {
+        return Err(ImportError::Missing(format!(
+            "the ends of {airport} {runway} by {} are {:.0} m apart, expected {} to {} m; correct its coordinates, or leave that file out",
+            line.ends.source,
+            line.length_m,
+            RUNWAY_M.start(),
+            RUNWAY_M.end()
+        )));
+    }
     for line in &mut lines {
         line.judge(arrival_axis(tracks, &line.runway(airport, runway))?);
     }
@@ -200,11 +215,13 @@ pub fn import(
         Aid::Localizer { .. } => None,
     });
     let (altitude_msl_m, elevation_from) =
-        elevation(&lines, antenna.map(|antenna| antenna.1), &mut conflicts).ok_or_else(|| {
-            ImportError::Missing(format!(
-                "no elevation of {airport} {runway}: apt.dat has none for a runway; add OurAirports' runways.csv or earth_nav.dat"
-            ))
-        })?;
+        elevation(&lines, antenna.map(|antenna| antenna.1), &mut conflicts)
+            .or_else(|| Some((facts.field_elevation_m?, OF_FIELD.to_owned())))
+            .ok_or_else(|| {
+                ImportError::Missing(format!(
+                    "no elevation of {airport} {runway}; add apt.dat, OurAirports' runways.csv or earth_nav.dat"
+                ))
+            })?;
     let (touchdown_past_threshold_m, glide_path_deg, glide_path_from) = match antenna {
         Some((past_m, _, angle_deg)) => (
             past_m,

@@ -61,6 +61,8 @@ pub(super) struct Facts {
     pub(super) aids: Vec<Aid>,
     /// Localizer of the opposite direction, which stands before this threshold.
     pub(super) opposite: Option<LatLon>,
+    /// Elevation of the airport.
+    pub(super) field_elevation_m: Option<f64>,
     /// The runways of the airport that were seen, for a message.
     pub(super) seen: Vec<String>,
 }

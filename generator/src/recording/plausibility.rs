@@ -4,6 +4,7 @@
 //! runway or land on a different one. Everything would be drawn, labelled and sealed without an error. So units are compared with each
 //! other (positions, velocities, times), and the path with the runway. Limits are wide: they reject mistakes, not unusual flights.
 
+mod attitude;
 mod units;
 
 use std::fmt;
@@ -32,8 +33,10 @@ pub(crate) const GO_AROUND_M: f64 = 150.0;
 /// Approach corridor: distance from the centreline, and height as a multiple of the glide path's.
 pub(crate) const CORRIDOR_M: f64 = 500.0;
 const CORRIDOR: f64 = 0.6;
-const LOWEST: (f64, f64) = (0.2, -30.0);
-const HIGHEST: (f64, f64) = (3.0, 300.0);
+const LOWEST: (f64, f64) = (0.5, -60.0);
+const HIGHEST: (f64, f64) = (2.2, 300.0);
+/// Flaps may be retracted by this ratio on approach.
+const MAX_RETRACTION: f64 = 0.15;
 
 /// Minimum time before the target, seconds: a shorter recording is a partial approach.
 const MIN_APPROACH_S: f64 = 10.0;
@@ -135,7 +138,31 @@ impl<'a> ApproachPath<'a> {
         units::directions(approach)?;
         units::climb(approach)?;
         units::airspeed(approach)?;
-        units::attitude(approach)
+        attitude::attitude(approach)?;
+        self.controls()
+    }
+
+    /// Gear and flaps where it lands.
+    fn controls(&self) -> Result<(), Implausible> {
+        let Some(passing) = self.inbound.passing else {
+            return Ok(());
+        };
+        let [first, last] = [self.inbound.first, passing].map(|at| self.states[at].controls);
+        let lands = HEIGHTS_AT_TARGET_M.contains(&self.places[passing].height_over_target_m);
+        let why = if lands && last.gear_ratio < 0.5 {
+            format!("gear_norm is {} at the touchdown target", last.gear_ratio)
+        } else if lands && last.flap_ratio < first.flap_ratio - MAX_RETRACTION {
+            format!(
+                "flap_norm falls from {} to {} on approach",
+                first.flap_ratio, last.flap_ratio
+            )
+        } else {
+            return Ok(());
+        };
+        units::contradiction(
+            why,
+            "1 with the gear down, and with the flaps fully extended",
+        )
     }
 
     /// Compares the path with the runway.

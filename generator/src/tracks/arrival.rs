@@ -31,11 +31,17 @@ const CORRIDOR: f64 = 0.5;
 
 /// Reason why a track is no arrival on the runway. The text is about the track: "it ..".
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{0}")]
-pub(super) struct NoArrival(pub(super) String);
+pub(super) enum NoArrival {
+    /// It does not land there.
+    #[error("{0}")]
+    Elsewhere(String),
+    /// It may, but is not known well enough.
+    #[error("{0}")]
+    Unusable(String),
+}
 
 fn no<T>(reason: String) -> Result<T, NoArrival> {
-    Err(NoArrival(reason))
+    Err(NoArrival::Unusable(reason))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +70,27 @@ pub(super) fn without_jumps(fixes: &[Fix]) -> (Vec<Fix>, usize) {
     (kept, left_out)
 }
 
+/// The parts of a track in which the aircraft passes the target in the landing direction, each with the time past it that an arrival needs.
+pub(super) fn passings(fixes: &[Fix], runway: &Runway) -> Vec<Vec<Fix>> {
+    let target = runway.touchdown_target();
+    let places: Vec<ArrivalFix> = fixes.iter().map(|fix| seen(*fix, target, runway)).collect();
+    let (mut from, mut parts) = (0, Vec::new());
+    for (index, pair) in places.windows(2).enumerate() {
+        let passes = pair[0].to_go_m > 0.0 && pair[1].to_go_m <= 0.0;
+        if passes && pair[1].right_m.abs() < FINAL_M {
+            let last_s = pair[1].fix.time_s + AFTER_TARGET_S;
+            let later = places[index + 1..].iter();
+            let rolls = later
+                .take_while(|at| at.fix.time_s <= last_s)
+                .filter(|at| at.to_go_m <= 0.0);
+            let part = places[from..=index].iter().chain(rolls);
+            parts.push(part.map(|at| at.fix).collect());
+            from = index + 1;
+        }
+    }
+    parts
+}
+
 pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>, NoArrival> {
     let target = runway.touchdown_target();
     let seen: Vec<ArrivalFix> = fixes.iter().map(|fix| seen(*fix, target, runway)).collect();
@@ -74,11 +101,6 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
         .iter()
         .map(|at| at.to_go_m.hypot(at.right_m))
         .fold(f64::INFINITY, f64::min);
-    let elsewhere = || {
-        NoArrival(format!(
-            "it never approaches the runway: its nearest position is {nearest_m:.0} m from the touchdown target"
-        ))
-    };
     let to_go_m: Vec<f64> = seen.iter().map(|at| at.to_go_m).collect();
     let is_airborne = |index: usize| {
         let Fix {
@@ -87,6 +109,20 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
             ..
         } = seen[index].fix;
         !on_ground && ground_speed_mps.is_none_or(|speed| speed > FLYING_MPS)
+    };
+    let elsewhere = || {
+        let is_near = |at: &ArrivalFix| at.to_go_m.hypot(at.right_m) < FURTHEST_M;
+        let flies = |index: usize| is_airborne(index) && is_near(&seen[index]);
+        let why = if nearest_m >= FURTHEST_M {
+            "never comes near the runway"
+        } else if (0..seen.len()).any(flies) {
+            "never flies towards the runway in the landing direction: it takes off, lands the other way, or passes by"
+        } else {
+            "is never seen in the air near the runway"
+        };
+        NoArrival::Elsewhere(format!(
+            "it {why}; its nearest position is {nearest_m:.0} m from the touchdown target"
+        ))
     };
     let found = last_approach(&to_go_m, is_airborne, FURTHEST_M)
         .filter(|_| nearest_m < FURTHEST_M)
@@ -106,6 +142,10 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
     }
     let arrival = &seen[first..end];
     let approach = &seen[first..before_target];
+    let flies_away = found.passing.is_none() && found.first + 1 >= seen.len();
+    if flies_away {
+        return Err(elsewhere());
+    }
     let lasts_s = match approach {
         [first, .., last] => last.fix.time_s - first.fix.time_s,
         _ => 0.0,
@@ -148,11 +188,14 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
         .collect();
     let offset_m = median(&mut offsets).abs();
     if offset_m > OTHER_RUNWAY_M {
-        return no(format!(
+        return Err(NoArrival::Elsewhere(format!(
             "it is {offset_m:.0} m beside the centreline at the end: another runway?"
-        ));
+        )));
     }
-    let altitude_m = |at: &ArrivalFix| at.fix.altitude_m.filter(|_| !at.fix.on_ground);
+    let altitude_m = |at: &ArrivalFix| {
+        let altitude_m = at.fix.altitude_m.or(at.fix.geometric_m);
+        altitude_m.filter(|_| !at.fix.on_ground)
+    };
     let at_target_m = approach.iter().rev().find_map(altitude_m);
     let highest_m = seen[before_target..end]
         .iter()
@@ -162,9 +205,9 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
         .map(|at_m| highest_m - at_m)
         .filter(|climbs_m| *climbs_m > GO_AROUND_M)
     {
-        return no(format!(
+        return Err(NoArrival::Elsewhere(format!(
             "it goes around: it climbs by {climbs_m:.0} m after the touchdown target"
-        ));
+        )));
     }
     Ok(arrival.to_vec())
 }

@@ -7,7 +7,7 @@ use dataset::numbers::spread::median;
 use dataset::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
 use super::arrival::ArrivalFix;
-use super::formats::Attitude;
+use super::formats::{Attitude, Fix};
 use super::smoother::Smoothed;
 use crate::recording::GRAVITY_MPS2;
 
@@ -34,25 +34,38 @@ pub(super) fn roll_deg(speed_mps: f64, turn_deg_per_s: f64) -> f64 {
     (aside_mps2 / GRAVITY_MPS2).atan().to_degrees()
 }
 
+/// The fixes around a time, if they are near enough to interpolate between them, and the part of the way.
+fn around(seen: &[ArrivalFix], time_s: f64) -> Option<([&Fix; 2], f64)> {
+    let next = seen.partition_point(|at| at.fix.time_s < time_s).max(1);
+    let (before, after) = (&seen[next - 1].fix, &seen.get(next)?.fix);
+    let step_s = after.time_s - before.time_s;
+    let part = (time_s - before.time_s) / step_s;
+    (step_s <= MAX_INTERPOLATION_S).then_some(([before, after], part))
+}
+
+fn between([from, to]: [f64; 2], part: f64) -> f64 {
+    from + part * Degrees(to - from).wrapped_180().0
+}
+
 /// The measured attitude at a time, interpolated between the fixes around it.
 pub(super) fn measured_attitude(seen: &[ArrivalFix], time_s: f64) -> Option<Attitude> {
-    let next = seen.partition_point(|at| at.fix.time_s < time_s).max(1);
-    let (before, after) = (seen[next - 1].fix, seen.get(next)?.fix);
-    let step_s = after.time_s - before.time_s;
-    if step_s > MAX_INTERPOLATION_S {
-        return None;
-    }
-    let part = (time_s - before.time_s) / step_s;
+    let ([before, after], part) = around(seen, time_s)?;
     let (from, to) = before.attitude.zip(after.attitude)?;
-    let between = |from: f64, to: f64| from + part * Degrees(to - from).wrapped_180().0;
     Some(Attitude {
-        pitch_deg: between(from.pitch_deg, to.pitch_deg),
-        roll_deg: between(from.roll_deg, to.roll_deg),
+        pitch_deg: between([from.pitch_deg, to.pitch_deg], part),
+        roll_deg: between([from.roll_deg, to.roll_deg], part),
         heading_true_deg: from
             .heading_true_deg
             .zip(to.heading_true_deg)
-            .map(|(from, to)| between(from, to)),
+            .map(|(from, to)| between([from, to], part)),
     })
+}
+
+/// A roll that was reported without the rest of the attitude, likewise.
+pub(super) fn measured_roll_deg(seen: &[ArrivalFix], time_s: f64) -> Option<f64> {
+    let ([before, after], part) = around(seen, time_s)?;
+    let (from, to) = before.roll_deg.zip(after.roll_deg)?;
+    Some(between([from, to], part))
 }
 
 /// Ground speed on final approach: as reported, else by the smoothed distances to go.

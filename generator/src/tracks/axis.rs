@@ -85,7 +85,7 @@ pub(crate) fn arrival_axis(files: &[PathBuf], runway: &Runway) -> dataset::Resul
     let mut lines = Vec::new();
     let mut left_out = Vec::new();
     for file in files {
-        for track in formats::read(file, runway)? {
+        for track in formats::read(file, &[], runway)? {
             let mut refuse = |reason: String| {
                 left_out.push(RefusedTrack {
                     file: file.clone(),

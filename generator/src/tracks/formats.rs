@@ -1,41 +1,50 @@
-//! Files of tracks: CSV as `traffic` and OpenSky write them, `trace_full` of readsb (JSON), JSON lines of `jet1090`, and X-Plane's
-//! recordings. The names of the columns tell the units.
+//! Files of tracks: tables of `traffic`, OpenSky, Flightradar24 and others, `trace_full` of readsb (JSON), JSON lines of `jet1090`, and
+//! X-Plane's recordings; all may be compressed with gzip.
 
 mod jet1090;
+mod readsb;
+mod tables;
 mod x_plane;
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use chrono::DateTime;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::runway::Runway;
-use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
-use serde_json::Value;
+use flate2::bufread::MultiGzDecoder;
+
+pub use tables::NamedColumn;
 
 /// The largest file that is read.
 const TRACKS: FileKind = FileKind::new("file of tracks", 1 << 40);
-/// File with an aircraft's day, read whole.
-const TRACE: FileKind = FileKind::new("trace_full of readsb", 256 << 20);
+/// Maximum size of a JSON document, which is read whole.
+const MAX_DOCUMENT_BYTES: u64 = 256 << 20;
 /// Positions further from the runway are not kept, metres.
 const NEAR_M: f64 = 150_000.0;
-/// Times above this are milliseconds since 1970.
-const MILLISECONDS: f64 = 1e11;
+/// Beginnings of compressed files and of Parquet tables.
+const GZIP: &[u8] = &[0x1f, 0x8b];
+const PARQUET: &[u8] = b"PAR1";
+/// Maximum ratio of the size of an uncompressed file: tracks shrink to a tenth.
+const MAX_EXPANSION: u64 = 100;
 
 /// Receiver's report.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Fix {
     pub(super) time_s: f64,
     pub(super) latitude_deg: f64,
     pub(super) longitude_deg: f64,
-    /// Altitude above any datum: it is tied to the runway later.
+    /// Altitude above any datum, by pressure: it is tied to the runway later.
     pub(super) altitude_m: Option<f64>,
+    /// Altitude above any datum, by satellite navigation.
+    pub(super) geometric_m: Option<f64>,
     pub(super) ground_speed_mps: Option<f64>,
     pub(super) track_deg: Option<f64>,
     pub(super) on_ground: bool,
     pub(super) attitude: Option<Attitude>,
+    /// Roll that is reported alone, right wing down positive.
+    pub(super) roll_deg: Option<f64>,
     /// True for a simulator's fix: position and altitude above mean sea level are exact.
     pub(super) is_simulated: bool,
 }
@@ -61,29 +70,36 @@ pub(super) struct Attitude {
 pub(super) struct Track {
     pub(super) aircraft: Option<String>,
     pub(super) fixes: Vec<Fix>,
+    /// Positions that were left out since they come from multilateration or radar.
+    pub(super) coarse: usize,
 }
 
-/// Reads a file; a CSV may hold a continent's traffic, so only fixes near the runway are kept.
-pub(super) fn read(path: &Path, runway: &Runway) -> dataset::Result<Vec<Track>> {
-    let broken = |why: String| dataset::Error::corpus(path, why);
-    let mut file = BufReader::new(outside_file::open(path, TRACKS)?);
-    let head = file.fill_buf().map_err(|error| broken(error.to_string()))?;
-    let first = head.iter().find(|byte| !byte.is_ascii_whitespace());
+/// Reads a file; a table may hold a continent's traffic, so only fixes near the runway are kept.
+pub(super) fn read(
+    path: &Path,
+    named: &[NamedColumn],
+    runway: &Runway,
+) -> dataset::Result<Vec<Track>> {
+    let unreadable = |error| dataset::Error::io("read", path)(error);
+    let opened = outside_file::open(path, TRACKS)?;
+    let bytes = opened.metadata().map_err(unreadable)?.len();
+    let mut plain = BufReader::new(opened);
+    let head = plain.fill_buf().map_err(unreadable)?;
     let target = runway.touchdown_target().lat_lon();
-    let mut tracks = if jet1090::is_one(head) {
-        jet1090::read(file, target).map_err(broken)?
-    } else if x_plane::is_data_txt(head) {
-        x_plane::data_txt(file, target).map_err(broken)?
-    } else if x_plane::is_fdr(head) {
-        x_plane::fdr(file, target).map_err(broken)?
-    } else if first == Some(&b'{') {
-        let bytes = outside_file::read(path, TRACE)?;
-        let trace = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
-        vec![trace_full(&trace).ok_or_else(|| {
-            broken("no `timestamp` and `trace` as in trace_full of readsb".into())
-        })?]
+    let mut tracks = if head.starts_with(PARQUET) {
+        tables::parquet(path, named, target)?
     } else {
-        csv_tracks(path, file, runway)?
+        let read = if head.starts_with(GZIP) {
+            let most_bytes = bytes.saturating_mul(MAX_EXPANSION);
+            text(
+                BufReader::new(MultiGzDecoder::new(plain).take(most_bytes)),
+                named,
+                target,
+            )
+        } else {
+            text(plain, named, target)
+        };
+        read.map_err(|why| dataset::Error::corpus(path, why))?
     };
     for track in &mut tracks {
         track.fixes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -95,40 +111,40 @@ pub(super) fn read(path: &Path, runway: &Runway) -> dataset::Result<Vec<Track>> 
     Ok(tracks)
 }
 
-/// Columns by meaning, with the factors to metres and seconds.
-struct Columns {
-    time: &'static str,
-    latitude: &'static str,
-    longitude: &'static str,
-    altitude: &'static str,
-    speed: &'static str,
-    track: &'static str,
-    altitude_m: f64,
-    speed_mps: f64,
+/// The tracks in a file that is not a Parquet table; the error is the reason why there are none.
+fn text<R: BufRead>(
+    mut file: R,
+    named: &[NamedColumn],
+    target: LatLon,
+) -> Result<Vec<Track>, String> {
+    let head = file.fill_buf().map_err(|error| error.to_string())?.to_vec();
+    let document = |file: R| {
+        let mut bytes = Vec::new();
+        let read = file.take(MAX_DOCUMENT_BYTES).read_to_end(&mut bytes);
+        read.map(|_| bytes).map_err(|error| error.to_string())
+    };
+    if jet1090::is_one(&head) {
+        return jet1090::read(file, target);
+    }
+    if x_plane::is_data_txt(&head) {
+        return x_plane::data_txt(file, target);
+    }
+    if x_plane::is_fdr(&head) {
+        return x_plane::fdr(file, target);
+    }
+    match head.iter().find(|byte| !byte.is_ascii_whitespace()) {
+        Some(b'{') => {
+            let trace = serde_json::from_slice(&document(file)?);
+            let trace = trace.map_err(|error| error.to_string())?;
+            let track = readsb::trace_full(&trace);
+            track
+                .map(|track| vec![track])
+                .ok_or_else(|| "no `timestamp` and `trace` as in trace_full of readsb".into())
+        }
+        Some(b'[') => tables::records(&document(file)?, named, target),
+        _ => tables::csv(&head, file, named, target),
+    }
 }
-
-const KINDS: [Columns; 2] = [
-    Columns {
-        time: "timestamp",
-        latitude: "latitude",
-        longitude: "longitude",
-        altitude: "altitude",
-        speed: "groundspeed",
-        track: "track",
-        altitude_m: METERS_PER_FOOT,
-        speed_mps: MPS_PER_KNOT,
-    },
-    Columns {
-        time: "time",
-        latitude: "lat",
-        longitude: "lon",
-        altitude: "baroaltitude",
-        speed: "velocity",
-        track: "heading",
-        altitude_m: 1.0,
-        speed_mps: 1.0,
-    },
-];
 
 /// Fixes kept while a file is read.
 #[derive(Default)]
@@ -165,131 +181,11 @@ impl NearFixes {
     }
 }
 
-fn csv_tracks<R: Read>(path: &Path, file: R, runway: &Runway) -> dataset::Result<Vec<Track>> {
-    let broken = |why: String| dataset::Error::corpus(path, why);
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .from_reader(file);
-    let header = reader
-        .headers()
-        .map_err(|error| broken(error.to_string()))?
-        .clone();
-    let place = |name: &str| header.iter().position(|found| found == name);
-    let needed = |kind: &Columns| [kind.time, kind.latitude, kind.longitude, kind.altitude];
-    let kind = KINDS
-        .iter()
-        .find(|kind| needed(kind).iter().all(|name| place(name).is_some()));
-    let Some(kind) = kind else {
-        let missing = needed(&KINDS[0])
-            .into_iter()
-            .filter(|name| place(name).is_none());
-        return Err(broken(format!(
-            "no column for {}; its columns are {}. Expected the columns of traffic (timestamp, latitude, longitude, altitude), of OpenSky \
-             (time, lat, lon, baroaltitude), trace_full of readsb, JSON lines of jet1090, or X-Plane's Data.txt or .fdr",
-            missing.collect::<Vec<_>>().join(", "),
-            header.iter().collect::<Vec<_>>().join(", ")
-        )));
-    };
-    let [time, latitude, longitude, altitude] =
-        needed(kind).map(|name| place(name).unwrap_or_default());
-    let [speed, track, ground, aircraft] =
-        [kind.speed, kind.track, "onground", "icao24"].map(place);
-    let position_time = place("last_position").or_else(|| place("lastposupdate"));
-    let target = runway.touchdown_target().lat_lon();
-    let mut tracks: BTreeMap<String, NearFixes> = BTreeMap::new();
-    for record in reader.records() {
-        let record = record.map_err(|error| broken(error.to_string()))?;
-        let line = record.position().map_or(0, csv::Position::line);
-        let number = |at: usize, what: &str| match record.get(at).unwrap_or_default() {
-            "" => Ok(None),
-            text => match text.parse::<f64>() {
-                Ok(number) if number.is_finite() => Ok(Some(number)),
-                Ok(_) => Ok(None),
-                Err(_) => Err(broken(format!(
-                    "line {line}: {what} is {text:?}; expected a number"
-                ))),
-            },
-        };
-        let optional = |at: Option<usize>, what: &str| at.map_or(Ok(None), |at| number(at, what));
-        let seconds = |at: usize, what: &str| match date_s(record.get(at).unwrap_or_default()) {
-            Some(date_s) => Ok(Some(date_s)),
-            None => number(at, what),
-        };
-        let stated_s = seconds(time, kind.time)?;
-        let name = aircraft.and_then(|at| record.get(at)).unwrap_or_default();
-        // An aircraft without any position is counted as well.
-        let kept = tracks.entry(name.to_owned()).or_default();
-        let valid_s =
-            position_time.map_or(Ok(None), |at| seconds(at, "the time of the position"))?;
-        let (Some(time_s), Some(latitude_deg), Some(longitude_deg)) = (
-            valid_s.or(stated_s),
-            number(latitude, kind.latitude)?,
-            number(longitude, kind.longitude)?,
-        ) else {
-            continue;
-        };
-        let on_ground = ground.and_then(|at| record.get(at)).unwrap_or_default();
-        let fix = Fix {
-            time_s: if time_s > MILLISECONDS {
-                time_s / 1e3
-            } else {
-                time_s
-            },
-            latitude_deg,
-            longitude_deg,
-            altitude_m: number(altitude, kind.altitude)?.map(|value| value * kind.altitude_m),
-            ground_speed_mps: optional(speed, kind.speed)?.map(|value| value * kind.speed_mps),
-            track_deg: optional(track, kind.track)?,
-            on_ground: matches!(
-                on_ground.to_ascii_lowercase().as_str(),
-                "true" | "1" | "1.0" | "t"
-            ),
-            attitude: None,
-            is_simulated: false,
-        };
-        kept.add(fix, target);
-    }
-    Ok(tracks_of(tracks))
-}
-
 fn tracks_of(kept: BTreeMap<String, NearFixes>) -> Vec<Track> {
     let track = |(name, kept): (String, NearFixes)| Track {
         aircraft: (!name.is_empty()).then_some(name),
         fixes: kept.fixes(),
+        coarse: 0,
     };
     kept.into_iter().map(track).collect()
-}
-
-/// Parses a date such as `2021-10-07 13:35:44+00:00` to seconds since 1970; without a zone it is UTC.
-fn date_s(text: &str) -> Option<f64> {
-    let has_date = text.len() > 10 && text.as_bytes().get(4) == Some(&b'-');
-    let text = has_date.then(|| text.replacen(' ', "T", 1))?;
-    let date = DateTime::parse_from_rfc3339(&text)
-        .or_else(|_| DateTime::parse_from_rfc3339(&format!("{text}Z")))
-        .ok()?;
-    Some(date.timestamp_micros() as f64 / 1e6)
-}
-
-/// An aircraft's day: rows of seconds, latitude, longitude, altitude in feet or "ground", knots, track.
-fn trace_full(trace: &Value) -> Option<Track> {
-    let start_s = trace.get("timestamp")?.as_f64()?;
-    let rows = trace.get("trace")?.as_array()?;
-    let fix = |row: &Value| {
-        let number = |at: usize| row.get(at).and_then(Value::as_f64);
-        Some(Fix {
-            time_s: start_s + number(0)?,
-            latitude_deg: number(1)?,
-            longitude_deg: number(2)?,
-            altitude_m: number(3).map(|feet| feet * METERS_PER_FOOT),
-            ground_speed_mps: number(4).map(|knots| knots * MPS_PER_KNOT),
-            track_deg: number(5),
-            on_ground: row.get(3).and_then(Value::as_str) == Some("ground"),
-            attitude: None,
-            is_simulated: false,
-        })
-    };
-    Some(Track {
-        aircraft: trace.get("icao").and_then(Value::as_str).map(str::to_owned),
-        fixes: rows.iter().filter_map(fix).collect(),
-    })
 }

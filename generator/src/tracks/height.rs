@@ -3,12 +3,13 @@
 //! Barometric altitudes are above 1013.25 hPa, in steps of 25 ft, and stretched by temperature. On final approach the aircraft is on the
 //! glide path, which ends at the touchdown target: a line through the altitudes there gives the altitude of the target and, if the angle is
 //! near the glide path's, the stretch. A flight with a different angle keeps it. Deviations from the glide path that temperatures can
-//! explain remain undetected.
+//! explain remain undetected. Geometric altitudes, where a track has as many, are used instead: no temperature stretches them.
 
 use dataset::geometry::runway::Runway;
 use dataset::numbers::spread::median_of;
 
 use super::arrival::{ArrivalFix, NoArrival};
+use super::formats::Fix;
 
 /// Distances between which the line is fitted, metres: 0.7 to 4 NM.
 const FINAL_M: (f64, f64) = (1_300.0, 7_400.0);
@@ -36,6 +37,7 @@ pub(super) struct Datum {
     /// True if the glide path gives the stretch.
     is_tied: bool,
     pub(super) is_exact: bool,
+    is_geometric: bool,
 }
 
 /// A line through altitudes by the distance to go.
@@ -53,18 +55,28 @@ struct Line {
 }
 
 fn too_few(altitudes: usize) -> NoArrival {
-    NoArrival(format!(
+    NoArrival::Unusable(format!(
         "it has {altitudes} plausible altitudes between 0.7 and 4 NM, expected at least {MIN_ALTITUDES}"
     ))
 }
 
 impl Datum {
     pub(super) fn of(arrival: &[ArrivalFix], runway: &Runway) -> Result<Self, NoArrival> {
-        let mut points: Vec<(f64, f64)> = arrival
-            .iter()
-            .filter(|at| (FINAL_M.0..=FINAL_M.1).contains(&at.to_go_m))
-            .filter_map(|at| Some((at.to_go_m, at.fix.altitude_m?)))
-            .collect();
+        let of_kind = |altitude_m: fn(&Fix) -> Option<f64>| -> Vec<(f64, f64)> {
+            let near = arrival
+                .iter()
+                .filter(|at| (FINAL_M.0..=FINAL_M.1).contains(&at.to_go_m));
+            near.filter_map(|at| Some((at.to_go_m, altitude_m(&at.fix)?)))
+                .collect()
+        };
+        let [mut points, geometric] = [
+            of_kind(|fix| fix.altitude_m),
+            of_kind(|fix| fix.geometric_m),
+        ];
+        let is_geometric = geometric.len() >= points.len().max(MIN_ALTITUDES);
+        if is_geometric {
+            points = geometric;
+        }
         if points.len() < MIN_ALTITUDES {
             return Err(too_few(points.len()));
         }
@@ -82,18 +94,19 @@ impl Datum {
         let slope = line.slope;
         let angle_deg = slope.atan().to_degrees();
         if !ANGLES_DEG.contains(&angle_deg) {
-            return Err(NoArrival(format!(
+            return Err(NoArrival::Elsewhere(format!(
                 "it descends at {angle_deg:.1} degrees between 0.7 and 4 NM, expected 2 to 6.5"
             )));
         }
         let stretch = runway.glide_path_deg.to_radians().tan() / slope;
-        let is_tied = STRETCH.contains(&stretch);
+        let is_tied = !is_geometric && STRETCH.contains(&stretch);
         Ok(Self {
             target_m: line.at_zero_m,
             stretch: if is_tied { stretch } else { 1.0 },
             line,
             is_tied,
             is_exact: false,
+            is_geometric,
         })
     }
 
@@ -113,11 +126,19 @@ impl Datum {
             },
             is_tied: false,
             is_exact: true,
+            is_geometric: false,
         }
     }
 
-    pub(super) fn height_m(self, altitude_m: f64) -> f64 {
-        (altitude_m - self.target_m) * self.stretch
+    /// Height by the altitude of a fix in the air.
+    pub(super) fn height_m(self, fix: &Fix) -> Option<f64> {
+        let altitude_m = if self.is_geometric {
+            fix.geometric_m
+        } else {
+            fix.altitude_m
+        };
+        let altitude_m = altitude_m.filter(|_| !fix.on_ground)?;
+        Some((altitude_m - self.target_m) * self.stretch)
     }
 
     /// Half-width of the 90 % interval of height errors, for flights on the glide path.
@@ -132,7 +153,7 @@ impl Datum {
             0.0
         };
         let turned_m = (self.stretch * line.middle_m - tied_m) * slope_sd;
-        let stretched_m = if self.is_tied || self.is_exact {
+        let stretched_m = if self.is_tied || self.is_exact || self.is_geometric {
             0.0
         } else {
             STRETCH_SD * height_m

@@ -6,10 +6,12 @@ use dataset::geometry::runway::Runway;
 use dataset::numbers::spread::{mean_and_deviation, median};
 use dataset::numbers::units::Degrees;
 
-use super::arrival::{ArrivalFix, NoArrival, arrival, without_jumps};
-use super::attitude::{density, final_speed_mps, gear, measured_attitude, pitch_deg, roll_deg};
+use super::arrival::{ArrivalFix, NoArrival, arrival, passings, without_jumps};
+use super::attitude::{
+    density, final_speed_mps, gear, measured_attitude, measured_roll_deg, pitch_deg, roll_deg,
+};
 use super::flaps::{FlapSchedule, Moment};
-use super::formats::{Attitude, Fix};
+use super::formats::{Attitude, Fix, Track};
 use super::height::Datum;
 use super::smoother::{Measured, Noise, Smoothed, at, smooth};
 
@@ -32,11 +34,15 @@ const HEIGHT: Noise = Noise {
     speed_mps: 1.0,
     acceleration: 0.05,
 };
+/// Maximum share of outliers: 16 real arrivals have at most 0.6 %, two feeds that are 35 s apart 60 %.
+const MAX_OUTLIERS: f64 = 0.05;
 /// Rounding error of simulated positions, metres.
 const EXACT_M: f64 = 1.0;
 /// Maximum distance of a correct altitude from its neighbours' median, metres.
 const SPIKE_M: f64 = 100.0;
 const NEIGHBOURS: usize = 5;
+/// Greater heights are wrong altitudes, metres: within 25 NM, no arrival is there.
+const MAX_HEIGHT_M: f64 = 6_000.0;
 /// Landed if below this height, metres, and sinking no faster than this, m/s: altitudes have steps.
 const LOW_M: f64 = 12.0;
 const SINKS_NO_MORE_MPS: f64 = 0.4;
@@ -71,7 +77,8 @@ struct Row {
     numbers: [f64; 12],
     on_ground: bool,
     is_measured: bool,
-    has_measured_attitude: bool,
+    /// The measured part of the attitude.
+    attitude: &'static str,
     /// Half-width of the 90 % interval of the height.
     height_90_m: f64,
 }
@@ -98,11 +105,46 @@ struct Scatter {
     outliers: usize,
 }
 
-pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival> {
-    let (fixes, jumps) = without_jumps(fixes);
-    let seen = arrival(&fixes, runway)?;
+/// The arrivals of a track, and the reasons for those that cannot be used; at least one of either.
+pub(super) fn of_track(track: &Track, runway: &Runway) -> Vec<Result<Made, String>> {
+    let parts = passings(&track.fixes, runway).into_iter();
+    let mut made: Vec<_> = parts.map(|part| of_arrival(&part, runway)).collect();
+    // Whoever goes around, or passes by, may land later.
+    made.retain(|made| !matches!(made, Err(NoArrival::Elsewhere(_))));
+    if !made.iter().any(Result::is_ok) {
+        // Of mixed tracks, later parts are fragments.
+        made.truncate(1);
+    }
+    if made.is_empty() {
+        made.push(of_arrival(&track.fixes, runway));
+    }
+    let said = |reason: NoArrival| match track.coarse {
+        0 => reason.to_string(),
+        coarse => format!(
+            "{reason}; {coarse} positions from multilateration or radar, which scatter by tens of metres, do not count"
+        ),
+    };
+    made.into_iter().map(|made| made.map_err(said)).collect()
+}
+
+fn of_arrival(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival> {
+    let (kept, jumps) = without_jumps(fixes);
+    let judged = |outliers: usize, positions: usize| {
+        if outliers as f64 <= MAX_OUTLIERS * positions as f64 {
+            return Ok(());
+        }
+        Err(NoArrival::Unusable(format!(
+            "{outliers} of its {positions} positions are not on one path, expected at most {:.0} %: are two aircraft or two feeds mixed, or \
+             positions from multilateration?",
+            100.0 * MAX_OUTLIERS
+        )))
+    };
+    let seen =
+        arrival(&kept, runway).or_else(|reason| judged(jumps, fixes.len()).and(Err(reason)))?;
     let datum = Datum::of(&seen, runway)?;
     let (path, scatter) = Path::through(&seen, datum, runway);
+    let outliers = jumps + scatter.outliers;
+    judged(outliers, jumps + seen.len())?;
     let first_s = seen[0].fix.time_s;
     let last_s = path.touchdown_s + ROLL_S;
     let count = ((last_s - first_s) / STEP_S).floor() as usize + 1;
@@ -113,7 +155,7 @@ pub(super) fn of_track(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival
             .collect(),
         along_sd_m: scatter.along_m,
         across_sd_m: scatter.across_m,
-        outliers: jumps + scatter.outliers,
+        outliers,
         continued_s: (last_s - path.ends_s).max(0.0),
     })
 }
@@ -172,10 +214,10 @@ impl<'a> Path<'a> {
             };
             measured[0].push(one(at.to_go_m, velocity_mps[0]));
             measured[1].push(one(at.right_m, velocity_mps[1]));
-            if let Some(altitude_m) = at.fix.altitude_m.filter(|_| !at.fix.on_ground) {
+            if let Some(height_m) = datum.height_m(&at.fix).filter(|m| *m < MAX_HEIGHT_M) {
                 measured[2].push(Measured {
                     turns_mps2: 0.0,
-                    ..one(datum.height_m(altitude_m), None)
+                    ..one(height_m, None)
                 });
             }
         }
@@ -352,6 +394,7 @@ impl<'a> Path<'a> {
             .any(|at| (at.fix.time_s - time_s).abs() <= MEASURED_S);
         let flaps = self.flaps.at(time_s);
         let measured = measured_attitude(seen, time_s);
+        let measured_roll_deg = measured_roll_deg(seen, time_s).filter(|_| !on_ground);
         let attitude = measured.unwrap_or_else(|| {
             let derived = |value_deg: f64| if on_ground { 0.0 } else { value_deg };
             let Moment {
@@ -359,7 +402,7 @@ impl<'a> Path<'a> {
             } = self.moment(time_s);
             Attitude {
                 pitch_deg: derived(pitch_deg(climbs_deg, faster, flaps, bank_deg)),
-                roll_deg: derived(bank_deg),
+                roll_deg: measured_roll_deg.unwrap_or(derived(bank_deg)),
                 heading_true_deg: None,
             }
         });
@@ -384,7 +427,11 @@ impl<'a> Path<'a> {
             ],
             on_ground,
             is_measured,
-            has_measured_attitude: measured.is_some(),
+            attitude: match (measured, measured_roll_deg) {
+                (Some(_), _) => "measured",
+                (None, Some(_)) => "roll",
+                (None, None) => "derived",
+            },
             height_90_m: self.datum.half_width_90_m(self.height_m(time_s)),
         }
     }
@@ -401,8 +448,12 @@ impl Made {
                 let digits = if index < 2 { 9 } else { 4 };
                 let _ = write!(text, ",{number:.digits$}");
             }
-            let source = |is_measured: bool| if is_measured { "measured" } else { "derived" };
-            let [position, attitude] = [row.is_measured, row.has_measured_attitude].map(source);
+            let position = if row.is_measured {
+                "measured"
+            } else {
+                "derived"
+            };
+            let attitude = row.attitude;
             let on_ground = u8::from(row.on_ground);
             let _ = writeln!(
                 text,

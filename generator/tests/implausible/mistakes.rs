@@ -15,7 +15,7 @@ type Mistake = (
 );
 
 #[rustfmt::skip]
-const OF_COLUMNS: [Mistake; 36] = [
+const OF_COLUMNS: [Mistake; 43] = [
     ("pressure altitude of a low", &["altitude_msl_m"], |m| m - 123.0, "below the runway"),
     ("pressure altitude of a high", &["altitude_msl_m"], |m| m + 123.0, "pressure altitude"),
     ("flight level", &["altitude_msl_m"], |m| m + 10_900.0, "pressure altitude"),
@@ -43,7 +43,14 @@ const OF_COLUMNS: [Mistake; 36] = [
     ("heading in radians", &["heading_true_deg"], f64::to_radians, "heading_true_deg that look like radians"),
     ("flying backwards", &["heading_true_deg"], |deg| (deg + 180.0) % 360.0, "flies backwards"),
     ("flying sideways", &["heading_true_deg"], |deg| (deg + 90.0) % 360.0, "heading and track differ"),
-    ("attitude in radians", &["pitch_deg", "roll_deg"], f64::to_radians, "pitch_deg and roll_deg that look like radians"),
+    ("attitude in radians", &["pitch_deg", "roll_deg"], f64::to_radians, "pitch_deg that look like radians"),
+    ("pitch in radians", &["pitch_deg"], f64::to_radians, "pitch_deg that look like radians"),
+    ("pitch far too high", &["pitch_deg"], |deg| deg + 12.0, "above the path"),
+    ("a heading of 0 throughout", &["heading_true_deg"], |_| 0.0, "heading_true_deg is 0 in every row"),
+    ("an airspeed that is too low", &["tas_mps"], |mps| mps * 0.6, "tas_mps is"),
+    ("gear retracted", &["gear_norm"], |_| 0.0, "gear_norm is 0"),
+    ("gear down as 0", &["gear_norm"], |ratio| 1.0 - ratio, "gear_norm is 0"),
+    ("flaps extended as 0", &["flap_norm"], |ratio| 1.0 - ratio, "flap_norm falls"),
     ("times in milliseconds", &["t_s"], |s| s * 1e3, "t_s that look like milliseconds"),
     ("times in minutes", &["t_s"], |s| s / 60.0, "t_s that look like minutes"),
     ("time that stands still", &["t_s"], |_| 0.0, "t_s goes from 0 to 0"),
@@ -66,6 +73,25 @@ pub(crate) fn mistakes(good: &Table) -> Vec<(&'static str, Table, &'static str)>
     let mut add = |kind, words, table| all.push((kind, table, words));
     let moved = |azimuth_deg: f64, metres: f64| good.clone().moved(azimuth_deg, metres);
 
+    let of_angle = |factor: f64| {
+        const FIELD_M: f64 = 6.71;
+        // Otherwise the pitch gives it away.
+        let table = good.clone().changed("pitch_deg", |_| 2.5);
+        let table = table.changed("altitude_msl_m", |m| {
+            FIELD_M + factor * (m - FIELD_M).max(0.0)
+        });
+        table.changed("v_down_mps", |mps| factor * mps)
+    };
+    add(
+        "an approach of 9.8 degrees",
+        "m above the runway",
+        of_angle(3.3),
+    );
+    add(
+        "an approach of 0.9 degrees",
+        "m above the runway",
+        of_angle(0.3),
+    );
     let swapped = good.clone().swapped("latitude_deg", "longitude_deg");
     add("places swapped", "swapped coordinates", swapped);
     let swapped = good.clone().swapped("v_north_mps", "v_east_mps");

@@ -103,9 +103,15 @@ impl Input {
     ) -> Result<Self, ModelFault> {
         let [input] = session.inputs() else {
             let names: Vec<&str> = session.inputs().iter().map(|input| input.name()).collect();
+            let how = if names.contains(&"scale_factor") {
+                " (PaddleDetection: `exclude_post_process=True`)"
+            } else {
+                ""
+            };
             return Err(ModelFault::new(format!(
-                "has {} inputs ({}), expected one; export it without the postprocessor that takes the size of images, so that its outputs \
-                 are boxes and scores, and say layout = \"boxes-and-scores\" in its settings (docs/detectors.md)",
+                "has {} inputs ({}), expected one; export it without the postprocessor that takes the size of images{how}, so that its \
+                 outputs are boxes [batch, candidates, 4] and scores [batch, candidates, classes], and say layout = \"boxes-and-scores\" in \
+                 its settings (docs/detectors.md)",
                 names.len(),
                 names.join(", ")
             )));

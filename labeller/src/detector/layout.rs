@@ -17,7 +17,9 @@
 //! `cells` is the number of cells of the grids of strides 8, 16 and 32, and of 64 in YOLOv5 and v7 for large images. A model that is
 //! read wrongly declares its layout in its [`ModelProfile`](super::ModelProfile). `docs/detectors.md` says more of each.
 
+use std::cell;
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -66,7 +68,7 @@ pub enum Layout {
 }
 
 /// Context for decoding the numbers.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Decoding {
     pub(super) meaning: Meaning,
     /// Number of the aircraft among the classes.
@@ -74,7 +76,12 @@ pub(super) struct Decoding {
     pub(super) origin: BoxOrigin,
     pub(super) window_px: [u32; 2],
     pub(super) score_floor: f64,
+    /// A score that is no probability, once there was one.
+    pub(super) wrong_score: cell::Cell<Option<f32>>,
 }
+
+/// Probabilities, with their rounding errors.
+pub(super) const PROBABILITIES: RangeInclusive<f32> = -1e-3..=1.0 + 1e-3;
 
 /// Grid cell.
 #[derive(Debug, Clone, Copy)]
@@ -232,6 +239,14 @@ impl Layout {
     }
 }
 
+/// Probabilities of classes that exclude each other, from logits.
+pub(super) fn softmax(logits: &[f32]) -> Vec<f32> {
+    let most = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let parts = logits.iter().map(|logit| (logit - most).exp());
+    let sum: f32 = parts.clone().sum();
+    parts.map(|part| part / sum).collect()
+}
+
 /// The output does not fit its layout.
 fn misfit(shape: &[usize], expected: &str, windows: usize, layout: Layout) -> ModelFault {
     ModelFault::new(format!(
@@ -242,6 +257,21 @@ fn misfit(shape: &[usize], expected: &str, windows: usize, layout: Layout) -> Mo
 impl Decoding {
     /// Boxes of each of `windows` windows. A window without a candidate has none.
     pub(super) fn decode(
+        &self,
+        answer: Answer<'_>,
+        windows: usize,
+    ) -> Result<Vec<Vec<ScoredBox>>, ModelFault> {
+        let found = self.boxes_of(answer, windows)?;
+        match self.wrong_score.get() {
+            None => Ok(found),
+            Some(score) => Err(ModelFault::new(format!(
+                "has a score of {score}, expected 0 to 1; if its scores are logits, say score_form = \"logit\" in its settings, or \"softmax\" \
+                 if its last class is `no object`"
+            ))),
+        }
+    }
+
+    fn boxes_of(
         &self,
         answer: Answer<'_>,
         windows: usize,
@@ -293,7 +323,10 @@ impl Decoding {
 
     fn class_rows(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
         let scored = |row: &[f32]| {
-            let score = self.score(row[4 + self.class]);
+            let score = match self.meaning.scores {
+                ScoreForm::Softmax => softmax(&row[4..])[self.class],
+                _ => self.score(row[4 + self.class]),
+            };
             self.boxed([row[0], row[1], row[2], row[3]], score)
         };
         answer.chunks_exact(columns).filter_map(scored).collect()
@@ -380,7 +413,12 @@ impl Decoding {
 
     fn score(&self, number: f32) -> f32 {
         match self.meaning.scores {
-            ScoreForm::Probability => number,
+            ScoreForm::Probability | ScoreForm::Softmax => {
+                if number.is_finite() && !PROBABILITIES.contains(&number) {
+                    self.wrong_score.set(Some(number));
+                }
+                number
+            }
             ScoreForm::Logit => 1.0 / (1.0 + (-number).exp()),
         }
     }

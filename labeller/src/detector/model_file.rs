@@ -50,6 +50,12 @@ impl ModelFile {
         }
     }
 
+    /// True if a tensor names a file in which its numbers are (`external_data` with the key `location`).
+    pub(super) fn has_weights_elsewhere(&self) -> bool {
+        const KEY: &[u8] = b"\x0a\x08location";
+        self.onnx.windows(KEY.len()).any(|bytes| bytes == KEY)
+    }
+
     /// Identifies its detections.
     pub fn identity(&self) -> ModelIdentity {
         let file_name = self.path.file_name().unwrap_or_default();

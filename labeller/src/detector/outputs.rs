@@ -44,6 +44,14 @@ impl BoxOutputs {
             )));
         }
         let is_said = |layout| said.is_none_or(|said| said == layout);
+        let y_first = outputs.iter().find(|output| is_y_first(&output.name));
+        if let Some(output) = y_first.filter(|_| said.is_none()) {
+            return Err(ModelFault::new(format!(
+                "its output {:?} has the name of TensorFlow's boxes, whose numbers begin with the top edge; export it with the left edge \
+                 first, or name its layout in {settings} if it has that already",
+                output.name
+            )));
+        }
         if said == Some(Layout::BoxesAndScores)
             && let Some(found) = PairOutputs::of(outputs, named_output)
         {
@@ -123,6 +131,13 @@ fn hint_of(outputs: &[OutputForm]) -> &'static str {
         [output] if output.shape.len() == 2 => {
             ", but a single row of numbers, as from a classifier"
         }
+        _ if outputs
+            .iter()
+            .any(|output| matches!(output.shape[..], [_, _, 1, 4])) =>
+        {
+            ", but boxes of the shape [batch, candidates, 1, 4], as pytorch-YOLOv4 exports them: leave the third dimension out (`Squeeze`), and \
+             say layout = \"boxes-and-scores\""
+        }
         _ if is_of_mmdeploy(outputs) => {
             ", but boxes with their scores, and labels, as mmdeploy exports them: export the model with easydeploy of MMYOLO instead, whose \
              outputs are num_dets, boxes, scores and labels"
@@ -136,6 +151,12 @@ fn hint_of(outputs: &[OutputForm]) -> &'static str {
         }
         _ => "",
     }
+}
+
+/// True for the names of boxes in TensorFlow's order: top, left, bottom, right.
+fn is_y_first(name: &str) -> bool {
+    let name = name.to_lowercase();
+    name.contains("detection_boxes") || name.contains("yxyx")
 }
 
 /// True for edges and scores of final boxes with their classes.
@@ -209,6 +230,46 @@ mod tests {
             let said = found(None, &outputs).unwrap_err();
             assert!(said.contains(word), "{word} in {said}");
         }
+    }
+
+    #[test]
+    fn boxes_with_the_top_edge_first_are_refused_by_their_name_unless_settings_say_their_layout() {
+        let counts = OutputForm {
+            holds_integers: true,
+            ..form("num_detections", &[1, 1])
+        };
+        let rest = [
+            ("detection_boxes", &[1, 100, 4][..]),
+            ("detection_scores", &[1, 100]),
+            ("detection_classes", &[1, 100]),
+        ];
+        let mut outputs = vec![counts];
+        outputs.extend(rest.map(|(name, shape)| form(name, shape)));
+        let said = found(None, &outputs).unwrap_err();
+        assert!(said.contains("begin with the top edge"), "{said}");
+        assert!(found(Some(Layout::EfficientNms), &outputs).is_ok());
+        let yolo4 = [
+            form("boxes", &[1, 22_743, 1, 4]),
+            form("confs", &[1, 22_743, 80]),
+        ];
+        let said = found(None, &yolo4).unwrap_err();
+        assert!(
+            said.contains("pytorch-YOLOv4") && said.contains("Squeeze"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn of_two_outputs_with_four_numbers_the_one_with_detections_has_the_boxes() {
+        let outputs = [form("dets", &[1, 300, 4]), form("labels", &[1, 300, 4])];
+        let pair = PairOutputs {
+            boxes: 0,
+            scores: 1,
+        };
+        assert_eq!(
+            found(Some(Layout::BoxesAndScores), &outputs),
+            Ok((BoxOutputs::BoxesAndScores(pair), Layout::BoxesAndScores))
+        );
     }
 
     #[test]

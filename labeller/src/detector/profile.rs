@@ -81,6 +81,9 @@ pub enum ScoreForm {
     Probability,
     /// A number of any size, which the logistic function turns into a confidence.
     Logit,
+    /// A number of any size; the softmax over all classes, the last of which is "no object", turns it into a confidence. Only for
+    /// `boxes-and-scores` and `class-rows`.
+    Softmax,
 }
 
 /// Optional declarations about a model. Missing ones follow from its shapes, its metadata, its answer to a blank window and its layout.

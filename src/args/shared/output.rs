@@ -93,7 +93,8 @@ impl Output {
         })
     }
 
-    fn check(self, path: &Path) -> Result<(), String> {
+    /// Rejects an unsuitable path, such as one from a file of settings.
+    pub(crate) fn check(self, path: &Path) -> Result<(), String> {
         // Without a slash at the end, which would follow a link.
         let path = &path.components().collect::<PathBuf>();
         self.check_kind(path)?;

@@ -12,6 +12,7 @@ use labeller::detector::Device;
 use live::{Decoder, Settings, Source};
 
 use crate::args::estimate::{EstimateArgs, GivenOffset, OfView, metrics_address};
+use crate::args::shared::output::Output;
 use crate::failure::Failure;
 
 /// Given options, by view and for all views.
@@ -124,6 +125,10 @@ impl Given {
         self.without.extend(without);
         self.estimator = self.estimator.or(settings.estimator);
         self.model = self.model.or(settings.model);
+        if let Some(file) = &settings.keep_offsets {
+            (Output::File.check(file))
+                .map_err(|why| wrong("keep_offsets", format!("{} {why}", file.display())))?;
+        }
         self.keep_offsets = self.keep_offsets.or(settings.keep_offsets);
         self.decoder = self.decoder.or(settings.decoder);
         let rows = settings.rows.as_deref().map(RowBand::from_str).transpose();

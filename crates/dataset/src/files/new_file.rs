@@ -57,6 +57,11 @@ impl NewFile {
         &mut self.file
     }
 
+    /// Where it is until it is committed, for readers that check it.
+    pub fn temporary(&self) -> &Path {
+        &self.temporary
+    }
+
     /// Moves the file into place, durably.
     ///
     /// # Errors
@@ -72,7 +77,7 @@ impl NewFile {
     ///
     /// # Errors
     /// Something exists at the destination ([`Error::is_taken`]), the disk is full, or the destination cannot be written.
-    pub(crate) fn commit_new(mut self) -> Result<()> {
+    pub fn commit_new(mut self) -> Result<()> {
         sync_opened(&self.file).map_err(Error::io("write", &self.path))?;
         rename_new(&self.temporary, &self.path)
             .map_err(Error::io("rename into place", &self.path))?;

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
 
 /// Maximum distance between keyframes, in frames: a jump in a player decodes at most this many.
-const GROUP_OF_PICTURES: u32 = 60;
+pub const GROUP_OF_PICTURES: u32 = 60;
 
 /// Brightness uses all 256 levels: limited range has a seventh fewer, which shifts small targets (`docs/video.md`).
 const FULL_RANGE: bool = true;

@@ -20,8 +20,8 @@ use serde_json::{Value, json};
 use super::picture_files::{self, Part, Picture, ViewPart};
 use crate::about::short_split_of;
 use crate::error::Result;
-use crate::file_format::{FileFormat, Writing, Written};
-use crate::request::{Abilities, BoxSource};
+use crate::file_format::{Export, FileFormat, Writing, Written};
+use crate::request::{Abilities, ExportRequest};
 use crate::scenarios::{LabelledBox, TruthFigures};
 
 /// Image folder, relative to the export.
@@ -29,6 +29,8 @@ const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
 const DETECTIONS: &str = "detections.json";
 const AIRCRAFT: u32 = 1;
+/// Number of the licence of all images.
+const LICENSE: u32 = 1;
 
 #[derive(Serialize)]
 struct Image<'a> {
@@ -36,6 +38,8 @@ struct Image<'a> {
     file_name: &'a str,
     width: u32,
     height: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    license: Option<u32>,
     scenario: &'a str,
     view: &'a str,
     tick: u32,
@@ -74,7 +78,10 @@ pub(super) struct Coco;
 
 impl FileFormat for Coco {
     fn abilities(&self) -> Abilities {
-        Abilities::of_stills("coco")
+        Abilities {
+            has_license: true,
+            ..Abilities::of_stills("coco")
+        }
     }
 
     fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
@@ -82,8 +89,8 @@ impl FileFormat for Coco {
     }
 
     fn finish(&self, written: &Written<'_>) -> Result<()> {
-        let boxes = written.export.request.boxes;
-        finish(&written.folder(), boxes, &written.export.sides, || {
+        let Export { request, sides, .. } = written.export;
+        finish(&written.folder(), request, sides, || {
             written.parts::<Part>()
         })
     }
@@ -93,7 +100,7 @@ impl FileFormat for Coco {
 /// are on.
 fn finish<P: Iterator<Item = Result<Part>>>(
     folder: &Path,
-    boxes: BoxSource,
+    request: &ExportRequest,
     sides: &BTreeSet<Side>,
     parts: impl Fn() -> P,
 ) -> Result<()> {
@@ -102,10 +109,17 @@ fn finish<P: Iterator<Item = Result<Part>>>(
         json!({
             "description": "Approaches recorded by dtd",
             "version": env!("CARGO_PKG_VERSION"),
-            "boxes": boxes,
+            "boxes": request.boxes,
         }),
         "{\"info\":",
     )?;
+    // Other programs require the list, even without a licence.
+    let licenses = request.license.iter().map(|license| {
+        let is_url = license.contains("://");
+        let url = if is_url { license.as_str() } else { "" };
+        json!({"id": LICENSE, "name": license, "url": url})
+    });
+    files.write(licenses.collect::<Vec<_>>(), ",\"licenses\":")?;
     files.write(
         json!([{"id": AIRCRAFT, "name": "aircraft", "supercategory": "vehicle"}]),
         ",\"categories\":",
@@ -117,6 +131,7 @@ fn finish<P: Iterator<Item = Result<Part>>>(
             file_name: file_name(&picture.file),
             width: view.camera.width_px,
             height: view.camera.height_px,
+            license: request.license.as_ref().map(|_| LICENSE),
             scenario: &part.scenario,
             view: &view.view,
             tick: picture.tick,

@@ -35,7 +35,7 @@ pub(super) struct HuggingFace {
 impl FileFormat for HuggingFace {
     fn abilities(&self) -> Abilities {
         Abilities {
-            has_card: true,
+            has_license: true,
             has_predictions: true,
             ..Abilities::of_videos("huggingface")
         }
@@ -113,8 +113,7 @@ impl FileFormat for HuggingFace {
             }
             append("detections", long_tables::detections(&source)?)?;
             for (run, _) in &self.runs {
-                let rows = run.of(&source.record.id, |tick| source.is_asked_for(tick));
-                append("predictions", rows)?;
+                append("predictions", run.of(&source))?;
             }
         }
         let card = card_of(&written.export.about, &tables);

@@ -54,12 +54,12 @@ pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Value> {
         let mut decoded = ViewPictures::open(source, view)?;
         let mut rgb = Vec::new();
         let mut written = Vec::new();
-        for row in &source.frames.rows {
+        for row in source.rows() {
             scenario.watch.check()?;
-            decoded.decode(row)?;
-            if !source.is_asked_for(row.tick) || source.is_left_out(view, row.tick) {
+            if source.is_left_out(view, row.tick) {
                 continue;
             }
+            decoded.decode(row)?;
             let id = &source.record.id;
             let extension = stills.extension();
             let file = format!("{pictures}/{id}_{view}_{:06}.{extension}", row.tick);

@@ -6,8 +6,8 @@
 //!   <scenario>_<tick>.json
 //! ```
 //!
-//! With whole images, a shard holds ticks of one scenario, up to a number of bytes, so that scenarios can be written side by side. With
-//! crops ([`crops`]), it holds ticks of all scenarios of a side.
+//! With whole images, a shard holds ticks of one scenario, up to a number of bytes and samples, so that scenarios can be written side by
+//! side. With crops ([`crops`]), it holds ticks of all scenarios of a side.
 
 mod archive;
 pub(super) mod crops;
@@ -45,7 +45,10 @@ pub(super) struct WebDataset;
 
 impl FileFormat for WebDataset {
     fn abilities(&self) -> Abilities {
-        Abilities::of_stills("webdataset")
+        Abilities {
+            has_shards: true,
+            ..Abilities::of_stills("webdataset")
+        }
     }
 
     /// Writes the shards; the record is their number.
@@ -53,7 +56,17 @@ impl FileFormat for WebDataset {
         let parent = scenario.folder.join(UNNUMBERED);
         fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
         let source = &scenario.source;
-        let mut shards = Shards::new(parent, &source.record.id, MAX_BYTES);
+        let scenarios = scenario.export.scenarios.iter();
+        let same_split = scenarios
+            .filter(|other| split_of(other.selected.side) == split_of(source.selected.side));
+        let least = scenario.export.request.shards();
+        let of_scenario = least.div_ceil(same_split.count().max(1) as u32);
+        let samples = source.rows().filter(|row| source.has_sample(row.tick));
+        let samples = samples.count() as u32;
+        let mut shards = Shards {
+            most_samples: (samples / of_scenario).max(1),
+            ..Shards::new(parent, &source.record.id, MAX_BYTES)
+        };
         let path = shards.path();
         let show = |view: &str, tick, _: &mut _| {
             let boxes = source.boxes_of(view, tick).iter();
@@ -106,8 +119,10 @@ struct Shards<'a> {
     folder: PathBuf,
     scenario: &'a str,
     most_bytes: u64,
+    most_samples: u32,
     begun: u32,
-    open: Option<(BufWriter<File>, u64)>,
+    /// The shard that is written, its bytes and samples.
+    open: Option<(BufWriter<File>, u64, u32)>,
 }
 
 impl<'a> Shards<'a> {
@@ -116,6 +131,7 @@ impl<'a> Shards<'a> {
             folder,
             scenario,
             most_bytes,
+            most_samples: u32::MAX,
             begun: 0,
             open: None,
         }
@@ -133,29 +149,30 @@ impl<'a> Shards<'a> {
     /// Adds a sample's entries, which stay together.
     fn append(&mut self, entries: &[u8]) -> Result<()> {
         let added = entries.len() as u64;
-        if let Some((_, written)) = &self.open
-            && !archive::fits(*written, added, self.most_bytes)
+        if let Some((_, written, samples)) = &self.open
+            && (*samples >= self.most_samples || !archive::fits(*written, added, self.most_bytes))
         {
             self.close()?;
         }
         if self.open.is_none() {
             let path = self.path();
             let file = File::create(&path).map_err(dataset::Error::io("create", &path))?;
-            self.open = Some((BufWriter::new(file), 0));
+            self.open = Some((BufWriter::new(file), 0, 0));
             self.begun += 1;
         }
         let path = self.path();
-        if let Some((file, written)) = &mut self.open {
+        if let Some((file, written, samples)) = &mut self.open {
             let appended = file.write_all(entries);
             appended.map_err(dataset::Error::io("write", &path))?;
             *written += added;
+            *samples += 1;
         }
         Ok(())
     }
 
     fn close(&mut self) -> Result<()> {
         let path = self.path();
-        if let Some((mut file, _)) = self.open.take() {
+        if let Some((mut file, ..)) = self.open.take() {
             let ended = file.write_all(&archive::END).and_then(|()| file.flush());
             ended.map_err(dataset::Error::io("write", &path))?;
         }

@@ -1,5 +1,5 @@
 //! The dataset format of Ultralytics' YOLO: `images/<side>/`, `labels/<side>/` with a line `class cx cy width height` per box, in parts of
-//! the image's sides, and `data.yaml`. Images without a box are negatives: they have an empty file.
+//! the image's sides, `data.yaml`, and `classes.txt`. Images without a box are negatives: they have an empty file.
 //!
 //! `data.yaml` names a side only by its own images, so the test side is never trained on or validated with. The one exception is `val`
 //! of a dataset that has a training side and no validation side: Ultralytics requires it, and it repeats `train`.
@@ -22,6 +22,8 @@ use crate::scenarios::LabelledBox;
 
 const DATA: &str = "data.yaml";
 const LABELS: &str = "labels";
+/// Names of the classes, one a line, for tools that do not read [`DATA`].
+const CLASSES: &str = "classes.txt";
 
 /// The format.
 pub(super) struct Yolo;
@@ -48,6 +50,7 @@ impl FileFormat for Yolo {
         for part in written.parts::<Part>() {
             write_labels(&folder, &part?)?;
         }
+        write_unsynced(&folder.join(CLASSES), b"aircraft\n")?;
         let data = data_yaml(&written.export.sides);
         Ok(write_unsynced(&folder.join(DATA), data.as_bytes())?)
     }

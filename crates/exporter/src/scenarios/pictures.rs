@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use dataset::tables::frames::TickRow;
-use dataset::video::VideoReader;
+use dataset::video::{GROUP_OF_PICTURES, VideoReader};
 
 use super::source::Source;
 use crate::error::Result;
@@ -17,7 +17,12 @@ pub(crate) struct ViewPictures<'a> {
     /// Place of the view in the rows of the table.
     index: usize,
     reader: VideoReader,
+    /// Tick of the next image in the video.
+    next: u32,
 }
+
+/// From this many images on it takes less to seek than to decode them: half of those between two key frames.
+const SEEK: u32 = GROUP_OF_PICTURES / 2;
 
 impl<'a> ViewPictures<'a> {
     /// Opens a view's video after checking it against the seal.
@@ -28,6 +33,7 @@ impl<'a> ViewPictures<'a> {
             view,
             index,
             reader: source.scenario.open_video(view)?,
+            next: 0,
         })
     }
 
@@ -36,10 +42,20 @@ impl<'a> ViewPictures<'a> {
         [self.reader.width(), self.reader.height()]
     }
 
-    /// Decodes the image of the next tick, which `row` is.
+    /// Decodes the image of a later tick than the last one, which `row` is.
     pub(crate) fn decode(&mut self, row: &TickRow) -> Result<()> {
         let expected = row.views[self.index].pts;
-        let found = self.reader.skip_frame()?;
+        let between = row.tick - self.next;
+        if between >= SEEK {
+            self.reader.seek(expected)?;
+        }
+        let found = loop {
+            match self.reader.skip_frame()? {
+                Some(earlier) if between > 0 && earlier < expected => {}
+                found => break found,
+            }
+        };
+        self.next = row.tick + 1;
         if found == Some(expected) {
             return Ok(());
         }

@@ -1,12 +1,16 @@
-//! X-Plane's `apt.dat`: row 1 begins an airport, row 100 is a land runway with both ends.
+//! X-Plane's `apt.dat`: row 1 begins an airport, with the elevation of the field, row 100 is a land runway with both ends.
 
 use std::io::BufRead;
+
+use dataset::numbers::units::METERS_PER_FOOT;
 
 use super::{End, Ends, Facts, Lines, Wanted};
 
 /// Fields of row 100: the first end begins here, and the second.
 const ENDS: [usize; 2] = [8, 17];
 const DISPLACED_M: std::ops::RangeInclusive<f64> = 0.0..=3_000.0;
+/// Elevations of fields, feet.
+const ELEVATION_FT: std::ops::RangeInclusive<f64> = -1_500.0..=20_000.0;
 const WIDTH_M: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
 
 pub(super) fn is_one(head: &str) -> bool {
@@ -31,6 +35,11 @@ pub(super) fn read<R: BufRead>(
         match fields.first() {
             Some(&"1" | &"16" | &"17") => {
                 is_here = fields.get(4).is_some_and(|icao| *icao == wanted.airport);
+                if is_here {
+                    let feet =
+                        lines.number("the elevation", fields.get(1).copied(), ELEVATION_FT)?;
+                    facts.field_elevation_m = Some(feet * METERS_PER_FOOT);
+                }
             }
             Some(&"100") if is_here => {
                 let names = ENDS.map(|at| fields.get(at).copied().unwrap_or_default());

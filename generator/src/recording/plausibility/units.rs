@@ -1,8 +1,7 @@
 //! Units of the columns, compared with each other over the approach.
 
 use dataset::geometry::pose::FlightState;
-use dataset::numbers::spread::{median, median_of};
-use dataset::numbers::units::Degrees;
+use dataset::numbers::spread::median_of;
 
 use super::Implausible;
 
@@ -19,27 +18,14 @@ const RATIO_TOLERANCE: f64 = 0.12;
 /// Altitude and the integral of the vertical speed may differ by this much, metres, plus a part of the change of altitude.
 const CLIMB_TOLERANCE_M: f64 = 30.0;
 const CLIMB_TOLERANCE: f64 = 0.25;
-/// Airspeed over ground speed.
-const AIRSPEED_RATIOS: std::ops::RangeInclusive<f64> = 0.5..=1.7;
+/// Airspeed less ground speed on approach, m/s: the wind. Stronger tailwinds are not landed with.
+const HEADWIND_MPS: std::ops::RangeInclusive<f64> = -27.0..=50.0;
+/// No airliner flies slower through the air, m/s: the slowest recorded approach has 72.
+const MIN_AIRSPEED_MPS: f64 = 50.0;
 /// Velocities may point this far beside the way of the positions on average, degrees.
 const DIRECTION_TOLERANCE_DEG: f64 = 15.0;
 /// Slower states have no heading that has to agree with the track.
-const MOVING_MPS: f64 = 30.0;
-/// Largest median angle between heading and track: more than any crosswind causes.
-const MAX_CRAB_DEG: f64 = 40.0;
-/// Largest pitch and roll, as numbers, that look like radians. No airliner flies a whole approach within 0.2 degrees.
-const MAX_RADIANS: f64 = 0.2;
-/// Banks follow from turns over this time, seconds: gusts and steps of the track have no part in them.
-const TURN_S: f64 = 4.0;
-/// Turns tell the unit and the sign of the roll if their banks are larger on average (root mean square), degrees.
-const TURNING_DEG: f64 = 0.4;
-/// Minimum number of turns, a minute's worth: fewer may all be one gust.
-const MIN_TURNS: u32 = 15;
-/// Ratio of roll to a turn's bank: about 1 in degrees, 0.017 in radians.
-const ROLL_IN_RADIANS: std::ops::RangeInclusive<f64> = 0.005..=0.04;
-const ROLL_TO_THE_LEFT: f64 = -0.4;
-/// Pitch and roll vary by more than this as numbers, unless they are made up.
-const MIN_RANGE: f64 = 0.005;
+pub(super) const MOVING_MPS: f64 = 30.0;
 pub(crate) const GRAVITY_MPS2: f64 = 9.81;
 
 /// Name of the unit with this ratio to the expected one; the nearest if several match.
@@ -51,7 +37,7 @@ fn unit_of(ratio: f64, units: &[(f64, &'static str)]) -> Option<&'static str> {
         .map(|(_, name)| *name)
 }
 
-fn unit(
+pub(super) fn unit(
     column: &'static str,
     looks_like: &'static str,
     why: String,
@@ -65,11 +51,11 @@ fn unit(
     })
 }
 
-fn contradiction(why: String, expected: &'static str) -> Result<(), Implausible> {
+pub(super) fn contradiction(why: String, expected: &'static str) -> Result<(), Implausible> {
     Err(Implausible::Contradiction { why, expected })
 }
 
-fn ground_speed_mps(state: &FlightState) -> f64 {
+pub(super) fn ground_speed_mps(state: &FlightState) -> f64 {
     state.velocity_north_mps.hypot(state.velocity_east_mps)
 }
 
@@ -214,121 +200,27 @@ pub(super) fn airspeed(approach: &[FlightState]) -> Result<(), Implausible> {
     let moving = approach
         .iter()
         .filter(|state| ground_speed_mps(state) > MOVING_MPS);
-    let ratios = moving.map(|state| state.true_airspeed_mps / ground_speed_mps(state));
-    let Some(ratio) = median_of(ratios) else {
+    let speeds: Vec<[f64; 2]> = moving
+        .map(|state| [state.true_airspeed_mps, ground_speed_mps(state)])
+        .collect();
+    let median_by = |of: fn(&[f64; 2]) -> f64| median_of(speeds.iter().map(of));
+    let (Some(ratio), Some(headwind_mps), Some(airspeed_mps)) = (
+        median_by(|[air, ground]| air / ground),
+        median_by(|[air, ground]| air - ground),
+        median_by(|[air, _]| *air),
+    ) else {
         return Ok(());
     };
-    if AIRSPEED_RATIOS.contains(&ratio) {
+    if HEADWIND_MPS.contains(&headwind_mps) && airspeed_mps >= MIN_AIRSPEED_MPS {
         return Ok(());
     }
-    let why = format!("tas_mps is {ratio:.2} times the ground speed");
+    let why =
+        format!("tas_mps is {ratio:.2} times the ground speed, {airspeed_mps:.0} m/s (medians)");
     match unit_of(ratio, &SPEED_RATIOS) {
         Some(looks_like) => unit("tas_mps", looks_like, why, "metres per second"),
-        None => contradiction(why, "0.5 to 1.7 times"),
-    }
-}
-
-/// Heading against track, and the size of pitch and roll.
-pub(super) fn attitude(approach: &[FlightState]) -> Result<(), Implausible> {
-    let moving: Vec<&FlightState> = approach
-        .iter()
-        .filter(|state| ground_speed_mps(state) > MOVING_MPS)
-        .collect();
-    if moving.is_empty() {
-        return Ok(());
-    }
-    let crab_deg = |heading: &dyn Fn(&FlightState) -> f64| {
-        let mut angles: Vec<f64> = moving
-            .iter()
-            .map(|state| {
-                let track_deg = state
-                    .velocity_east_mps
-                    .atan2(state.velocity_north_mps)
-                    .to_degrees();
-                Degrees(heading(state) - track_deg).wrapped_180().0.abs()
-            })
-            .collect();
-        median(&mut angles)
-    };
-    let heading_deg = |state: &FlightState| state.pose.heading_true_deg;
-    let as_it_is_deg = crab_deg(&heading_deg);
-    let is_small = |state: &&FlightState| heading_deg(state).abs() <= std::f64::consts::TAU;
-    let as_radians_deg = crab_deg(&|state| heading_deg(state).to_degrees());
-    let why = format!("heading and track differ by {as_it_is_deg:.0} degrees (median)");
-    if moving.iter().all(is_small) && as_radians_deg + 5.0 < as_it_is_deg {
-        return unit("heading_true_deg", "radians", why, "degrees, 0 to 360");
-    }
-    if as_it_is_deg > 180.0 - MAX_CRAB_DEG {
-        return unit(
-            "heading_true_deg",
-            "headings of an aircraft that flies backwards",
+        None => contradiction(
             why,
-            "where the nose points",
-        );
+            "at least 50 m/s, at most 27 m/s of tailwind, and at most 50 m/s of headwind",
+        ),
     }
-    if as_it_is_deg > MAX_CRAB_DEG {
-        return contradiction(why, "at most 40 degrees");
-    }
-    let largest = |angle: &dyn Fn(&FlightState) -> f64| {
-        approach
-            .iter()
-            .map(|state| angle(state).abs())
-            .fold(0.0, f64::max)
-    };
-    let pitch = largest(&|state| state.pose.pitch_deg);
-    let roll = largest(&|state| state.pose.roll_deg);
-    let lasts_s = approach[approach.len() - 1].time_s - approach[0].time_s;
-    let varies = |angle: &dyn Fn(&FlightState) -> f64| {
-        let angles = approach.iter().map(angle);
-        let (lowest, highest) = angles.fold((f64::MAX, f64::MIN), |(low, high), angle| {
-            (low.min(angle), high.max(angle))
-        });
-        highest - lowest > MIN_RANGE
-    };
-    if varies(&|state| state.pose.pitch_deg) && pitch.max(roll) < MAX_RADIANS && lasts_s > 60.0 {
-        let why =
-            format!("no pitch is above {pitch:.3} and no roll above {roll:.3} in {lasts_s:.0} s");
-        return unit("pitch_deg and roll_deg", "radians", why, "degrees");
-    }
-    let turns = roll_over_bank(approach);
-    if let Some(slope) = turns.filter(|_| varies(&|state| state.pose.roll_deg)) {
-        let why = format!("roll_deg is {slope:.3} times the bank that the turns need");
-        let degrees = "degrees, right wing down positive";
-        if ROLL_IN_RADIANS.contains(&slope) {
-            return unit("roll_deg", "radians", why, degrees);
-        }
-        if slope < ROLL_TO_THE_LEFT {
-            return unit("roll_deg", "rolls to the left", why, degrees);
-        }
-    }
-    Ok(())
-}
-
-/// Slope of the roll over the bank in coordinated turns; `None` for flights without turns.
-fn roll_over_bank(approach: &[FlightState]) -> Option<f64> {
-    let track_rad = |state: &FlightState| state.velocity_east_mps.atan2(state.velocity_north_mps);
-    let (mut products, mut squares, mut turns) = (0.0, 0.0, 0_u32);
-    let mut from = 0;
-    while from < approach.len() {
-        let start = &approach[from];
-        let ends = |state: &FlightState| state.time_s - start.time_s >= TURN_S;
-        let Some(length) = approach[from..].iter().position(ends) else {
-            break;
-        };
-        let part = &approach[from..=from + length];
-        let end = &part[length];
-        let turn_deg = (track_rad(end) - track_rad(start)).to_degrees();
-        let rate_deg = Degrees(turn_deg).wrapped_180().0 / (end.time_s - start.time_s);
-        let speed_mps = (ground_speed_mps(start) + ground_speed_mps(end)) / 2.0;
-        let bank_deg = (speed_mps * rate_deg.to_radians() / GRAVITY_MPS2)
-            .atan()
-            .to_degrees();
-        let rolls = part.iter().map(|state| state.pose.roll_deg);
-        products += bank_deg * rolls.sum::<f64>() / part.len() as f64;
-        squares += bank_deg * bank_deg;
-        turns += 1;
-        from += length;
-    }
-    let is_turning = squares > f64::from(turns) * TURNING_DEG * TURNING_DEG;
-    (turns >= MIN_TURNS && is_turning).then(|| products / squares)
 }

@@ -1,4 +1,5 @@
-//! JSON lines of `jet1090`: decoded Mode S messages, one per line. Positions have no speed; the last velocity message supplies it.
+//! JSON lines of `jet1090`: decoded Mode S messages, one per line. Positions have no speed, no geometric
+//! altitude and no roll; the last message that has them supplies these.
 
 use std::collections::BTreeMap;
 use std::io::BufRead;
@@ -9,8 +10,8 @@ use serde::Deserialize;
 
 use super::{Fix, NearFixes, Track};
 
-/// A velocity is forgotten after this time, seconds.
-const VELOCITY_S: f64 = 5.0;
+/// What other messages say is forgotten after this time, seconds.
+const MAX_AGE_S: f64 = 5.0;
 /// Positions on the ground (BDS register).
 const SURFACE: &str = "06";
 
@@ -24,9 +25,16 @@ struct Message {
     altitude: Option<f64>,
     groundspeed: Option<f64>,
     track: Option<f64>,
+    geo_minus_baro: Option<f64>,
+    roll: Option<f64>,
 }
 
-type Velocity = (f64, f64, f64);
+/// The last velocity with the geometric altitude relative to the other one, and the last roll, each with its time.
+#[derive(Default)]
+struct Heard {
+    velocity: Option<(f64, f64, f64, Option<f64>)>,
+    roll: Option<(f64, f64)>,
+}
 
 pub(super) fn is_one(head: &[u8]) -> bool {
     let first = head.split(|byte| *byte == b'\n').next().unwrap_or_default();
@@ -37,7 +45,7 @@ pub(super) fn is_one(head: &[u8]) -> bool {
 /// The tracks near a place; the error is a line and the reason.
 pub(super) fn read<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
     let mut tracks: BTreeMap<String, NearFixes> = BTreeMap::new();
-    let mut velocities: BTreeMap<String, Velocity> = BTreeMap::new();
+    let mut heard: BTreeMap<String, Heard> = BTreeMap::new();
     for (index, line) in file.lines().enumerate() {
         let bad = |error: &dyn std::fmt::Display| format!("line {}: {error}", index + 1);
         let line = line.map_err(|error| bad(&error))?;
@@ -50,29 +58,39 @@ pub(super) fn read<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, St
         };
         // An aircraft without any position is counted as well.
         let kept = tracks.entry(aircraft.clone()).or_default();
+        let now_s = message.timestamp;
+        let heard = heard.entry(aircraft).or_default();
         if let (Some(knots), Some(track_deg)) = (message.groundspeed, message.track) {
-            velocities.insert(
-                aircraft.clone(),
-                (message.timestamp, knots * MPS_PER_KNOT, track_deg),
-            );
+            let higher_m = message.geo_minus_baro.map(|feet| feet * METERS_PER_FOOT);
+            heard.velocity = Some((now_s, knots * MPS_PER_KNOT, track_deg, higher_m));
+        }
+        if let Some(roll_deg) = message.roll {
+            heard.roll = Some((now_s, roll_deg));
         }
         let (Some(latitude_deg), Some(longitude_deg)) = (message.latitude, message.longitude)
         else {
             continue;
         };
-        let velocity = velocities
-            .get(&aircraft)
-            .filter(|(time_s, ..)| (message.timestamp - time_s).abs() < VELOCITY_S);
+        let is_recent = |heard_s: f64| (now_s - heard_s).abs() < MAX_AGE_S;
+        let velocity = heard.velocity.filter(|velocity| is_recent(velocity.0));
+        let altitude_m = message.altitude.map(|feet| feet * METERS_PER_FOOT);
+        let higher_m = velocity.and_then(|velocity| velocity.3);
         let fix = Fix {
-            time_s: message.timestamp,
+            time_s: now_s,
             latitude_deg,
             longitude_deg,
-            altitude_m: message.altitude.map(|feet| feet * METERS_PER_FOOT),
+            altitude_m,
+            geometric_m: altitude_m
+                .zip(higher_m)
+                .map(|(low_m, more_m)| low_m + more_m),
             ground_speed_mps: velocity.map(|velocity| velocity.1),
             track_deg: velocity.map(|velocity| velocity.2),
+            roll_deg: heard
+                .roll
+                .filter(|roll| is_recent(roll.0))
+                .map(|roll| roll.1),
             on_ground: message.bds.as_deref() == Some(SURFACE),
-            attitude: None,
-            is_simulated: false,
+            ..Fix::default()
         };
         kept.add(fix, target);
     }

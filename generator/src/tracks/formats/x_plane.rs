@@ -150,6 +150,7 @@ pub(super) fn data_txt<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>
             on_ground: above_ground_ft.is_some_and(|feet| feet < ON_GROUND_FT),
             attitude,
             is_simulated: columns.is_true_altitude,
+            ..Fix::default()
         });
     }
     Ok(rows.tracks())
@@ -181,16 +182,13 @@ pub(super) fn fdr<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, Str
             latitude_deg: number(place + 1)?,
             longitude_deg: number(place)?,
             altitude_m: Some(number(place + 2)? * METERS_PER_FOOT),
-            ground_speed_mps: None,
-            track_deg: None,
-            on_ground: false,
             attitude: Some(Attitude {
                 pitch_deg: number(attitude)?,
                 roll_deg: number(attitude + 1)?,
                 // Version 4 has the magnetic heading, before the pitch.
                 heading_true_deg: has_true_heading.then(|| number(attitude + 2)).transpose()?,
             }),
-            is_simulated: false,
+            ..Fix::default()
         });
     }
     Ok(rows.tracks())
@@ -232,6 +230,7 @@ impl Rows {
         let track = |(index, kept): (usize, NearFixes)| Track {
             aircraft: (count > 1).then(|| format!("flight-{}", index + 1)),
             fixes: kept.fixes(),
+            coarse: 0,
         };
         self.ended.into_iter().enumerate().map(track).collect()
     }

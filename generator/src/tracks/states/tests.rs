@@ -77,9 +77,7 @@ fn reported(flight: &[Recorded], runway: &Runway) -> Vec<ArrivalFix> {
                 altitude_m: Some((state.altitude_ft / 25.0).round() * 25.0 * METERS_PER_FOOT),
                 ground_speed_mps: Some(state.ground_speed_mps),
                 track_deg: Some(state.track_deg + turned_deg),
-                on_ground: false,
-                attitude: None,
-                is_simulated: false,
+                ..Fix::default()
             },
             to_go_m,
             right_m,

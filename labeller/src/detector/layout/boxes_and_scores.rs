@@ -18,7 +18,7 @@ pub(crate) struct PairOutputs {
 
 impl PairOutputs {
     /// If a model has exactly these, besides outputs of other shapes. `named`: the settings' name of the output with the boxes; without it
-    /// the one whose name says so is taken among two with four numbers.
+    /// the one whose name says so is taken among two with four numbers: three classes and "no object" are four numbers as well.
     pub(crate) fn of(outputs: &[OutputForm], named: Option<&str>) -> Option<Self> {
         let is_row = |output: &OutputForm| !output.holds_integers && output.shape.len() == 3;
         let mut boxes: Vec<usize> = (0..outputs.len())
@@ -26,7 +26,8 @@ impl PairOutputs {
             .filter(|&index| named.is_none_or(|name| outputs[index].name == name))
             .collect();
         if boxes.len() > 1 {
-            boxes.retain(|&index| outputs[index].name.to_lowercase().contains("box"));
+            let says_box = |name: &str| name.contains("box") || name.contains("det");
+            boxes.retain(|&index| says_box(&outputs[index].name.to_lowercase()));
         }
         let &[boxes] = &boxes[..] else {
             return None;

@@ -13,7 +13,7 @@ use std::fmt;
 use dataset::numbers::spread::median;
 
 use crate::detector::answer::Answer;
-use crate::detector::layout::{Cell, Layout, cells_in_order};
+use crate::detector::layout::{Cell, Layout, PROBABILITIES, cells_in_order, softmax};
 use crate::detector::profile::metadata::ModelMetadata;
 use crate::detector::profile::{BoxForm, BoxUnit, ModelProfile, ScoreForm};
 
@@ -25,10 +25,11 @@ const NORMALIZED: std::ops::RangeInclusive<f32> = -0.5..=1.5;
 const MIN_ORDERED: f64 = 0.75;
 /// Part of the numbers of boxes in parts of the window that are in that range. A few may be overflows.
 const MIN_NORMALIZED: f64 = 0.99;
-/// Rounding error of probabilities.
-const PROBABILITY_TOLERANCE: f32 = 1e-3;
 /// Part of the scores of logits that are no probabilities. The answer to a blank window has low ones.
 const MIN_LOGITS: f64 = 0.25;
+
+/// Part of the candidates of a blank window that are no object, by the last of excluding classes.
+const MIN_NO_OBJECT: f64 = 0.9;
 
 /// Model properties besides its outputs.
 pub(crate) struct KnownModel<'a> {
@@ -81,7 +82,13 @@ impl Meaning {
             judged.unit
         };
         let scores = match judged.layout {
-            Layout::BoxesAndScores if has_logits(answer) => ScoreForm::Logit,
+            Layout::BoxesAndScores if has_logits(answer) => {
+                if has_no_object(answer) {
+                    ScoreForm::Softmax
+                } else {
+                    ScoreForm::Logit
+                }
+            }
             _ => judged.scores,
         };
         Self {
@@ -107,10 +114,11 @@ impl fmt::Display for Meaning {
         if self.unit == BoxUnit::Normalized {
             f.write_str(" in parts of the window")?;
         }
-        if self.scores == ScoreForm::Logit {
-            f.write_str(", logits")?;
-        }
-        Ok(())
+        f.write_str(match self.scores {
+            ScoreForm::Probability => "",
+            ScoreForm::Logit => ", logits",
+            ScoreForm::Softmax => ", logits with a class for no object",
+        })
     }
 }
 
@@ -204,14 +212,26 @@ fn is_decoded(answer: Answer<'_>, columns: usize, window_px: [u32; 2]) -> bool {
 
 /// True if many scores are outside the range of probabilities.
 fn has_logits(answer: Answer<'_>) -> bool {
-    let columns = answer.shape().last().copied().unwrap_or(0).max(1);
-    let scores = || {
-        let rows = answer.numbers().chunks_exact(columns);
-        rows.flat_map(|row| row.iter().skip(4))
-    };
-    let probabilities = -PROBABILITY_TOLERANCE..=1.0 + PROBABILITY_TOLERANCE;
-    let outside = scores().filter(|score| !probabilities.contains(score));
+    let scores = || scores_of(answer).flatten();
+    let outside = scores().filter(|score| !PROBABILITIES.contains(score));
     outside.count() as f64 > MIN_LOGITS * scores().count() as f64
+}
+
+/// Class scores of each candidate, after the box.
+fn scores_of(answer: Answer<'_>) -> impl Iterator<Item = &[f32]> {
+    let columns = answer.shape().last().copied().unwrap_or(0).max(4);
+    answer.numbers().chunks_exact(columns).map(|row| &row[4..])
+}
+
+/// True if almost all candidates of a blank window are of the last class, as in DETR.
+fn has_no_object(answer: Answer<'_>) -> bool {
+    // Logits of classes that do not exclude each other are below 0 where nothing is.
+    let is_none = |scores: &[f32]| {
+        let last = scores.last().copied().unwrap_or_default();
+        scores.len() > 1 && last > 0.0 && softmax(scores)[scores.len() - 1] > 0.5
+    };
+    let none = scores_of(answer).filter(|scores| is_none(scores)).count();
+    none as f64 >= MIN_NO_OBJECT * scores_of(answer).count() as f64
 }
 
 /// The boxes of the first window, without those of zeros, which fill places that no box takes.

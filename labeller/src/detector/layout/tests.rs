@@ -17,6 +17,7 @@ struct Said {
 
 fn decoding(layout: Layout, class: usize) -> Decoding {
     Decoding {
+        wrong_score: Default::default(),
         meaning: Meaning::usual(layout),
         class,
         origin: layout.usual_origin(),
@@ -103,6 +104,29 @@ fn layouts_are_told_apart_by_rank_and_sizes_whatever_the_window() {
         );
     }
     assert_eq!(without_objectness(&[1, 6, 8_400]), Some(Layout::Columns));
+}
+
+#[test]
+fn a_score_that_is_no_probability_is_refused_and_rounding_is_not() {
+    for (score, is_wrong) in [
+        (7.3, true),
+        (-4.0, true),
+        (1.000_1, false),
+        (f32::NAN, false),
+    ] {
+        let mut numbers = vec![0.0; 84 * 8_400];
+        numbers[(4 + COCO_AIRPLANE) * 8_400] = score;
+        let answer = Answer::new(&[1, 84, 8_400], &numbers);
+        let decoding = decoding(Layout::Columns, COCO_AIRPLANE);
+        // An answer with NaN is none.
+        let found = answer.and_then(|answer| decoding.decode(answer, 1));
+        let said = found.map_or_else(|fault| fault.to_string(), |_| String::new());
+        assert_eq!(
+            said.contains("score_form = \"logit\""),
+            is_wrong,
+            "{score}: {said}"
+        );
+    }
 }
 
 #[test]

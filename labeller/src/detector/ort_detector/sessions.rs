@@ -163,5 +163,13 @@ fn session(model: &ModelFile, options: &OrtOptions, lengths: &[(&str, usize)]) -
     }
     builder
         .commit_from_memory(&model.onnx)
-        .map_err(|e| fault(&e))
+        .map_err(|e| {
+            if model.has_weights_elsewhere() {
+                let fault = "keeps weights in further files, which are not read; export it as one file, e.g. in Python: \
+                             onnx.save(onnx.load(\"model.onnx\"), \"one.onnx\")";
+                Error::model(&model.path, fault)
+            } else {
+                fault(&e)
+            }
+        })
 }

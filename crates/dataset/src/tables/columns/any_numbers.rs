@@ -2,7 +2,8 @@
 
 use arrow_array::types::{
     ArrowPrimitiveType, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type,
-    UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+    TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType,
+    TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
 };
 use arrow_array::{Array, ArrayRef, PrimitiveArray};
 
@@ -10,8 +11,8 @@ use super::Table;
 use crate::error::Result;
 
 impl Table {
-    /// A column of numbers that may be missing: floats of 32 or 64 bits, or whole numbers of any size. Whole numbers beyond 2^53 are
-    /// rounded.
+    /// A column of numbers that may be missing: floats of 32 or 64 bits, whole numbers of any size, or times, as seconds since 1970. Whole
+    /// numbers beyond 2^53 are rounded.
     ///
     /// # Errors
     /// The column is missing or contains something other than numbers.
@@ -27,7 +28,11 @@ impl Table {
                 .or_else(|| floats::<UInt64Type>(array, |number| number as f64))
                 .or_else(|| floats::<UInt32Type>(array, f64::from))
                 .or_else(|| floats::<UInt16Type>(array, f64::from))
-                .or_else(|| floats::<UInt8Type>(array, f64::from));
+                .or_else(|| floats::<UInt8Type>(array, f64::from))
+                .or_else(|| floats::<TimestampNanosecondType>(array, |time| time as f64 / 1e9))
+                .or_else(|| floats::<TimestampMicrosecondType>(array, |time| time as f64 / 1e6))
+                .or_else(|| floats::<TimestampMillisecondType>(array, |time| time as f64 / 1e3))
+                .or_else(|| floats::<TimestampSecondType>(array, |time| time as f64));
             values.extend(numbers.ok_or_else(|| self.wrong_type(column, "numbers", array))?);
         }
         Ok(values)

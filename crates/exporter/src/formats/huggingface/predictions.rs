@@ -8,6 +8,7 @@ use dataset::corpus::seal::sealed::Sealed;
 use dataset::files::outside_file::{self, FileKind};
 use dataset::tables::columns::{Table, TableWriter};
 
+use crate::about::split_of;
 use crate::error::{Error, Result};
 use crate::scenarios::Source;
 
@@ -118,12 +119,13 @@ impl Predictions {
         self.scenarios.keys().map(String::as_str)
     }
 
-    /// The predictions for a scenario at the requested ticks.
-    pub(crate) fn of(&self, scenario: &str, is_asked_for: impl Fn(u32) -> bool) -> TableWriter {
+    /// The predictions for a scenario at the requested ticks, in the form of the Python package's `predictions`.
+    pub(crate) fn of(&self, source: &Source<'_>) -> TableWriter {
+        let scenario = source.record.id.as_str();
         let rows = self.scenarios.get(scenario).map_or(&[][..], Vec::as_slice);
         let all = || {
             rows.iter()
-                .filter(|row| is_asked_for(self.ticks[**row]))
+                .filter(|row| source.is_asked_for(self.ticks[**row]))
                 .flat_map(|row| self.estimators.iter().map(move |one| (one, *row)))
         };
         TableWriter::new()
@@ -138,5 +140,14 @@ impl Predictions {
                 all().map(|(one, row)| one.from_m[row]),
             )
             .optional_f64("predicted_dtd_to_m", all().map(|(one, row)| one.to_m[row]))
+            .optional_f64("dtd_m", all().map(|(_, row)| self.true_dtd_m[row]))
+            .text(
+                "weather",
+                all().map(|_| &source.record.conditions.weather_name),
+            )
+            .optional_text(
+                "side",
+                all().map(|_| source.selected.side.map(|side| split_of(Some(side)))),
+            )
     }
 }

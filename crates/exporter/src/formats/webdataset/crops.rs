@@ -120,6 +120,7 @@ impl FileFormat for Crops {
     fn abilities(&self) -> Abilities {
         Abilities {
             boxes: BoxUse::Crops,
+            has_shards: true,
             ..Abilities::of_stills("crops")
         }
     }
@@ -165,7 +166,8 @@ impl FileFormat for Crops {
             let selected = &scenario.selected;
             Ok((selected.id(), split_of(selected.side), stored?))
         });
-        mixed_shards::mix(&written.folder(), stored, written.watch)
+        let shards = written.export.request.shards();
+        mixed_shards::mix(&written.folder(), shards, stored, written.watch)
     }
 }
 

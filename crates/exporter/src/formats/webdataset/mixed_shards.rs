@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::{archive, shard_name};
 use crate::error::Result;
 
-/// Maximum shard size: about a thousand samples with two crops, so that a small corpus has a shard for each worker of a loader.
+/// Maximum shard size: about a thousand samples with two crops.
 const MAX_BYTES: u64 = 100_000_000;
 /// Samples of scenarios, before they are mixed.
 const UNMIXED: &str = "unmixed";
@@ -90,9 +90,11 @@ struct Entry {
     bytes: u64,
 }
 
-/// Copies the samples of all scenarios, which are given with their split and their stored samples, into shards.
+/// Copies the samples of all scenarios, which are given with their split and their stored samples, into shards: at least `least_shards` for
+/// each split that has as many samples.
 pub(super) fn mix(
     folder: &Path,
+    least_shards: u32,
     scenarios: impl Iterator<Item = Result<(String, &'static str, Vec<Stored>)>>,
     watch: &dyn Watch,
 ) -> Result<()> {
@@ -115,7 +117,9 @@ pub(super) fn mix(
     }
     for (split, mut entries) in splits {
         entries.sort();
-        for (number, range) in (0..).zip(shards(&entries, MAX_BYTES)) {
+        let bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
+        let share = bytes / u64::from(least_shards) + archive::END.len() as u64;
+        for (number, range) in (0..).zip(shards(&entries, share.min(MAX_BYTES))) {
             watch.check()?;
             let path = folder.join(shard_name(split, number));
             if !path.exists() {
@@ -220,7 +224,7 @@ mod tests {
     fn each_sample_is_once_in_a_shard_of_its_side_among_those_of_other_scenarios() {
         let folder = tempfile::tempdir().unwrap();
         let stored = write(folder.path());
-        mix(folder.path(), stored.into_iter().map(Ok), &Silent).unwrap();
+        mix(folder.path(), 1, stored.into_iter().map(Ok), &Silent).unwrap();
         let shards = ["test-000000.tar", "train-000000.tar"];
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), shards.len());
         let mut all = Vec::new();
@@ -254,15 +258,28 @@ mod tests {
     }
 
     #[test]
+    fn a_side_has_as_many_shards_as_its_readers_need() {
+        for (least, expected) in [(1, 1..=1), (16, 16..=20), (1_000, 180..=180)] {
+            let folder = tempfile::tempdir().unwrap();
+            let stored = write(folder.path());
+            mix(folder.path(), least, stored.into_iter().map(Ok), &Silent).unwrap();
+            let tests = contents(folder.path());
+            let is_test = |path: &Path| path.to_string_lossy().contains("test-");
+            let tests = tests.iter().filter(|(path, _)| is_test(path)).count();
+            assert!(expected.contains(&tests), "{tests} for {least}");
+        }
+    }
+
+    #[test]
     fn a_mix_that_was_killed_anywhere_goes_on_to_the_same_bytes() {
         let folder = tempfile::tempdir().unwrap();
         let mixed = |name: &str, damage: &dyn Fn(&Path)| {
             let folder = folder.path().join(name);
             let stored = write(&folder);
             let again = stored.clone();
-            mix(&folder, stored.into_iter().map(Ok), &Silent).unwrap();
+            mix(&folder, 1, stored.into_iter().map(Ok), &Silent).unwrap();
             damage(&folder);
-            mix(&folder, again.into_iter().map(Ok), &Silent).unwrap();
+            mix(&folder, 1, again.into_iter().map(Ok), &Silent).unwrap();
             contents(&folder)
         };
         let straight = mixed("straight", &|_| {});

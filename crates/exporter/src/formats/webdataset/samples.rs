@@ -107,16 +107,12 @@ pub(super) fn each_sample<V: Serialize>(
         rgb: Vec::new(),
         size_px: [0, 0],
     };
-    for row in &source.frames.rows {
-        let is_sample = source.has_sample(row.tick);
+    for row in source.rows().filter(|row| source.has_sample(row.tick)) {
         let mut files = Vec::new();
         let mut known = BTreeMap::new();
         for (view, pictures) in views.iter().zip(&mut decoded) {
             scenario.watch.check()?;
             pictures.decode(row)?;
-            if !is_sample {
-                continue;
-            }
             pictures.convert(&mut picture.rgb)?;
             picture.size_px = pictures.size_px();
             let of_view = show(view, row.tick, &mut picture)?;
@@ -126,12 +122,11 @@ pub(super) fn each_sample<V: Serialize>(
             known.insert(view.as_str(), of_view);
             scenario.pictures_done(1);
         }
-        if is_sample {
-            let sample = Sample::of(source, row, known);
-            let entries = entries_of(&sample, files);
-            let entries = entries.map_err(dataset::Error::io("write", path))?;
-            append(row.tick, entries)?;
-        }
+        let entries = entries_of(&Sample::of(source, row, known), files);
+        append(
+            row.tick,
+            entries.map_err(dataset::Error::io("write", path))?,
+        )?;
     }
     Ok(())
 }

@@ -172,6 +172,19 @@ fn settings_go_before_the_numbers_of_boxes_and_scores() {
     assert_eq!(found, expected);
 }
 
+#[test]
+fn logits_whose_last_class_is_almost_always_no_object_are_excluding_classes() {
+    let profile = toml_profile("layout = 'boxes-and-scores'");
+    let scores = |last: f32| {
+        let logits = rows(100, normalized, &[&[-4.0; 91][..], &[last]].concat());
+        meaning(&logits, &profile, &ModelMetadata::default()).scores
+    };
+    assert_eq!(
+        [scores(6.0), scores(-4.0)],
+        [ScoreForm::Softmax, ScoreForm::Logit]
+    );
+}
+
 fn toml_profile(text: &str) -> ModelProfile {
     let path = std::path::Path::new("net.onnx.toml");
     ModelProfile::parse(text, path, std::path::Path::new("net.onnx")).unwrap()
