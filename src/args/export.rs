@@ -45,7 +45,7 @@ pub(crate) struct ExportArgs {
     /// Width and height of crops [default: 160x160]
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
     crop_px: Option<[u32; 2]>,
-    /// Minimum number of shards of a side, for as many workers of a loader (webdataset, crops) [default: 16]
+    /// Minimum number of shards per side, for as many loader workers (webdataset, crops) [default: 16]
     #[arg(long, value_name = "N", value_parser = from_one)]
     shards: Option<NonZeroU32>,
     /// Format of images in separate files [default: png]

@@ -116,7 +116,7 @@ pub struct ExportRequest {
     /// Width and height of crops, pixels; `None`: [`USUAL_CROP_PX`], or no crops.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crop_px: Option<[u32; 2]>,
-    /// Minimum number of shards of a side, if it has as many samples; `None`: [`USUAL_SHARDS`], or no shards.
+    /// Minimum number of shards per side, if it has as many samples; `None`: [`USUAL_SHARDS`], or no shards.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shards: Option<NonZeroU32>,
     /// Model whose detections are meant, by its file name or hash; `None`: the only one that there is.
@@ -157,7 +157,7 @@ impl ExportRequest {
         self.crop_px.unwrap_or(USUAL_CROP_PX)
     }
 
-    /// Minimum number of shards of a side.
+    /// Minimum number of shards per side.
     pub(crate) fn shards(&self) -> u32 {
         self.shards.unwrap_or(USUAL_SHARDS).get()
     }

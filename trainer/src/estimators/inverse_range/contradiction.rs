@@ -20,7 +20,7 @@ use crate::samples::{Look, Observation};
 
 pub(crate) use closing::MIN_CLOSING_MPS;
 use closing::{Closing, SizedTick};
-use history::{History, Residual};
+use history::{History, Residual, Window};
 pub(crate) use residuals::KeptInTraining;
 use residuals::{Compared, residuals};
 
@@ -46,10 +46,14 @@ pub enum Evidence {
 }
 
 impl Evidence {
-    fn window_s(self) -> f64 {
-        match self {
-            Self::Paths => PATHS_WINDOW_S,
-            Self::Rows | Self::Closing => WINDOW_S,
+    /// Gusts move the rows of both views alike, but not those of two flights, to both sides.
+    fn window(self) -> Window {
+        Window {
+            duration_s: match self {
+                Self::Paths => PATHS_WINDOW_S,
+                Self::Rows | Self::Closing => WINDOW_S,
+            },
+            is_one_sided: self != Self::Rows,
         }
     }
 }
@@ -139,7 +143,7 @@ impl ContradictionWatch {
             }
             let history = self.histories.entry(compared).or_default();
             let next = Residual { time_s, deviations };
-            history.take(next, evidence, training.limit(evidence));
+            history.take(next, evidence.window(), training.limit(evidence));
         }
         if let Some(best) = tick.best() {
             let views = fits.views_of(best.fit);
@@ -278,7 +282,7 @@ mod tests {
             for tick in 0..=10 {
                 let time_s = 2.0 * f64::from(tick);
                 let next = Residual { time_s, deviations };
-                history.take(next, Evidence::Rows, NEAR_DEVIATIONS);
+                history.take(next, Evidence::Rows.window(), NEAR_DEVIATIONS);
             }
             watch.judge(KeptInTraining::of_rows(1.0))
         };

@@ -30,8 +30,8 @@ const CERTAIN: f64 = 3.0;
 /// were off by up to 1 % in clear weather, and by up to 9 % in fog, where only the last five miles are seen.
 const PART_SD: f64 = 0.03;
 /// Scatter of the rows, in their standard deviations, above which no lag explains them, because the views show two aircraft: those of two
-/// flights had 2.6 to 45 after half a minute (tests/judges/live_wrong_views.py), and 90 flights of scripts/moved_cameras.py, late or not, at
-/// most 1.44.
+/// flights had 2.6 to 45 after half a minute (tests/judges/live_wrong_views.py), and 90 flights of scripts/moved_cameras.py at most 1.44,
+/// late or not.
 const MAX_EXCESS: f64 = 2.0;
 /// Changes of one view's lag that two pairs of views tell are the same if they are so near, s: an image every two seconds.
 const SAME_CHANGE_S: f64 = 2.0;

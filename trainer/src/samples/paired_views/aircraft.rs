@@ -179,7 +179,7 @@ pub(super) struct Aircraft {
     pub(super) last_s: f64,
     /// Duration of the current contradiction between views, seconds.
     pub(super) disputed_s: f64,
-    /// Time for which another view showed another approaching object in its place, less the time for which views have agreed since, seconds.
+    /// Time for which a view showed another approaching object in its place, less the time for which views have agreed since, seconds.
     pub(super) doubted_s: f64,
     /// True if it came along the training's paths at a usual speed.
     pub(super) has_approached: bool,

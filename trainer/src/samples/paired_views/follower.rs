@@ -287,8 +287,8 @@ impl Follower {
             .map(|(index, _)| *index)
     }
 
-    /// False if its views contradict each other or show different aircraft, or if it was never paired and has not approached at a usual speed,
-    /// stands still, has an unusual size for its position, or is missing in a view that should see it.
+    /// False if its views contradict each other or show different aircraft, or if it was never paired and has not approached at a usual
+    /// speed, stands still, has an unusual size for its position, or is missing in a view that should see it.
     fn is_certain(chosen: &Aircraft, tick: &Tick, step_s: f64) -> bool {
         if chosen.disputed_s > 0.0 && chosen.count() > 1 || chosen.doubted_s > DISPUTE_S {
             return false;

@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 
 use dataset::numbers::spread::median_of;
 
-use super::Evidence;
 use crate::samples::paired_views::{MAX_GAP_S, STEP_S};
 
 /// Minimum number of ticks in a window.
@@ -12,6 +11,14 @@ pub(super) const MIN_TICKS: usize = 5;
 /// Share of outliers on either side: single wrong boxes. Of 1,682 windows of rows in 16 unseen flights (the untouched ones of
 /// scripts/moved_cameras.py), 4 had residuals that were five deviations off their median, at most 2 of 11.
 const OUTLIERS: f64 = 0.1;
+
+/// How long a residual has to last, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    pub(super) duration_s: f64,
+    /// True if it has to stay on one side; else its median size counts.
+    pub(super) is_one_sided: bool,
+}
 
 /// A residual.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,8 +33,7 @@ pub(super) struct Residual {
 pub(super) struct History {
     /// The oldest first.
     recent: VecDeque<Residual>,
-    /// Residual that was kept throughout the last complete window, with the window's start: of rows, the median size, because gusts move both
-    /// views' rows alike; of others, the smallest residual to one side, and 0 with residuals of both signs.
+    /// Residual that was kept for the last complete window, with the window's start; 0 if it has to stay on one side and did not.
     pub(super) kept: Option<Residual>,
     /// True after a whole window in which the views agreed.
     pub(super) has_agreed: bool,
@@ -37,10 +43,9 @@ pub(super) struct History {
 
 impl History {
     /// Takes the next residual. After a window over the limit a new one begins: agreeing again takes a whole window as well.
-    pub(super) fn take(&mut self, next: Residual, evidence: Evidence, limit: f64) {
-        let window_s = evidence.window_s();
-        remember(&mut self.recent, next, |of| of.time_s, window_s);
-        let kept = self.kept_for(next.time_s, evidence);
+    pub(super) fn take(&mut self, next: Residual, window: Window, limit: f64) {
+        remember(&mut self.recent, next, |of| of.time_s, window.duration_s);
+        let kept = self.kept_for(next.time_s, window);
         if kept.is_some_and(|kept| kept.deviations > limit) {
             self.recent.clear();
         }
@@ -54,20 +59,20 @@ impl History {
         self.kept = kept.or(self.kept);
     }
 
-    fn kept_for(&self, time_s: f64, evidence: Evidence) -> Option<Residual> {
+    fn kept_for(&self, time_s: f64, window: Window) -> Option<Residual> {
         let since_s = self.recent[0].time_s;
-        if time_s - since_s < evidence.window_s() || self.recent.len() < MIN_TICKS {
+        if time_s - since_s < window.duration_s || self.recent.len() < MIN_TICKS {
             return None;
         }
         let residuals = self.recent.iter().map(|of| of.deviations);
-        let deviations = if evidence == Evidence::Rows {
-            median_of(residuals.map(f64::abs))?
-        } else {
+        let deviations = if window.is_one_sided {
             let mut sorted: Vec<f64> = residuals.collect();
             sorted.sort_by(f64::total_cmp);
             let outliers = (OUTLIERS * sorted.len() as f64) as usize;
             let [least, most] = [sorted[outliers], sorted[sorted.len() - 1 - outliers]];
             least.max(-most).max(0.0)
+        } else {
+            median_of(residuals.map(f64::abs))?
         };
         Some(Residual {
             time_s: since_s,
@@ -104,12 +109,17 @@ pub(super) fn remember<T>(
 mod tests {
     use super::*;
 
+    const MINUTE: Window = Window {
+        duration_s: 60.0,
+        is_one_sided: true,
+    };
+
     fn kept(times_s: impl Iterator<Item = f64>, deviations: impl Fn(f64) -> f64) -> Option<f64> {
         let mut history = History::default();
         for time_s in times_s {
             let deviations = deviations(time_s);
             let next = Residual { time_s, deviations };
-            history.take(next, Evidence::Paths, f64::INFINITY);
+            history.take(next, MINUTE, f64::INFINITY);
         }
         Some(history.kept?.deviations)
     }

@@ -72,7 +72,7 @@ impl KeptInTraining {
                     let history = histories.entry(compared).or_default();
                     let time_s = tick.time_s;
                     let next = Residual { time_s, deviations };
-                    history.take(next, evidence, f64::INFINITY);
+                    history.take(next, evidence.window(), f64::INFINITY);
                     if let Some(kept) = history.kept {
                         let of_all = largest.entry(evidence).or_default();
                         *of_all = of_all.max(kept.deviations);
