@@ -112,7 +112,15 @@ impl ScenarioJob {
             }
             Standing::Missing => None,
             Standing::Unmeasured(record) => Some(record),
-            Standing::Whole => return Ok(None),
+            Standing::Whole => {
+                let name = model.name();
+                if detections::is_unsettled(&folder, &name)
+                    && let Claimed::Mine(claim) = folder.claim_search()?
+                {
+                    detections::settle(&claim, &folder, &name)?;
+                }
+                return Ok(None);
+            }
         };
         if fitted.is_none()
             && let Some(cameras) = stored.as_ref().and_then(|made| made.cameras_of_run())

@@ -275,7 +275,7 @@ impl<'a> NewTables<'a> {
 /// Replaces the detections that a model made from `source`, and their tables in the other folders. `record` produces the file written next
 /// to them, which must contain the given provenance.
 pub fn replace<R: Serialize>(
-    _claim: &Claim,
+    claim: &Claim,
     source: &OpenScenario,
     detector: &ModelIdentity,
     model: &str,
@@ -293,7 +293,7 @@ pub fn replace<R: Serialize>(
         }
     }
     // Readers may still need tables that a killed process committed.
-    settle(folder, model)?;
+    settle(claim, folder, model)?;
     let paths = FOLDERS.map(|parent| folder.root().join(table_name(parent, model)));
     let mut hashes = [const { None }; FOLDERS.len()];
     for ((parent, path), hash) in FOLDERS.into_iter().zip(&paths).zip(&mut hashes) {
@@ -332,8 +332,17 @@ pub fn replace<R: Serialize>(
     parents.iter().try_for_each(|parent| sync(parent))
 }
 
+/// True if tables may still wait for their place although their record is committed. Readers find them nevertheless.
+pub fn is_unsettled(folder: &ScenarioFolder, model: &str) -> bool {
+    let mut tables = (FOLDERS.iter()).map(|parent| folder.root().join(table_name(parent, model)));
+    tables.any(|table| with_new_suffix(&table).exists())
+}
+
 /// Renames the tables that the record refers to.
-fn settle(folder: &ScenarioFolder, model: &str) -> Result<()> {
+///
+/// # Errors
+/// The disk fails.
+pub fn settle(_claim: &Claim, folder: &ScenarioFolder, model: &str) -> Result<()> {
     let provenance = match provenance(folder, model) {
         Ok(Some(provenance)) => provenance,
         Ok(None) => return Ok(()),
