@@ -2,7 +2,6 @@
 
 pub(crate) mod feed;
 mod lockstep;
-mod open_limit;
 mod read_limit;
 pub(crate) mod search;
 pub(crate) mod shared;
@@ -23,9 +22,8 @@ use crate::queue::Queue;
 use crate::source::gpu::Gpu;
 use crate::source::{Decoder, Source};
 use crate::view_state::ViewWatch;
-use feed::{Feed, Message};
+use feed::{Feed, Message, OPEN_MS};
 use lockstep::Lockstep;
-use open_limit::OpenLimit;
 use read_limit::ReadLimit;
 use search::{Direction, Search};
 use shared::Shared;
@@ -89,7 +87,7 @@ impl Views {
                 shared: shared.clone(),
                 last_time_s: None,
                 connections: 0,
-                open_limit: OpenLimit::default(),
+                open_ms: OPEN_MS,
                 read_limit: ReadLimit::default(),
             };
             let thread = format!("feed {name}");
