@@ -3,6 +3,7 @@
 pub(crate) mod address;
 pub(crate) mod gpu;
 pub(crate) mod input;
+pub(crate) mod limits;
 mod rtp;
 mod undecoded;
 

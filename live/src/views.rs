@@ -18,6 +18,7 @@ use labeller::Searcher;
 use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
+use crate::options::Pace;
 use crate::queue::Queue;
 use crate::source::gpu::Gpu;
 use crate::source::{Decoder, Source};
@@ -92,10 +93,14 @@ impl Views {
             };
             let thread = format!("feed {name}");
             threads.push(spawn(thread, send.clone(), move || feed.run())?);
+            let search = searcher.view_search(&camera)?;
             let search = Search {
                 view,
                 name: name.clone(),
-                search: searcher.view_search(&camera)?,
+                search: match shared.pace {
+                    Pace::AsFastAsPossible => search,
+                    _ => search.spread(),
+                },
                 direction: Direction::default(),
                 tracks: [0; 2],
                 queue,

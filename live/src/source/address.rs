@@ -1,65 +1,17 @@
-//! Places of sources, and time limits for them.
+//! Places of sources.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Duration;
 
 use dataset::corpus::Corpus;
 use dataset::numbers::units::SimTime;
 use dataset::video::{load_capture_devices, open_file};
 use ffmpeg_next::{Dictionary, format};
 
-use crate::clock::RunClock;
 use crate::source::Source;
+use crate::source::limits::{OpenFault, Patience};
 use crate::source::rtp::RtpStream;
-
-/// Reason why a source cannot be opened.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum OpenFault {
-    /// It may be there later.
-    Absent(String),
-    /// A camera answers, and not with the images of this view. Others may set it right.
-    Wrong(String),
-    /// It will never do.
-    Useless(String),
-}
-
-pub(crate) struct Patience {
-    pub(crate) clock: RunClock,
-    until_ms: AtomicU64,
-    stop: Arc<AtomicBool>,
-}
-
-impl Patience {
-    pub(crate) fn new(clock: RunClock, stop: Arc<AtomicBool>) -> Arc<Self> {
-        Arc::new(Self {
-            clock,
-            until_ms: AtomicU64::new(0),
-            stop,
-        })
-    }
-
-    pub(crate) fn wait(&self, most_ms: u64) {
-        let now_ms = (self.clock.now_s() * 1e3) as u64;
-        self.until_ms.store(now_ms + most_ms, Ordering::Relaxed);
-    }
-
-    /// Time until the wait is over.
-    pub(crate) fn left(&self) -> Duration {
-        let now_ms = (self.clock.now_s() * 1e3) as u64;
-        Duration::from_millis(self.until_ms.load(Ordering::Relaxed).saturating_sub(now_ms))
-    }
-
-    pub(crate) fn is_over(&self) -> bool {
-        self.is_stopped() || self.left().is_zero()
-    }
-
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-}
 
 /// A scenario's image times, by timestamp in the video: an undecodable image shifts no other.
 pub(crate) struct RecordedTimes {
@@ -163,12 +115,12 @@ fn recorded(corpus: &Path, id: &str, view: &str) -> Result<(PathBuf, RecordedTim
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::RunClock;
 
     #[test]
     fn a_device_is_opened_by_its_path_with_ffmpegs_own_reader() {
         let source = Source::Device("/dev/video97".into());
-        let stop = Arc::new(AtomicBool::new(false));
-        let patience = Patience::new(RunClock::start(), stop);
+        let patience = Patience::new(RunClock::start(), Arc::default());
         let fault = open(&source, "left", &patience, 4_000).err().unwrap();
         // It may be plugged in later.
         let OpenFault::Absent(why) = fault else {

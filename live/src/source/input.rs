@@ -12,8 +12,9 @@ use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::util::frame::side_data::Type as FrameData;
 use ffmpeg_next::{Dictionary, Packet, decoder, format, frame, media};
 
-use crate::source::address::{self, OpenFault, Opened, Patience, RecordedTimes};
+use crate::source::address::{self, Opened, RecordedTimes};
 use crate::source::gpu::Gpu;
+use crate::source::limits::{End, OpenFault, Patience};
 use crate::source::rtp::RtpStream;
 use crate::source::rtp::sdp::Coding;
 use crate::source::undecoded::Undecoded;
@@ -23,21 +24,6 @@ use crate::source::{Decoder, Source};
 const MAX_BLOCK_PX: u64 = 128;
 /// Images whose arrival is remembered until they are decoded.
 const MAX_IN_DECODER: usize = 64;
-
-/// Cause of the end of images.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum End {
-    /// There are no more.
-    Finished,
-    /// The connection is gone.
-    Lost(String),
-    /// No image came within this time, ms.
-    Silent(u64),
-    /// The source is unusable.
-    Useless(String),
-    /// The caller stopped it.
-    Stopped,
-}
 
 /// A decoded image with its times.
 pub(crate) struct InputImage {
@@ -49,6 +35,8 @@ pub(crate) struct InputImage {
     pub(crate) sender_s: Option<f64>,
     pub(crate) recorded_s: Option<f64>,
     pub(crate) is_damaged: bool,
+    /// It was waited for, so that the arrival is the true one.
+    pub(crate) is_prompt: bool,
 }
 
 /// Reader of coded images.
@@ -64,6 +52,7 @@ struct Sent {
     pts: Option<i64>,
     arrival_s: f64,
     sender_s: Option<f64>,
+    is_prompt: bool,
 }
 
 pub(crate) struct Input {
@@ -191,8 +180,10 @@ impl Input {
                 Err(ffmpeg_next::Error::Eof) => return Err(End::Finished),
                 Err(ffmpeg_next::Error::Other { errno })
                     if errno == ffmpeg_next::util::error::EAGAIN => {}
-                Err(_) => self.failed()?,
+                // The next key frame is a new beginning.
+                Err(_) => self.damage = Some(self.last_number),
             }
+            self.check_size()?;
             if let Some(fault) = self.undecoded.fault(self.patience.clock.now_s()) {
                 return Err(End::Lost(fault));
             }
@@ -200,9 +191,8 @@ impl Input {
         }
     }
 
-    /// An image could not be decoded. The next key frame is a new beginning.
-    fn failed(&mut self) -> Result<(), End> {
-        self.damage = Some(self.last_number);
+    /// Ends images that are larger than expected, which the decoder refuses without an error.
+    fn check_size(&self) -> Result<(), End> {
         let found_px = [self.decoder.width(), self.decoder.height()];
         let pixels = found_px.into_iter().map(u64::from).product::<u64>();
         if pixels > coded_pixels(self.size_px) {
@@ -230,12 +220,14 @@ impl Input {
         };
         let pts = coded.timestamp();
         let index = self.sent.iter().position(|sent| sent.pts == pts);
-        let sent = index.and_then(|index| self.sent.drain(..=index).next_back());
+        // Others before it are shown later, or never.
+        let sent = index.and_then(|index| self.sent.remove(index));
         let sent = sent.unwrap_or_else(|| Sent {
             number: self.last_number,
             pts,
             arrival_s: self.patience.clock.now_s(),
             sender_s: None,
+            is_prompt: false,
         });
         if coded.is_corrupt() || coded.has_decode_errors() {
             self.damage = Some(sent.number);
@@ -248,6 +240,7 @@ impl Input {
             image: DecodedImage::of(coded),
             arrival_s: sent.arrival_s,
             sender_s: sent.sender_s,
+            is_prompt: sent.is_prompt,
             recorded_s: (self.recorded.as_ref()).and_then(|recorded| recorded.time_s(timestamp_s?)),
             is_damaged: self.damage.is_some_and(|damaged| damaged <= sent.number),
         })
@@ -260,14 +253,29 @@ impl Input {
                 let coded = stream.next(most_ms)?;
                 let mut packet = Packet::copy(&coded.data);
                 packet.set_pts(Some(coded.pts));
-                return self.send(&packet, coded.arrival_s, coded.sender_s, coded.is_damaged);
+                let sent = Sent {
+                    number: self.last_number + 1,
+                    pts: packet.pts(),
+                    arrival_s: coded.arrival_s,
+                    sender_s: coded.sender_s,
+                    is_prompt: coded.is_prompt,
+                };
+                self.send(&packet, sent, coded.is_damaged);
+                return Ok(());
             }
         };
         self.patience.wait(most_ms);
         match next_packet(input, index, &self.patience) {
             Ok(packet) => {
-                let is_damaged = packet.is_corrupt();
-                self.send(&packet, self.patience.clock.now_s(), None, is_damaged)
+                let sent = Sent {
+                    number: self.last_number + 1,
+                    pts: packet.pts(),
+                    arrival_s: self.patience.clock.now_s(),
+                    sender_s: None,
+                    is_prompt: false,
+                };
+                self.send(&packet, sent, packet.is_corrupt());
+                Ok(())
             }
             Err(_) if self.patience.is_stopped() => Err(End::Stopped),
             Err(ffmpeg_next::Error::Eof) if !self.all_sent => {
@@ -281,30 +289,18 @@ impl Input {
         }
     }
 
-    fn send(
-        &mut self,
-        packet: &Packet,
-        arrival_s: f64,
-        sender_s: Option<f64>,
-        is_damaged: bool,
-    ) -> Result<(), End> {
-        self.last_number += 1;
+    fn send(&mut self, packet: &Packet, sent: Sent, is_damaged: bool) {
+        self.last_number = sent.number;
         if is_damaged {
             self.damage = Some(self.last_number);
         }
         self.undecoded.sent(self.patience.clock.now_s());
-        self.sent.push_back(Sent {
-            number: self.last_number,
-            pts: packet.pts(),
-            arrival_s,
-            sender_s,
-        });
+        self.sent.push_back(sent);
         if self.sent.len() > MAX_IN_DECODER {
             self.sent.pop_front();
         }
-        match self.decoder.send_packet(packet) {
-            Ok(()) => Ok(()),
-            Err(_) => self.failed(),
+        if self.decoder.send_packet(packet).is_err() {
+            self.damage = Some(self.last_number);
         }
     }
 }
@@ -359,3 +355,6 @@ pub(crate) fn other_size(found_px: [u32; 2], expected_px: [u32; 2]) -> String {
         "its images have {width}x{height} pixels, expected {known_width}x{known_height} as in the training; set the camera to that size"
     )
 }
+
+#[cfg(test)]
+mod tests;

@@ -12,14 +12,14 @@ mod sockets;
 mod units;
 
 use std::collections::VecDeque;
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
 use dataset::files::outside_file::{self, FileKind};
 
 use crate::source::Stream;
-use crate::source::address::{OpenFault, Patience};
-use crate::source::input::End;
+use crate::source::limits::{End, OpenFault, Patience};
 use packets::{Order, Packet, Timeline, sender_report};
 use rtsp::Server;
 use sdp::Video;
@@ -40,6 +40,8 @@ pub(crate) struct CodedImage {
     /// The sender's wall clock, seconds since the start.
     pub(crate) sender_s: Option<f64>,
     pub(crate) is_damaged: bool,
+    /// It was waited for.
+    pub(crate) is_prompt: bool,
 }
 
 pub(crate) struct RtpStream {
@@ -52,6 +54,8 @@ pub(crate) struct RtpStream {
     /// The sender's last report and one before it: timestamps with its clock, seconds since the start.
     reports: [Option<(i64, f64)>; 2],
     ready: VecDeque<CodedImage>,
+    /// Nothing had come when the next image was asked for.
+    is_prompt: bool,
     patience: Arc<Patience>,
 }
 
@@ -90,6 +94,7 @@ impl RtpStream {
             times: Timeline::default(),
             reports: [None; 2],
             ready: VecDeque::new(),
+            is_prompt: false,
             patience: patience.clone(),
         }
     }
@@ -97,6 +102,10 @@ impl RtpStream {
     /// The next image; `most_ms`: maximum wait for it.
     pub(crate) fn next(&mut self, most_ms: u64) -> Result<CodedImage, End> {
         self.patience.wait(most_ms);
+        let was_waiting = self
+            .has_packet()
+            .map_err(|error| End::Lost(error.to_string()))?;
+        self.is_prompt = self.ready.is_empty() && !was_waiting;
         loop {
             if let Some(image) = self.ready.pop_front() {
                 return Ok(image);
@@ -108,6 +117,15 @@ impl RtpStream {
                 return Err(End::Silent(most_ms));
             }
             self.receive().map_err(End::Lost)?;
+        }
+    }
+
+    /// True if packets have come that are not read yet.
+    fn has_packet(&self) -> io::Result<bool> {
+        match (&self.sockets, &self.server) {
+            (Some(sockets), _) => sockets.has_packet(),
+            (None, Some(server)) => server.has_packet(),
+            (None, None) => Ok(false),
         }
     }
 
@@ -166,6 +184,7 @@ impl RtpStream {
                     arrival_s,
                     sender_s: self.sender_s(pts),
                     is_damaged,
+                    is_prompt: self.is_prompt,
                 });
             }
         }
@@ -192,5 +211,54 @@ impl RtpStream {
         let is_plausible = |unit_s: &f64| (0.5..2.0).contains(&(unit_s / usual_s));
         let unit_s = measured_s.filter(is_plausible).unwrap_or(usual_s);
         Some(sender_s + (pts - of_pts) as f64 * unit_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::sdp::Coding;
+    use super::*;
+
+    #[test]
+    fn no_bytes_of_a_peer_break_a_reader() {
+        let mut random = 7_u32;
+        let mut next = move || {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 16) as usize
+        };
+        let description = "v=0\r\nm=video 0 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\na=fmtp:96 sprop-parameter-sets=Z0IA,aM4=\r\n";
+        let answer = format!(
+            "RTSP/1.0 200 OK\r\nContent-Length: {}\r\n\r\n{description}",
+            description.len()
+        );
+        let packet = [
+            0x80, 96, 0, 1, 0, 0, 0, 1, 0, 0, 0, 7, 24, 0, 2, 0x65, 1, 0, 1, 6, 28, 0x85, 0, 0,
+            255, 0, 0, 64,
+        ];
+        let report = [
+            0x80, 200, 0, 6, 0, 0, 0, 7, 1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0, 0,
+        ];
+        for coding in [Coding::H264, Coding::H265, Coding::Jpeg, Coding::Mpeg4] {
+            let (mut order, mut units) = (Order::new(0.0), Units::new(coding, Vec::new()));
+            for _ in 0..20_000 {
+                let mut changed = |bytes: &[u8]| {
+                    let mut bytes = bytes[..bytes.len() - next() % 4 * (next() % 5)].to_vec();
+                    for _ in 0..next() % 4 {
+                        let at = next() % bytes.len();
+                        bytes[at] = next() as u8;
+                    }
+                    bytes
+                };
+                let _ = link::first_message(&changed(answer.as_bytes()));
+                let _ = sdp::video(&String::from_utf8_lossy(&changed(description.as_bytes())));
+                let _ = sender_report(&changed(&report));
+                if let Some(packet) = Packet::of(changed(&packet)) {
+                    order.put(packet, 0.0);
+                }
+                while let Some((packet, has_loss)) = order.next(0.0) {
+                    let _ = units.take(&packet, has_loss);
+                }
+            }
+        }
     }
 }

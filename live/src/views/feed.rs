@@ -13,8 +13,8 @@ use crate::error::Error;
 use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
 use crate::queue::{Queue, lock};
-use crate::source::address::{OpenFault, Patience};
-use crate::source::input::{End, Input, InputImage, other_size};
+use crate::source::input::{Input, InputImage, other_size};
+use crate::source::limits::{End, OpenFault, Patience};
 use crate::source::{Decoder, Source};
 use crate::view_state::image_look::Looks;
 use crate::view_state::{DecodedLook, ViewState, ViewWatch};
@@ -293,6 +293,7 @@ impl Feed {
                     arrival_s: image.arrival_s,
                     timestamp_s: image.timestamp_s,
                     sender_s: image.sender_s,
+                    is_prompt: image.is_prompt,
                 };
                 let others_s = shared.sender_delays_s(self.view);
                 connection.stamper.stamp(clues, &others_s)

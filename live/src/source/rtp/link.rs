@@ -11,7 +11,7 @@ use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{ClientConfig, ClientConnection, DigitallySignedStruct, SignatureScheme, StreamOwned};
 use rustls_platform_verifier::BuilderVerifierExt;
 
-use crate::source::address::{OpenFault, Patience};
+use crate::source::limits::{OpenFault, Patience};
 
 /// Maximum wait within which the program's end is noticed.
 pub(super) const SLICE: Duration = Duration::from_millis(50);
@@ -21,10 +21,9 @@ const MAX_BODY: usize = 256 << 10;
 /// Bytes that are read at once.
 const CHUNK: usize = 64 << 10;
 
-enum Channel {
-    Plain(TcpStream),
-    Tls(Box<StreamOwned<ClientConnection, TcpStream>>),
-}
+/// The connection, or what TLS makes of it.
+trait Channel: Read + Write + Send {}
+impl<T: Read + Write + Send> Channel for T {}
 
 /// A message of a server.
 #[derive(Debug, PartialEq, Eq)]
@@ -52,16 +51,14 @@ impl Response {
         found.map(|(_, value)| &**value)
     }
 
-    pub(super) fn header(&self, name: &str) -> Option<&str> {
-        self.headers
-            .iter()
-            .find(|(of, _)| of.eq_ignore_ascii_case(name))
-            .map(|(_, value)| &**value)
+    pub(super) fn header<'a>(&'a self, name: &'a str) -> Option<&'a str> {
+        self.all(name).next()
     }
 }
 
 pub(super) struct Link {
-    channel: Channel,
+    socket: TcpStream,
+    channel: Box<dyn Channel>,
     unread: Unread,
 }
 
@@ -83,47 +80,47 @@ impl Link {
             }
         }
         let socket = last?;
-        let set = socket
-            .set_nodelay(true)
-            .and(socket.set_read_timeout(Some(SLICE)));
-        set.and(socket.set_write_timeout(Some(Duration::from_secs(1))))
-            .map_err(absent)?;
-        let channel = match verifies {
-            None => Channel::Plain(socket),
-            Some(verifies) => {
-                Channel::Tls(Box::new(encrypted(socket, host.0, verifies, patience)?))
-            }
+        let set_up = || {
+            socket.set_nodelay(true)?;
+            socket.set_read_timeout(Some(SLICE))?;
+            socket.set_write_timeout(Some(Duration::from_secs(1)))?;
+            socket.try_clone()
         };
+        let channel = set_up().map_err(absent)?;
         Ok(Self {
-            channel,
+            channel: match verifies {
+                None => Box::new(channel),
+                Some(verifies) => Box::new(encrypted(channel, host.0, verifies, patience)?),
+            },
+            socket,
             unread: Unread::default(),
         })
     }
 
-    fn socket(&self) -> &TcpStream {
-        match &self.channel {
-            Channel::Plain(socket) => socket,
-            Channel::Tls(stream) => &stream.sock,
-        }
-    }
-
     /// Addresses of this computer and of the server.
     pub(super) fn addresses(&self) -> io::Result<[SocketAddr; 2]> {
-        Ok([self.socket().local_addr()?, self.socket().peer_addr()?])
+        Ok([self.socket.local_addr()?, self.socket.peer_addr()?])
     }
 
     /// From now on, a message that is not here is not waited for.
     pub(super) fn stop_waiting(&self) -> io::Result<()> {
-        self.socket().set_nonblocking(true)
+        self.socket.set_nonblocking(true)
+    }
+
+    /// True if something has come that is not read yet.
+    pub(super) fn has_message(&self) -> io::Result<bool> {
+        if self.unread.from < self.unread.bytes.len() {
+            return Ok(true);
+        }
+        self.socket.set_nonblocking(true)?;
+        let has_message = self.socket.peek(&mut [0]).is_ok();
+        self.socket.set_nonblocking(false)?;
+        Ok(has_message)
     }
 
     pub(super) fn send(&mut self, text: &str) -> io::Result<()> {
-        match &mut self.channel {
-            Channel::Plain(socket) => socket.write_all(text.as_bytes()),
-            Channel::Tls(stream) => stream
-                .write_all(text.as_bytes())
-                .and_then(|()| stream.flush()),
-        }
+        self.channel.write_all(text.as_bytes())?;
+        self.channel.flush()
     }
 
     /// The next message; `None` if there is none within [`SLICE`].
@@ -135,11 +132,7 @@ impl Link {
             return Ok(Some(message));
         }
         let mut chunk = [0; CHUNK];
-        let read = match &mut self.channel {
-            Channel::Plain(socket) => socket.read(&mut chunk),
-            Channel::Tls(stream) => stream.read(&mut chunk),
-        };
-        match read {
+        match self.channel.read(&mut chunk) {
             Ok(0) => Err("the server closed the connection".into()),
             Ok(bytes) => {
                 self.unread.add(&chunk[..bytes]);
@@ -185,7 +178,7 @@ impl Unread {
 }
 
 /// The first message of these bytes with its length; `None` if it is not complete.
-fn first_message(bytes: &[u8]) -> Result<Option<(Message, usize)>, String> {
+pub(super) fn first_message(bytes: &[u8]) -> Result<Option<(Message, usize)>, String> {
     if let [b'$', channel, high, low, rest @ ..] = bytes {
         let length = usize::from(u16::from_be_bytes([*high, *low]));
         let packet = rest.get(..length);

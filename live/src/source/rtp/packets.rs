@@ -32,6 +32,16 @@ impl Packet {
         })
     }
 
+    #[cfg(test)]
+    pub(super) fn made(sequence: u16, timestamp: u32, is_last: bool, payload: &[u8]) -> Self {
+        let mut bytes = vec![0x80, 96 | u8::from(is_last) << 7];
+        bytes.extend(sequence.to_be_bytes());
+        bytes.extend(timestamp.to_be_bytes());
+        bytes.extend([0, 0, 0, 7]);
+        bytes.extend(payload);
+        Self::of(bytes).unwrap()
+    }
+
     pub(crate) fn payload(&self) -> &[u8] {
         &self.bytes[self.payload.clone()]
     }
@@ -164,17 +174,11 @@ impl Timeline {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
-    /// A packet with this payload.
-    pub(crate) fn packet(sequence: u16, timestamp: u32, is_last: bool, payload: &[u8]) -> Packet {
-        let mut bytes = vec![0x80, 96 | u8::from(is_last) << 7];
-        bytes.extend(sequence.to_be_bytes());
-        bytes.extend(timestamp.to_be_bytes());
-        bytes.extend([0, 0, 0, 7]);
-        bytes.extend(payload);
-        Packet::of(bytes).unwrap()
+    fn packet(sequence: u16, timestamp: u32, is_last: bool, payload: &[u8]) -> Packet {
+        Packet::made(sequence, timestamp, is_last, payload)
     }
 
     /// Puts these packets at 1 ms intervals; returns sequence numbers with losses before them.

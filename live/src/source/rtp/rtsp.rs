@@ -13,7 +13,7 @@ use url::Url;
 use super::link::{Link, Message, Response};
 use super::sdp::{self, Video};
 use super::sockets::Sockets;
-use crate::source::address::{OpenFault, Patience};
+use crate::source::limits::{OpenFault, Patience};
 use crate::source::{Stream, Transport, shown};
 
 /// Packets that may come before the answer to PLAY.
@@ -213,6 +213,11 @@ impl Server {
         self.session = parts.next().filter(|id| !id.is_empty()).map(str::to_owned);
         let timeout_s = parts.find_map(|part| part.strip_prefix("timeout=")?.parse().ok());
         self.keeps.1 = Duration::from_secs(timeout_s.unwrap_or(SESSION_S).clamp(2, SESSION_S) / 2);
+    }
+
+    /// True if something has come through this connection that is not read yet.
+    pub(super) fn has_packet(&self) -> io::Result<bool> {
+        Ok(!self.early.is_empty() || self.link.has_message()?)
     }
 
     /// The next packet with its channel; `None` if none comes. Keeps the session.

@@ -96,6 +96,14 @@ impl Sockets {
         Ok(())
     }
 
+    /// True if a packet has come that is not read yet.
+    pub(super) fn has_packet(&self) -> io::Result<bool> {
+        self.packets.set_nonblocking(true)?;
+        let has_packet = self.packets.peek_from(&mut [0]).is_ok();
+        self.packets.set_nonblocking(false)?;
+        Ok(has_packet)
+    }
+
     /// The next packet; `None` if none comes.
     pub(super) fn packet(&mut self) -> io::Result<Option<Vec<u8>>> {
         receive(&self.packets, &self.sources, &mut self.buffer)

@@ -138,7 +138,6 @@ impl Units {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::rtp::packets::tests::packet;
 
     /// Packets of timestamps, marker bits, losses and payloads; returns the images.
     fn images(coding: Coding, packets: &[(u32, bool, bool, &[u8])]) -> Vec<Unit> {
@@ -146,7 +145,7 @@ mod tests {
         let taken = packets
             .iter()
             .flat_map(|(timestamp, is_last, has_loss, payload)| {
-                units.take(&packet(0, *timestamp, *is_last, payload), *has_loss)
+                units.take(&Packet::made(0, *timestamp, *is_last, payload), *has_loss)
             });
         taken.flatten().collect()
     }
@@ -220,12 +219,12 @@ mod tests {
     #[test]
     fn a_sender_that_ends_no_image_fills_no_memory() {
         let mut units = Units::new(Coding::Mpeg4, Vec::new());
-        let part = packet(0, 1, false, &[7; 60_000]);
+        let part = Packet::made(0, 1, false, &[7; 60_000]);
         for _ in 0..400 {
             assert_eq!(units.take(&part, false), [None, None]);
         }
         assert!(units.data.len() <= MAX_BYTES);
-        let [cut, _] = units.take(&packet(0, 2, false, &[7]), false);
+        let [cut, _] = units.take(&Packet::made(0, 2, false, &[7]), false);
         assert!(cut.unwrap().is_damaged);
     }
 }
