@@ -149,13 +149,9 @@ pub fn import_tracks(
                 let path = folder.join(format!("{}.csv", plain(&name)));
                 if let Some(other) = made_from.insert(path.clone(), file) {
                     let other = other.display();
-                    refuse(
-                        aircraft,
-                        format!(
-                            "{} is the recording of {other}; rename one file",
-                            path.display()
-                        ),
-                    );
+                    let path = path.display();
+                    let why = format!("{path} is the recording of {other}; rename one file");
+                    refuse(aircraft, why);
                     continue;
                 }
                 match write_checked(&path, &made.csv(), runway)? {

@@ -1,5 +1,5 @@
-//! JSON lines of `jet1090`: decoded Mode S messages, one per line. Positions have no speed, no geometric
-//! altitude and no roll; the last message that has them supplies these.
+//! JSON lines of `jet1090`: decoded Mode S messages, one per line. Positions have no speed, geometric altitude and roll; the last messages
+//! that have them supply these.
 
 use std::collections::BTreeMap;
 use std::io::BufRead;
@@ -75,20 +75,16 @@ pub(super) fn read<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, St
         let velocity = heard.velocity.filter(|velocity| is_recent(velocity.0));
         let altitude_m = message.altitude.map(|feet| feet * METERS_PER_FOOT);
         let higher_m = velocity.and_then(|velocity| velocity.3);
+        let roll = heard.roll.filter(|roll| is_recent(roll.0));
         let fix = Fix {
             time_s: now_s,
             latitude_deg,
             longitude_deg,
             altitude_m,
-            geometric_m: altitude_m
-                .zip(higher_m)
-                .map(|(low_m, more_m)| low_m + more_m),
+            geometric_m: altitude_m.zip(higher_m).map(|(low, more)| low + more),
             ground_speed_mps: velocity.map(|velocity| velocity.1),
             track_deg: velocity.map(|velocity| velocity.2),
-            roll_deg: heard
-                .roll
-                .filter(|roll| is_recent(roll.0))
-                .map(|roll| roll.1),
+            roll_deg: roll.map(|roll| roll.1),
             on_ground: message.bds.as_deref() == Some(SURFACE),
             ..Fix::default()
         };
