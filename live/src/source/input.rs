@@ -63,8 +63,8 @@ pub(crate) struct Input {
     size_px: [u32; 2],
     sent: VecDeque<Sent>,
     last_number: u64,
-    /// Number of the last image that is damaged itself; those after it are until the next key frame.
-    damage: Option<u64>,
+    /// Numbers of images that are damaged themselves; those after them are until the next key frame. After losses, decoders delay images.
+    damaged: Vec<u64>,
     patience: Arc<Patience>,
     undecoded: Undecoded,
     all_sent: bool,
@@ -147,7 +147,7 @@ impl Input {
             sent: VecDeque::new(),
             last_number: 0,
             // Streams are damaged until their first key frame.
-            damage: matches!(reader, Reader::Rtp(_)).then_some(0),
+            damaged: Vec::from_iter(matches!(reader, Reader::Rtp(_)).then_some(0)),
             reader,
             patience,
             undecoded: Undecoded::default(),
@@ -181,7 +181,7 @@ impl Input {
                 Err(ffmpeg_next::Error::Other { errno })
                     if errno == ffmpeg_next::util::error::EAGAIN => {}
                 // The next key frame is a new beginning.
-                Err(_) => self.damage = Some(self.last_number),
+                Err(_) => self.note_damage(self.last_number),
             }
             self.check_size()?;
             if let Some(fault) = self.undecoded.fault(self.patience.clock.now_s()) {
@@ -230,9 +230,9 @@ impl Input {
             is_prompt: false,
         });
         if coded.is_corrupt() || coded.has_decode_errors() {
-            self.damage = Some(sent.number);
+            self.note_damage(sent.number);
         } else if coded.is_key() {
-            self.damage = self.damage.filter(|damaged| *damaged >= sent.number);
+            self.damaged.retain(|damaged| *damaged >= sent.number);
         }
         let timestamp_s = pts.map(|pts| pts as f64 * self.seconds_per_unit);
         Ok(InputImage {
@@ -242,7 +242,7 @@ impl Input {
             sender_s: sent.sender_s,
             is_prompt: sent.is_prompt,
             recorded_s: (self.recorded.as_ref()).and_then(|recorded| recorded.time_s(timestamp_s?)),
-            is_damaged: self.damage.is_some_and(|damaged| damaged <= sent.number),
+            is_damaged: self.damaged.iter().any(|damaged| *damaged <= sent.number),
         })
     }
 
@@ -292,7 +292,7 @@ impl Input {
     fn send(&mut self, packet: &Packet, sent: Sent, is_damaged: bool) {
         self.last_number = sent.number;
         if is_damaged {
-            self.damage = Some(self.last_number);
+            self.note_damage(self.last_number);
         }
         self.undecoded.sent(self.patience.clock.now_s());
         self.sent.push_back(sent);
@@ -300,7 +300,15 @@ impl Input {
             self.sent.pop_front();
         }
         if self.decoder.send_packet(packet).is_err() {
-            self.damage = Some(self.last_number);
+            self.note_damage(self.last_number);
+        }
+    }
+
+    fn note_damage(&mut self, number: u64) {
+        self.damaged.push(number);
+        if self.damaged.len() > MAX_IN_DECODER {
+            // Without a key frame, the first one counts.
+            self.damaged.remove(1);
         }
     }
 }
