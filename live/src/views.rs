@@ -2,6 +2,7 @@
 
 pub(crate) mod feed;
 mod lockstep;
+mod open_limit;
 mod read_limit;
 pub(crate) mod search;
 pub(crate) mod shared;
@@ -18,13 +19,13 @@ use labeller::Searcher;
 use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
-use crate::options::Pace;
 use crate::queue::Queue;
 use crate::source::gpu::Gpu;
 use crate::source::{Decoder, Source};
 use crate::view_state::ViewWatch;
-use feed::{Feed, Message, OPEN_MS};
+use feed::{Feed, Message};
 use lockstep::Lockstep;
+use open_limit::OpenLimit;
 use read_limit::ReadLimit;
 use search::{Direction, Search};
 use shared::Shared;
@@ -88,19 +89,15 @@ impl Views {
                 shared: shared.clone(),
                 last_time_s: None,
                 connections: 0,
-                open_ms: OPEN_MS,
+                open_limit: OpenLimit::default(),
                 read_limit: ReadLimit::default(),
             };
             let thread = format!("feed {name}");
             threads.push(spawn(thread, send.clone(), move || feed.run())?);
-            let search = searcher.view_search(&camera)?;
             let search = Search {
                 view,
                 name: name.clone(),
-                search: match shared.pace {
-                    Pace::AsFastAsPossible => search,
-                    _ => search.spread(),
-                },
+                search: searcher.view_search(&camera)?,
                 direction: Direction::default(),
                 tracks: [0; 2],
                 queue,

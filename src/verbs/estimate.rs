@@ -84,11 +84,8 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
     refuse_another_detector(&run, &searcher)?;
     let passwords = passwords(&given.password_files, run.views())?;
     let with_password = |(view, source): (String, Source)| {
-        let mut source = source.with_password(passwords.get(&view).cloned());
-        if given.insecure_tls.contains(&view) {
-            source = source.with_insecure_tls();
-        }
-        (view, source)
+        let password = passwords.get(&view).cloned();
+        (view, source.with_password(password))
     };
     let options = Options {
         run,
