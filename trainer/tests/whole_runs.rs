@@ -236,11 +236,11 @@ fn a_run_of_another_version_is_refused_as_such_whatever_else_it_lacks() {
     for (summary, expected) in [
         (
             r#"{"format": 9, "dtd": "0.0.9"}"#,
-            "format 9, written by dtd 0.0.9, and this version reads format 13; train again",
+            "format 9, written by dtd 0.0.9, and this version reads format 14; train again",
         ),
         (
             r#"{"format": 99, "dtd": "9.9.0"}"#,
-            "format 99, written by dtd 9.9.0, and this version reads format 13; update dtd",
+            "format 99, written by dtd 9.9.0, and this version reads format 14; update dtd",
         ),
     ] {
         fs::write(&path, summary).unwrap();
