@@ -7,7 +7,7 @@ mod tables;
 mod x_plane;
 
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read, Take};
 use std::path::Path;
 
 use dataset::files::outside_file::{self, FileKind};
@@ -91,11 +91,8 @@ pub(super) fn read(
     } else {
         let read = if head.starts_with(GZIP) {
             let most_bytes = bytes.saturating_mul(MAX_EXPANSION);
-            text(
-                BufReader::new(MultiGzDecoder::new(plain).take(most_bytes)),
-                named,
-                target,
-            )
+            let unpacked = Bounded::of(MultiGzDecoder::new(plain), most_bytes);
+            text(BufReader::new(unpacked), named, target)
         } else {
             text(plain, named, target)
         };
@@ -111,6 +108,27 @@ pub(super) fn read(
     Ok(tracks)
 }
 
+/// A reader that fails beyond a number of bytes: a shortened table would look like a whole one.
+struct Bounded<R>(Take<R>);
+
+impl<R: Read> Bounded<R> {
+    fn of(reader: R, most_bytes: u64) -> Self {
+        Self(reader.take(most_bytes.saturating_add(1)))
+    }
+}
+
+impl<R: Read> Read for Bounded<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let bytes = self.0.read(buffer)?;
+        if self.0.limit() == 0 {
+            return Err(io::Error::other(
+                "its content is larger than tracks are; divide it, or unpack it first",
+            ));
+        }
+        Ok(bytes)
+    }
+}
+
 /// The tracks in a file that is not a Parquet table; the error is the reason why there are none.
 fn text<R: BufRead>(
     mut file: R,
@@ -120,7 +138,7 @@ fn text<R: BufRead>(
     let head = file.fill_buf().map_err(|error| error.to_string())?.to_vec();
     let document = |file: R| {
         let mut bytes = Vec::new();
-        let read = file.take(MAX_DOCUMENT_BYTES).read_to_end(&mut bytes);
+        let read = Bounded::of(file, MAX_DOCUMENT_BYTES).read_to_end(&mut bytes);
         read.map(|_| bytes).map_err(|error| error.to_string())
     };
     if jet1090::is_one(&head) {
@@ -188,4 +206,21 @@ fn tracks_of(kept: BTreeMap<String, NearFixes>) -> Vec<Track> {
         coarse: 0,
     };
     kept.into_iter().map(track).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_content_than_a_bound_is_an_error_and_not_a_shorter_table() {
+        let read = |most_bytes: u64| {
+            let mut text = String::new();
+            let read = Bounded::of(&b"time,lat"[..], most_bytes).read_to_string(&mut text);
+            read.map(|_| text).map_err(|error| error.to_string())
+        };
+        assert_eq!(read(8).unwrap(), "time,lat");
+        let said = read(7).unwrap_err();
+        assert!(said.contains("larger than tracks are"), "{said}");
+    }
 }

@@ -336,7 +336,7 @@ struct Connection {
 /// useless.
 fn reports_of(end: Result<End, OpenFault>, is_recorded: bool, goes_on: bool) -> Vec<Report> {
     match end {
-        // The conductor is told before.
+        // The conductor has been told already.
         Ok(End::Stopped) | Err(OpenFault::Disk(_)) => Vec::new(),
         Ok(End::Useless(why)) | Err(OpenFault::Wrong(why) | OpenFault::Useless(why))
             if !goes_on =>

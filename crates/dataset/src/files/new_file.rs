@@ -57,7 +57,7 @@ impl NewFile {
         &mut self.file
     }
 
-    /// Where it is until it is committed, for readers that check it.
+    /// The path until it is committed, for checks of the content.
     pub fn temporary(&self) -> &Path {
         &self.temporary
     }

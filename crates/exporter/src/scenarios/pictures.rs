@@ -21,7 +21,7 @@ pub(crate) struct ViewPictures<'a> {
     next: u32,
 }
 
-/// From this many images on it takes less to seek than to decode them: half of those between two key frames.
+/// Minimum number of skipped images for a seek, which decodes as many on average: half of those between two key frames.
 const SEEK: u32 = GROUP_OF_PICTURES / 2;
 
 impl<'a> ViewPictures<'a> {

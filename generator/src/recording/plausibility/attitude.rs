@@ -5,6 +5,7 @@
 //! below.
 
 use dataset::geometry::pose::FlightState;
+use dataset::numbers::least_squares::{NormalEquations, dot};
 use dataset::numbers::spread::median_of;
 use dataset::numbers::units::Degrees;
 
@@ -21,7 +22,7 @@ const ATTACK_DEG: std::ops::RangeInclusive<f64> = -3.0..=15.0;
 const PART_S: f64 = 4.0;
 /// Minimum number of means, a minute's worth: fewer may all be one gust.
 const MIN_PARTS: usize = 15;
-/// What is needed varies by more than this, degrees (standard deviation), or says nothing.
+/// Minimum standard deviation of the needed angles for a verdict, degrees.
 const MIN_NEEDED_DEG: f64 = 0.1;
 /// A slope that is outside by three standard errors is wrong.
 const SLOPES: std::ops::RangeInclusive<f64> = 0.3..=2.0;
@@ -210,18 +211,18 @@ fn slope_of(points: Vec<[f64; 2]>) -> Option<[f64; 2]> {
     let count = points.len() as f64;
     let near = |point: &[f64; 2]| [0, 1].map(|at| Degrees(point[at] - first[at]).wrapped_180().0);
     let points: Vec<[f64; 2]> = points.iter().map(near).collect();
-    let means = [0, 1].map(|at| mean(points.iter().map(|point| point[at])));
-    let moment = |one: usize, other: usize| {
-        let products = points
-            .iter()
-            .map(|at| (at[one] - means[one]) * (at[other] - means[other]));
-        products.sum::<f64>()
-    };
-    let (xx, xy, yy) = (moment(0, 0), moment(0, 1), moment(1, 1));
-    if points.len() < MIN_PARTS || xx < count * MIN_NEEDED_DEG * MIN_NEEDED_DEG {
+    let mut line = NormalEquations::new(2);
+    for [first, second] in &points {
+        line.add(&[1.0, *first], *second, 1.0);
+    }
+    let fitted: [f64; 2] = line.solve_for()?;
+    let unit_variance = line.inverse()?[1][1];
+    if points.len() < MIN_PARTS || 1.0 < unit_variance * count * MIN_NEEDED_DEG * MIN_NEEDED_DEG {
         return None;
     }
-    let slope = xy / xx;
-    let left = (yy - slope * xy).max(0.0) / (count - 2.0);
-    Some([slope, (left / xx).sqrt()])
+    let left = points
+        .iter()
+        .map(|[first, second]| second - dot(&[1.0, *first], &fitted));
+    let variance = left.map(|left| left * left).sum::<f64>() / (count - 2.0);
+    Some([fitted[1], (variance * unit_variance).sqrt()])
 }

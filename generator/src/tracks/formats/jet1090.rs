@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::{Fix, NearFixes, Track};
 
-/// What other messages say is forgotten after this time, seconds.
+/// Maximum age of what other messages have reported, seconds.
 const MAX_AGE_S: f64 = 5.0;
 /// Positions on the ground (BDS register).
 const SURFACE: &str = "06";

@@ -10,8 +10,8 @@ use tempfile::{TempDir, tempdir};
 
 use crate::args::Args;
 
-/// Arguments that take any path, since they name what is read, or any text. Whoever adds one to this list knows that nothing is written
-/// there. `install-plugin` writes only into a folder that it knows as an X-Plane.
+/// Arguments that take any path, because they name an input, or any text. Add one to this list only if nothing is written there.
+/// `install-plugin` writes only into a folder that it knows as an X-Plane.
 const INPUTS: [&str; 39] = [
     "airport",
     "airports",

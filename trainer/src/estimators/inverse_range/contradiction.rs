@@ -46,7 +46,7 @@ pub enum Evidence {
 }
 
 impl Evidence {
-    /// Gusts move the rows of both views alike, but not those of two flights, to both sides.
+    /// Rows may be off to both sides: each of two flights has its own gusts, while those of one aircraft move the rows of both views alike.
     fn window(self) -> Window {
         Window {
             duration_s: match self {

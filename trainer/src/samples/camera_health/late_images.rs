@@ -29,9 +29,9 @@ const CERTAIN: f64 = 3.0;
 /// Standard deviation of a lag, relative to it. Views that were five seconds late (`late-5s` of scripts/moved_cameras.py) had lags that
 /// were off by up to 1 % in clear weather, and by up to 9 % in fog, where only the last five miles are seen.
 const PART_SD: f64 = 0.03;
-/// Scatter of the rows, in their standard deviations, above which no lag explains them, because the views show two aircraft: those of two
-/// flights had 2.6 to 45 after half a minute (tests/judges/live_wrong_views.py), and 90 flights of scripts/moved_cameras.py at most 1.44,
-/// late or not.
+/// Maximum scatter of the rows after a fit of the lag, in their standard deviations. More shows two aircraft: pairs of flights had 2.6 to
+/// 45 after half a minute (tests/judges/live_wrong_views.py). In 90 flights of one aircraft, late or not, it was at most 1.44
+/// (scripts/moved_cameras.py).
 const MAX_EXCESS: f64 = 2.0;
 /// Changes of one view's lag that two pairs of views tell are the same if they are so near, s: an image every two seconds.
 const SAME_CHANGE_S: f64 = 2.0;
@@ -535,6 +535,20 @@ mod tests {
         assert_eq!(shown([late, on_time]), [always(0.2), always(0.0)]);
         assert_eq!(shown([on_time, lost]), [always(0.0), early.clone()]);
         assert_eq!(shown([lost, on_time]), [early, always(0.0)]);
+    }
+
+    #[test]
+    fn rows_that_no_lag_explains_are_of_two_aircraft_and_tell_none() {
+        let seen = |tick: u32| {
+            let time_s = f64::from(tick);
+            let [first, second] = [time_s, time_s - 0.4].map(place_px);
+            let gust_px = 1.5 * (0.9 * time_s).sin();
+            let apart = DVec2::new(60.0, 3.0 + gust_px);
+            Observation::registered_at(tick, [first, second + apart])
+        };
+        let flight: Vec<Observation> = (0..120).map(seen).collect();
+        let lags = lags_by(&[pair()], &[], 2, &flight.iter().collect::<Vec<_>>()).unwrap();
+        assert!(!lags.iter().flatten().any(is_corrected), "{lags:?}");
     }
 
     #[test]

@@ -236,7 +236,7 @@ impl Follower {
         }
     }
 
-    /// Counts the time for which views show different approaching objects where they should show the same, as those of two flights do.
+    /// Adds to the doubt about an object while another view sees a different approaching one in its place, as with videos of two flights.
     fn doubt(&mut self, tick: &Tick, step_s: f64) {
         for index in 0..self.aircraft.len() {
             let of = &self.aircraft[index];

@@ -12,7 +12,7 @@ pub(super) const MIN_TICKS: usize = 5;
 /// scripts/moved_cameras.py), 4 had residuals that were five deviations off their median, at most 2 of 11.
 const OUTLIERS: f64 = 0.1;
 
-/// How long a residual has to last, and how.
+/// Duration of a contradiction, and the statistic of its residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Window {
     pub(super) duration_s: f64,
