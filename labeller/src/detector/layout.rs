@@ -17,7 +17,6 @@
 //! `cells` is the number of cells of the grids of strides 8, 16 and 32, and of 64 in YOLOv5 and v7 for large images. A model that is
 //! read wrongly declares its layout in its [`ModelProfile`](super::ModelProfile). `docs/detectors.md` says more of each.
 
-use std::cell;
 use std::fmt;
 use std::ops::RangeInclusive;
 
@@ -76,8 +75,6 @@ pub(super) struct Decoding {
     pub(super) origin: BoxOrigin,
     pub(super) window_px: [u32; 2],
     pub(super) score_floor: f64,
-    /// A score that is no probability, once there was one.
-    pub(super) wrong_score: cell::Cell<Option<f32>>,
 }
 
 /// Probabilities, with their rounding errors.
@@ -254,24 +251,16 @@ fn misfit(shape: &[usize], expected: &str, windows: usize, layout: Layout) -> Mo
     ))
 }
 
+/// The candidates that are boxes.
+fn found(
+    candidates: impl Iterator<Item = Result<Option<ScoredBox>, ModelFault>>,
+) -> Result<Vec<ScoredBox>, ModelFault> {
+    candidates.filter_map(Result::transpose).collect()
+}
+
 impl Decoding {
     /// Boxes of each of `windows` windows. A window without a candidate has none.
     pub(super) fn decode(
-        &self,
-        answer: Answer<'_>,
-        windows: usize,
-    ) -> Result<Vec<Vec<ScoredBox>>, ModelFault> {
-        let found = self.boxes_of(answer, windows)?;
-        match self.wrong_score.get() {
-            None => Ok(found),
-            Some(score) => Err(ModelFault::new(format!(
-                "has a score of {score}, expected 0 to 1; if its scores are logits, say score_form = \"logit\" in its settings, or \"softmax\" \
-                 if its last class is `no object`"
-            ))),
-        }
-    }
-
-    fn boxes_of(
         &self,
         answer: Answer<'_>,
         windows: usize,
@@ -310,38 +299,38 @@ impl Decoding {
                 self.corners(of_window)
             }
         };
-        Ok(answer.of_windows(windows).into_iter().map(boxes).collect())
+        answer.of_windows(windows).into_iter().map(boxes).collect()
     }
 
-    fn rows(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
+    fn rows(&self, answer: &[f32], columns: usize) -> Result<Vec<ScoredBox>, ModelFault> {
         let scored = |row: &[f32]| {
-            let score = self.score(row[4]) * self.score(row[5 + self.class]);
-            self.boxed([row[0], row[1], row[2], row[3]], score)
+            let score = self.score(row[4])? * self.score(row[5 + self.class])?;
+            Ok(self.boxed([row[0], row[1], row[2], row[3]], score))
         };
-        answer.chunks_exact(columns).filter_map(scored).collect()
+        found(answer.chunks_exact(columns).map(scored))
     }
 
-    fn class_rows(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
+    fn class_rows(&self, answer: &[f32], columns: usize) -> Result<Vec<ScoredBox>, ModelFault> {
         let scored = |row: &[f32]| {
             let score = match self.meaning.scores {
                 ScoreForm::Softmax => softmax(&row[4..])[self.class],
-                _ => self.score(row[4 + self.class]),
+                _ => self.score(row[4 + self.class])?,
             };
-            self.boxed([row[0], row[1], row[2], row[3]], score)
+            Ok(self.boxed([row[0], row[1], row[2], row[3]], score))
         };
-        answer.chunks_exact(columns).filter_map(scored).collect()
+        found(answer.chunks_exact(columns).map(scored))
     }
 
-    fn columns(&self, answer: &[f32], candidates: usize) -> Vec<ScoredBox> {
+    fn columns(&self, answer: &[f32], candidates: usize) -> Result<Vec<ScoredBox>, ModelFault> {
         let value = |field: usize, candidate: usize| answer[field * candidates + candidate];
         let scored = |k: usize| {
-            let score = self.score(value(4 + self.class, k));
-            self.boxed([0, 1, 2, 3].map(|field| value(field, k)), score)
+            let score = self.score(value(4 + self.class, k))?;
+            Ok(self.boxed([0, 1, 2, 3].map(|field| value(field, k)), score))
         };
-        (0..candidates).filter_map(scored).collect()
+        found((0..candidates).map(scored))
     }
 
-    fn yolox(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
+    fn yolox(&self, answer: &[f32], columns: usize) -> Result<Vec<ScoredBox>, ModelFault> {
         let scored = |(row, cell): (&[f32], Cell)| {
             let Cell {
                 stride_px: stride,
@@ -350,25 +339,22 @@ impl Decoding {
             } = cell;
             let centre = [(row[0] + column) * stride, (row[1] + line) * stride];
             let size = [row[2].exp() * stride, row[3].exp() * stride];
-            self.centred(
-                [centre[0], centre[1], size[0], size[1]],
-                self.score(row[4]) * self.score(row[5 + self.class]),
-            )
+            let score = self.score(row[4])? * self.score(row[5 + self.class])?;
+            Ok(self.centred([centre[0], centre[1], size[0], size[1]], score))
         };
-        answer
-            .chunks_exact(columns)
-            .zip(cells_in_order(self.window_px))
-            .filter_map(scored)
-            .collect()
+        let rows = answer.chunks_exact(columns);
+        found(rows.zip(cells_in_order(self.window_px)).map(scored))
     }
 
-    fn corners(&self, answer: &[f32]) -> Vec<ScoredBox> {
+    fn corners(&self, answer: &[f32]) -> Result<Vec<ScoredBox>, ModelFault> {
         let scored = |row: &[f32]| {
-            (row[5] == self.class as f32)
-                .then(|| self.boxed([row[0], row[1], row[2], row[3]], self.score(row[4])))
-                .flatten()
+            if row[5] != self.class as f32 {
+                return Ok(None);
+            }
+            let score = self.score(row[4])?;
+            Ok(self.boxed([row[0], row[1], row[2], row[3]], score))
         };
-        answer.chunks_exact(6).filter_map(scored).collect()
+        found(answer.chunks_exact(6).map(scored))
     }
 
     fn batch_corners(
@@ -404,22 +390,25 @@ impl Decoding {
             if let Some(boxes) = found.get_mut(window as usize)
                 && row[class] == self.class as f32
             {
-                let score = self.score(row[score]);
+                let score = self.score(row[score])?;
                 boxes.extend(self.boxed([row[1], row[2], row[3], row[4]], score));
             }
         }
         Ok(found)
     }
 
-    fn score(&self, number: f32) -> f32 {
+    fn score(&self, number: f32) -> Result<f32, ModelFault> {
         match self.meaning.scores {
-            ScoreForm::Probability | ScoreForm::Softmax => {
-                if number.is_finite() && !PROBABILITIES.contains(&number) {
-                    self.wrong_score.set(Some(number));
-                }
-                number
+            ScoreForm::Logit => Ok(1.0 / (1.0 + (-number).exp())),
+            ScoreForm::Probability | ScoreForm::Softmax
+                if number.is_finite() && !PROBABILITIES.contains(&number) =>
+            {
+                Err(ModelFault::new(format!(
+                    "has a score of {number}, expected 0 to 1; if its scores are logits, say score_form = \"logit\" in its settings, or \"softmax\" \
+                     if its last class is `no object`"
+                )))
             }
-            ScoreForm::Logit => 1.0 / (1.0 + (-number).exp()),
+            ScoreForm::Probability | ScoreForm::Softmax => Ok(number),
         }
     }
 

@@ -170,7 +170,6 @@ impl OrtDetector {
             origin: self.profile.origin(meaning.layout),
             window_px: size_px,
             score_floor,
-            wrong_score: Default::default(),
         };
         self.run(run, size_px, |outputs| {
             read_answer(outputs, boxes, |answer| decoding.decode(answer, windows))

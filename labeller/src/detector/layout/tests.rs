@@ -17,7 +17,6 @@ struct Said {
 
 fn decoding(layout: Layout, class: usize) -> Decoding {
     Decoding {
-        wrong_score: Default::default(),
         meaning: Meaning::usual(layout),
         class,
         origin: layout.usual_origin(),
