@@ -275,10 +275,11 @@ impl<'a> Path<'a> {
     }
 
     /// Finds the touchdown: by the first fix on the ground, or where the path reaches it; after the end of the track by its last sink rate.
+    /// Single reports in mid flight claim the ground by mistake.
     fn land(&mut self, seen: &[ArrivalFix]) {
+        let flies = seen.iter().rposition(|at| !at.fix.on_ground);
         let rolls_s = seen
-            .iter()
-            .find(|at| at.fix.on_ground)
+            .get(flies.map_or(0, |last| last + 1))
             .map(|at| at.fix.time_s);
         let last = self.height[self.height.len() - 1];
         let from_s = self.height[0].time_s;

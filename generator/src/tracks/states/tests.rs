@@ -134,3 +134,22 @@ fn derived_roll_and_pitch_are_near_those_that_an_a320_recorded() {
         );
     }
 }
+
+#[test]
+fn a_report_in_mid_flight_that_claims_the_ground_is_no_touchdown() {
+    let runway = crate::airports::bundled("WSSS", "02L").unwrap();
+    let mut seen = reported(&recorded(), &runway);
+    let datum = Datum::of(&seen, &runway).unwrap();
+    let lands_s = |seen: &[ArrivalFix]| Path::through(seen, datum, &runway).0.touchdown_s;
+    let expected_s = lands_s(&seen);
+    let middle = seen.len() / 2;
+    seen[middle].fix.on_ground = true;
+    let found_s = lands_s(&seen);
+    assert!(
+        (found_s - expected_s).abs() < 1.0,
+        "{found_s} s instead of {expected_s} s"
+    );
+    let last = seen.len() - 1;
+    seen[last].fix.on_ground = true;
+    assert!(lands_s(&seen) <= seen[last].fix.time_s);
+}
