@@ -13,12 +13,11 @@ use crate::error::Error;
 use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
 use crate::queue::{Queue, lock};
-use crate::source::address::{OpenFault, Patience};
-use crate::source::input::{End, Input, InputImage, other_size};
+use crate::source::input::{Input, InputImage, other_size};
+use crate::source::limits::{End, OpenFault, Patience};
 use crate::source::{Decoder, Source};
 use crate::view_state::image_look::Looks;
 use crate::view_state::{DecodedLook, ViewState, ViewWatch};
-use crate::views::open_limit::OpenLimit;
 use crate::views::read_limit::ReadLimit;
 use crate::views::search::Searched;
 use crate::views::shared::Shared;
@@ -26,6 +25,9 @@ use crate::views::shared::Shared;
 /// Milliseconds before a lost source is opened again: at first, and at most.
 const FIRST_DELAY_MS: u64 = 100;
 const MAX_DELAY_MS: u64 = 1_000;
+/// Milliseconds within which a source must open: at first, and for one that is slow, with a doubled limit after each attempt.
+pub(crate) const OPEN_MS: u64 = 4_000;
+const MAX_OPEN_MS: u64 = 32_000;
 
 pub(crate) struct FeedImage {
     pub(crate) image: DecodedImage,
@@ -95,7 +97,8 @@ pub(crate) struct Feed {
     pub(crate) last_time_s: Option<f64>,
     /// Number of connections until now.
     pub(crate) connections: u32,
-    pub(crate) open_limit: OpenLimit,
+    /// Time limit of the next attempt to open the source, ms.
+    pub(crate) open_ms: u64,
     pub(crate) read_limit: ReadLimit,
 }
 
@@ -157,7 +160,7 @@ impl Feed {
     fn once(&mut self) -> Result<End, OpenFault> {
         let clock = self.shared.clock;
         let patience = Patience::new(clock, self.shared.stop.clone());
-        let (most_ms, began_s) = (self.open_limit.next_ms(), clock.now_s());
+        let (most_ms, began_s) = (self.open_ms, clock.now_s());
         let opened = Input::open(
             &self.source,
             self.decoder,
@@ -166,8 +169,9 @@ impl Feed {
             patience,
             most_ms,
         );
-        let took_s = clock.now_s() - began_s;
-        self.open_limit.take(opened.is_ok(), took_s);
+        if opened.is_err() && clock.now_s() - began_s >= 1e-3 * most_ms as f64 {
+            self.open_ms = (2 * most_ms).min(MAX_OPEN_MS);
+        }
         let mut input = opened?;
         self.connections = self.connections.wrapping_add(1);
         self.report(Report::Opened {
@@ -217,7 +221,7 @@ impl Feed {
             None => {
                 // Later images with a different size count as damaged.
                 if size_px != self.size_px {
-                    return Err(other_size(size_px, self.size_px));
+                    return Err(OpenFault::Wrong(other_size(size_px, self.size_px)));
                 }
                 self.report(Report::FirstImage { size_px, clock });
             }
@@ -301,6 +305,7 @@ impl Feed {
                     arrival_s: image.arrival_s,
                     timestamp_s: image.timestamp_s,
                     sender_s: image.sender_s,
+                    is_prompt: image.is_prompt,
                 };
                 let others_s = shared.sender_delays_s(self.view);
                 connection.stamper.stamp(clues, &others_s)
