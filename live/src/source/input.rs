@@ -12,6 +12,7 @@ use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::util::frame::side_data::Type as FrameData;
 use ffmpeg_next::{Dictionary, Packet, decoder, format, frame, media};
 
+use crate::clock::Clues;
 use crate::source::address::{self, Opened, RecordedTimes};
 use crate::source::gpu::Gpu;
 use crate::source::limits::{End, OpenFault, Patience};
@@ -28,15 +29,9 @@ const MAX_IN_DECODER: usize = 64;
 /// A decoded image with its times.
 pub(crate) struct InputImage {
     pub(crate) image: DecodedImage,
-    /// When its last packet arrived, seconds since the start.
-    pub(crate) arrival_s: f64,
-    pub(crate) timestamp_s: Option<f64>,
-    /// The sender's wall clock, seconds since the start.
-    pub(crate) sender_s: Option<f64>,
+    pub(crate) clues: Clues,
     pub(crate) recorded_s: Option<f64>,
     pub(crate) is_damaged: bool,
-    /// It was waited for, so that the arrival is the true one.
-    pub(crate) is_prompt: bool,
 }
 
 /// Reader of coded images.
@@ -50,9 +45,7 @@ enum Reader {
 struct Sent {
     number: u64,
     pts: Option<i64>,
-    arrival_s: f64,
-    sender_s: Option<f64>,
-    is_prompt: bool,
+    clues: Clues,
 }
 
 pub(crate) struct Input {
@@ -109,7 +102,6 @@ impl Input {
                     Coding::H264 => codec::Id::H264,
                     Coding::H265 => codec::Id::HEVC,
                     Coding::Jpeg => codec::Id::MJPEG,
-                    Coding::Mpeg4 => codec::Id::MPEG4,
                 };
                 let unit = 1.0 / f64::from(stream.video.clock_hz);
                 (
@@ -158,17 +150,6 @@ impl Input {
 
     pub(crate) fn codec(&self) -> &'static str {
         self.decoder.id().name()
-    }
-
-    /// Time between images that the source announces, seconds.
-    pub(crate) fn announced_interval_s(&self) -> Option<f64> {
-        let interval_s = match &self.reader {
-            Reader::Container(input, index) => {
-                f64::from(input.stream(*index)?.avg_frame_rate()).recip()
-            }
-            Reader::Rtp(stream) => stream.video.interval_s?,
-        };
-        Some(interval_s).filter(|interval_s| interval_s.is_finite() && *interval_s > 0.0)
     }
 
     /// The next image; `most_ms`: for each coded one.
@@ -225,25 +206,29 @@ impl Input {
         let sent = sent.unwrap_or_else(|| Sent {
             number: self.last_number,
             pts,
-            arrival_s: self.patience.clock.now_s(),
-            sender_s: None,
-            is_prompt: false,
+            clues: self.clues(pts),
         });
         if coded.is_corrupt() || coded.has_decode_errors() {
             self.note_damage(sent.number);
         } else if coded.is_key() {
             self.damaged.retain(|damaged| *damaged >= sent.number);
         }
-        let timestamp_s = pts.map(|pts| pts as f64 * self.seconds_per_unit);
+        let recorded = self.recorded.as_ref().zip(sent.clues.timestamp_s);
         Ok(InputImage {
-            timestamp_s,
             image: DecodedImage::of(coded),
-            arrival_s: sent.arrival_s,
-            sender_s: sent.sender_s,
-            is_prompt: sent.is_prompt,
-            recorded_s: (self.recorded.as_ref()).and_then(|recorded| recorded.time_s(timestamp_s?)),
+            clues: sent.clues,
+            recorded_s: recorded.and_then(|(recorded, at_s)| recorded.time_s(at_s)),
             is_damaged: self.damaged.iter().any(|damaged| *damaged <= sent.number),
         })
+    }
+
+    /// Clues to the time of an image that comes now.
+    fn clues(&self, pts: Option<i64>) -> Clues {
+        Clues {
+            arrival_s: self.patience.clock.now_s(),
+            timestamp_s: pts.map(|pts| pts as f64 * self.seconds_per_unit),
+            ..Clues::default()
+        }
     }
 
     fn read(&mut self, most_ms: u64) -> Result<(), End> {
@@ -253,28 +238,15 @@ impl Input {
                 let coded = stream.next(most_ms)?;
                 let mut packet = Packet::copy(&coded.data);
                 packet.set_pts(Some(coded.pts));
-                let sent = Sent {
-                    number: self.last_number + 1,
-                    pts: packet.pts(),
-                    arrival_s: coded.arrival_s,
-                    sender_s: coded.sender_s,
-                    is_prompt: coded.is_prompt,
-                };
-                self.send(&packet, sent, coded.is_damaged);
+                self.send(&packet, coded.clues, coded.is_damaged);
                 return Ok(());
             }
         };
         self.patience.wait(most_ms);
         match next_packet(input, index, &self.patience) {
             Ok(packet) => {
-                let sent = Sent {
-                    number: self.last_number + 1,
-                    pts: packet.pts(),
-                    arrival_s: self.patience.clock.now_s(),
-                    sender_s: None,
-                    is_prompt: false,
-                };
-                self.send(&packet, sent, packet.is_corrupt());
+                let clues = self.clues(packet.pts());
+                self.send(&packet, clues, packet.is_corrupt());
                 Ok(())
             }
             Err(_) if self.patience.is_stopped() => Err(End::Stopped),
@@ -289,13 +261,17 @@ impl Input {
         }
     }
 
-    fn send(&mut self, packet: &Packet, sent: Sent, is_damaged: bool) {
-        self.last_number = sent.number;
+    fn send(&mut self, packet: &Packet, clues: Clues, is_damaged: bool) {
+        self.last_number += 1;
         if is_damaged {
             self.note_damage(self.last_number);
         }
         self.undecoded.sent(self.patience.clock.now_s());
-        self.sent.push_back(sent);
+        self.sent.push_back(Sent {
+            number: self.last_number,
+            pts: packet.pts(),
+            clues,
+        });
         if self.sent.len() > MAX_IN_DECODER {
             self.sent.pop_front();
         }

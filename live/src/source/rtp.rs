@@ -12,12 +12,12 @@ mod sockets;
 mod units;
 
 use std::collections::VecDeque;
-use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
 use dataset::files::outside_file::{self, FileKind};
 
+use crate::clock::Clues;
 use crate::source::Stream;
 use crate::source::limits::{End, OpenFault, Patience};
 use packets::{Order, Packet, Timeline, sender_report};
@@ -35,13 +35,8 @@ const MIN_SPAN_S: f64 = 4.0;
 pub(crate) struct CodedImage {
     pub(crate) pts: i64,
     pub(crate) data: Vec<u8>,
-    /// Arrival of its last packet, seconds since the start.
-    pub(crate) arrival_s: f64,
-    /// The sender's wall clock, seconds since the start.
-    pub(crate) sender_s: Option<f64>,
+    pub(crate) clues: Clues,
     pub(crate) is_damaged: bool,
-    /// It was waited for.
-    pub(crate) is_prompt: bool,
 }
 
 pub(crate) struct RtpStream {
@@ -102,10 +97,7 @@ impl RtpStream {
     /// The next image; `most_ms`: maximum wait for it.
     pub(crate) fn next(&mut self, most_ms: u64) -> Result<CodedImage, End> {
         self.patience.wait(most_ms);
-        let was_waiting = self
-            .has_packet()
-            .map_err(|error| End::Lost(error.to_string()))?;
-        self.is_prompt = self.ready.is_empty() && !was_waiting;
+        self.is_prompt = self.ready.is_empty() && !self.has_packet();
         loop {
             if let Some(image) = self.ready.pop_front() {
                 return Ok(image);
@@ -121,11 +113,10 @@ impl RtpStream {
     }
 
     /// True if packets have come that are not read yet.
-    fn has_packet(&self) -> io::Result<bool> {
+    fn has_packet(&self) -> bool {
         match (&self.sockets, &self.server) {
             (Some(sockets), _) => sockets.has_packet(),
-            (None, Some(server)) => server.has_packet(),
-            (None, None) => Ok(false),
+            (None, server) => server.as_ref().is_some_and(|of| of.link.has_bytes()),
         }
     }
 
@@ -178,13 +169,17 @@ impl RtpStream {
             } in self.units.take(&packet, has_loss).into_iter().flatten()
             {
                 let pts = self.times.advance(timestamp);
+                let clues = Clues {
+                    arrival_s,
+                    timestamp_s: Some(pts as f64 / f64::from(self.video.clock_hz)),
+                    sender_s: self.sender_s(pts),
+                    is_prompt: self.is_prompt,
+                };
                 self.ready.push_back(CodedImage {
                     pts,
                     data,
-                    arrival_s,
-                    sender_s: self.sender_s(pts),
+                    clues,
                     is_damaged,
-                    is_prompt: self.is_prompt,
                 });
             }
         }
@@ -238,7 +233,7 @@ mod tests {
         let report = [
             0x80, 200, 0, 6, 0, 0, 0, 7, 1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0, 0,
         ];
-        for coding in [Coding::H264, Coding::H265, Coding::Jpeg, Coding::Mpeg4] {
+        for coding in [Coding::H264, Coding::H265, Coding::Jpeg] {
             let (mut order, mut units) = (Order::new(0.0), Units::new(coding, Vec::new()));
             for _ in 0..20_000 {
                 let mut changed = |bytes: &[u8]| {

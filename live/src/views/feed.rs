@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 
 use dataset::video::DecodedImage;
 
-use crate::clock::{ClockSource, Clues, Stamp, Stamper};
+use crate::clock::{ClockSource, Stamp, Stamper};
 use crate::error::Error;
 use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
@@ -177,9 +177,6 @@ impl Feed {
         self.report(Report::Opened {
             codec: input.codec(),
         });
-        if let Some(interval_s) = input.announced_interval_s() {
-            self.read_limit.announced(interval_s);
-        }
         let mut connection = Connection::default();
         loop {
             let image = match input.next(self.read_limit.next_ms()) {
@@ -191,7 +188,7 @@ impl Feed {
                     return Ok(end);
                 }
             };
-            let arrival_s = image.arrival_s;
+            let arrival_s = image.clues.arrival_s;
             if let Some(last_s) = connection.arrival_s.replace(arrival_s) {
                 self.read_limit.came(arrival_s - last_s);
             }
@@ -245,7 +242,7 @@ impl Feed {
         let arrival_s = match stamp.clock {
             // It is due now.
             ClockSource::Recording => decoded_s,
-            _ => image.arrival_s,
+            _ => image.clues.arrival_s,
         };
         shared.metrics.time(Stage::Decode, decoded_s - arrival_s);
         if !state.can_be_measured() {
@@ -290,10 +287,10 @@ impl Feed {
         connection: &mut Connection,
     ) -> Option<(Stamp, f64, f64)> {
         let shared = self.shared.clone();
-        let recorded_s = image.recorded_s.or(image.timestamp_s);
+        let recorded_s = image.recorded_s.or(image.clues.timestamp_s);
         let recorded_s = recorded_s.filter(|_| self.source.is_recorded());
         let stamp = match (recorded_s, shared.pace) {
-            (Some(_), Pace::AsFastAsPossible) => Stamp::recorded(image.arrival_s),
+            (Some(_), Pace::AsFastAsPossible) => Stamp::recorded(image.clues.arrival_s),
             (Some(recorded_s), _) => {
                 let now_s = shared.clock.now_s();
                 let start_s = *shared.recordings_s.get_or_init(|| now_s - recorded_s);
@@ -301,14 +298,8 @@ impl Feed {
                 Stamp::recorded(start_s + recorded_s)
             }
             (None, _) => {
-                let clues = Clues {
-                    arrival_s: image.arrival_s,
-                    timestamp_s: image.timestamp_s,
-                    sender_s: image.sender_s,
-                    is_prompt: image.is_prompt,
-                };
                 let others_s = shared.sender_delays_s(self.view);
-                connection.stamper.stamp(clues, &others_s)
+                connection.stamper.stamp(image.clues, &others_s)
             }
         };
         shared.set_clock(self.view, &stamp);

@@ -1,6 +1,5 @@
 //! Asks an RTSP server for its video (RFC 2326). Redirects are not followed, and nothing but the video is set up.
 
-use std::collections::VecDeque;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -16,13 +15,11 @@ use super::sockets::Sockets;
 use crate::source::limits::{OpenFault, Patience};
 use crate::source::{Stream, Transport, shown};
 
-/// Packets that may come before the answer to PLAY.
-const MAX_EARLY: usize = 256;
 /// A server ends a session after this time without a request, unless it says otherwise (RFC 2326, 12.37), s.
 const SESSION_S: u64 = 60;
 
 pub(super) struct Server {
-    link: Link,
+    pub(super) link: Link,
     /// Address without user and password, to ask for.
     address: String,
     user: Option<[String; 2]>,
@@ -33,7 +30,6 @@ pub(super) struct Server {
     keeps: (&'static str, Duration, Instant),
     /// Channels of packets and of reports, if they come through this connection.
     pub(super) channels: [u8; 2],
-    early: VecDeque<(u8, Vec<u8>)>,
     patience: Arc<Patience>,
 }
 
@@ -118,7 +114,6 @@ impl Server {
                 Instant::now(),
             ),
             channels: [0, 1],
-            early: VecDeque::new(),
             patience: patience.clone(),
         })
     }
@@ -170,9 +165,6 @@ impl Server {
                 {
                     return Ok(response);
                 }
-                Some(Message::Packet(channel, packet)) if self.early.len() < MAX_EARLY => {
-                    self.early.push_back((channel, packet));
-                }
                 _ => {}
             }
             if self.patience.is_over() {
@@ -215,11 +207,6 @@ impl Server {
         self.keeps.1 = Duration::from_secs(timeout_s.unwrap_or(SESSION_S).clamp(2, SESSION_S) / 2);
     }
 
-    /// True if something has come through this connection that is not read yet.
-    pub(super) fn has_packet(&self) -> io::Result<bool> {
-        Ok(!self.early.is_empty() || self.link.has_message()?)
-    }
-
     /// The next packet with its channel; `None` if none comes. Keeps the session.
     pub(super) fn packet(&mut self) -> Result<Option<(u8, Vec<u8>)>, String> {
         let (method, interval, sent) = self.keeps;
@@ -228,9 +215,6 @@ impl Server {
             let address = self.address.clone();
             self.send(method, &address, &[])
                 .map_err(|error| error.to_string())?;
-        }
-        if let Some(packet) = self.early.pop_front() {
-            return Ok(Some(packet));
         }
         Ok(match self.link.message()? {
             Some(Message::Packet(channel, packet)) => Some((channel, packet)),

@@ -11,7 +11,6 @@ pub(crate) enum Coding {
     H264,
     H265,
     Jpeg,
-    Mpeg4,
 }
 
 impl Coding {
@@ -20,7 +19,6 @@ impl Coding {
             "H264" => Some(Self::H264),
             "H265" => Some(Self::H265),
             "JPEG" => Some(Self::Jpeg),
-            "MP4V-ES" => Some(Self::Mpeg4),
             _ => None,
         }
     }
@@ -36,8 +34,6 @@ pub(crate) struct Video {
     pub(crate) control: Option<String>,
     /// Parameter sets that it may lack, as the decoder reads them.
     pub(crate) parameters: Vec<u8>,
-    /// Announced time between two images, s.
-    pub(crate) interval_s: Option<f64>,
     /// Where packets are sent to without a server.
     pub(crate) address: Option<IpAddr>,
     pub(crate) port: u16,
@@ -51,23 +47,19 @@ struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
-    /// Value of an attribute: `a=NAME:VALUE`.
-    fn attribute(&self, name: &str) -> Option<&'a str> {
+    /// Values of an attribute: `a=NAME:VALUE`.
+    fn attribute(&self, name: &str) -> impl Iterator<Item = &'a str> {
         let attributes = self.lines.iter().filter(|(kind, _)| *kind == "a");
-        let mut values = attributes.filter_map(|(_, text)| text.split_once(':'));
-        let found = values.find(|(of, _)| of.eq_ignore_ascii_case(name));
+        let values = attributes.filter_map(|(_, text)| text.split_once(':'));
+        let found = values.filter(move |(of, _)| of.eq_ignore_ascii_case(name));
         found.map(|(_, value)| value.trim())
     }
 
     /// Value of an attribute of a payload type: `a=NAME:TYPE VALUE`.
     fn of_payload(&self, name: &str, payload: &str) -> Option<&'a str> {
-        let attributes = self.lines.iter().filter(|(kind, _)| *kind == "a");
-        let mut values = attributes.filter_map(|(_, text)| {
-            let (of, value) = text.split_once(':')?;
-            let (of_payload, value) = value.trim().split_once(' ')?;
-            (of.eq_ignore_ascii_case(name) && of_payload == payload).then_some(value.trim())
-        });
-        values.next()
+        let mut pairs = self.attribute(name).filter_map(|of| of.split_once(' '));
+        let found = pairs.find(|(of_payload, _)| *of_payload == payload);
+        found.map(|(_, value)| value.trim())
     }
 
     fn address(&self) -> Option<IpAddr> {
@@ -91,17 +83,13 @@ impl<'a> Section<'a> {
         let (name, clock) = map.split_once('/').unwrap_or((map, ""));
         let coding = Coding::of(name).ok_or_else(|| name.to_owned())?;
         let format = self.of_payload("fmtp", payload).unwrap_or_default();
-        let per_s = self
-            .attribute("framerate")
-            .and_then(|text| text.parse().ok());
         let clock = clock.split('/').next().unwrap_or_default();
         Ok(Video {
             coding,
             payload_type: payload.parse().map_err(|_| name.to_owned())?,
             clock_hz: clock.parse().ok().filter(|hz| *hz > 0).unwrap_or(90_000),
-            control: self.attribute("control").map(str::to_owned),
+            control: self.attribute("control").next().map(str::to_owned),
             parameters: parameters(coding, format),
-            interval_s: per_s.filter(|per_s: &f64| *per_s > 0.0).map(f64::recip),
             address: self.address().or_else(|| session.address()),
             port: port.and_then(|port| port.parse().ok()).unwrap_or(0),
         })
@@ -137,19 +125,24 @@ pub(crate) fn video(text: &str) -> Result<(Video, Option<String>), String> {
     let mut others = Vec::new();
     for section in videos {
         match section.video(session) {
-            Ok(video) => return Ok((video, session.attribute("control").map(str::to_owned))),
+            Ok(video) => {
+                return Ok((
+                    video,
+                    session.attribute("control").next().map(str::to_owned),
+                ));
+            }
             Err(name) => others.push(name),
         }
     }
     Err(match others.first() {
         None => "there is no video in it".into(),
         Some(name) => format!(
-            "its video is coded as {name:?}, expected H264, H265, JPEG or MP4V-ES; set the camera to one of them"
+            "its video is coded as {name:?}, expected H264, H265 or JPEG; set the camera to one of them"
         ),
     })
 }
 
-/// The parameter sets of a format: units with start codes, or the header of MPEG-4.
+/// The parameter sets of a format, with start codes.
 fn parameters(coding: Coding, format: &str) -> Vec<u8> {
     let value = |name: &str| {
         let mut pairs = format.split(';').filter_map(|pair| pair.split_once('='));
@@ -160,11 +153,6 @@ fn parameters(coding: Coding, format: &str) -> Vec<u8> {
         Coding::H264 => &["sprop-parameter-sets"],
         Coding::H265 => &["sprop-vps", "sprop-sps", "sprop-pps"],
         Coding::Jpeg => &[],
-        Coding::Mpeg4 => {
-            let digits = value("config");
-            let byte = |at| u8::from_str_radix(digits.get(at..at + 2)?, 16).ok();
-            return (0..digits.len()).step_by(2).map_while(byte).collect();
-        }
     };
     let sets = names.iter().flat_map(|name| value(name).split(','));
     let decoded = sets.filter_map(|set| STANDARD.decode(set.trim()).ok());
@@ -182,7 +170,7 @@ mod tests {
     fn the_first_video_whose_coding_is_known_is_chosen() {
         let text = "v=0\r\nc=IN IP4 239.1.2.3/64\r\na=control:rtsp://camera/all\r\nm=audio 0 RTP/AVP 0\r\na=control:one\r\n\
             m=video 0 RTP/AVP 97\r\na=rtpmap:97 VP8/90000\r\nm=video 5004 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\n\
-            a=fmtp:96 packetization-mode=1; sprop-parameter-sets=Z0IA,aM4=\r\na=framerate:12.5\r\na=control:two\r\n";
+            a=fmtp:96 packetization-mode=1; sprop-parameter-sets=Z0IA,aM4=\r\na=control:two\r\n";
         let (video, control) = video(text).unwrap();
         assert_eq!(control.as_deref(), Some("rtsp://camera/all"));
         let expected = Video {
@@ -191,7 +179,6 @@ mod tests {
             clock_hz: 90_000,
             control: Some("two".into()),
             parameters: vec![0, 0, 0, 1, 0x67, 0x42, 0, 0, 0, 0, 1, 0x68, 0xce],
-            interval_s: Some(0.08),
             address: Some([239, 1, 2, 3].into()),
             port: 5004,
         };

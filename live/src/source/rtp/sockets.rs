@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use socket2::{Domain, Socket, Type};
 
-use super::link::is_later;
+use super::link::{has_bytes, is_later};
 
 /// Wait for a packet: shorter than the one for packets that are missing.
 const WAIT: Duration = Duration::from_millis(20);
@@ -97,11 +97,8 @@ impl Sockets {
     }
 
     /// True if a packet has come that is not read yet.
-    pub(super) fn has_packet(&self) -> io::Result<bool> {
-        self.packets.set_nonblocking(true)?;
-        let has_packet = self.packets.peek_from(&mut [0]).is_ok();
-        self.packets.set_nonblocking(false)?;
-        Ok(has_packet)
+    pub(super) fn has_packet(&self) -> bool {
+        has_bytes(&self.packets)
     }
 
     /// The next packet; `None` if none comes.

@@ -1,4 +1,4 @@
-//! Coded images from the payloads of packets: H.264 (RFC 6184), H.265 (RFC 7798), JPEG (RFC 2435), MPEG-4 (RFC 6416).
+//! Coded images from the payloads of packets: H.264 (RFC 6184), H.265 (RFC 7798), JPEG (RFC 2435).
 //!
 //! The marker bit ends an image; without it, the next timestamp does.
 
@@ -58,11 +58,6 @@ impl Units {
                 Coding::Jpeg => {
                     self.has_pixels = true;
                     jpeg::add(&mut self.data, payload).is_some()
-                }
-                Coding::Mpeg4 => {
-                    self.has_pixels = true;
-                    self.data.extend(payload);
-                    true
                 }
             };
         self.is_damaged |= !is_sound;
@@ -218,13 +213,16 @@ mod tests {
 
     #[test]
     fn a_sender_that_ends_no_image_fills_no_memory() {
-        let mut units = Units::new(Coding::Mpeg4, Vec::new());
-        let part = Packet::made(0, 1, false, &[7; 60_000]);
+        let mut units = Units::new(Coding::H264, Vec::new());
+        let mut part = vec![0x7c, 5];
+        part.resize(60_000, 7);
+        let part = Packet::made(0, 1, false, &part);
+        let _ = units.take(&Packet::made(0, 1, false, &[0x7c, 0x85, 7]), false);
         for _ in 0..400 {
             assert_eq!(units.take(&part, false), [None, None]);
         }
         assert!(units.data.len() <= MAX_BYTES);
-        let [cut, _] = units.take(&Packet::made(0, 2, false, &[7]), false);
+        let [cut, _] = units.take(&Packet::made(0, 2, false, &[0x41, 7]), false);
         assert!(cut.unwrap().is_damaged);
     }
 }
