@@ -138,13 +138,17 @@ class Camera:
             source.emit("push-buffer", buffer)
 
 
-def guard(server, user, is_digest):
-    """Asks for a password, and returns the role of who knows it."""
-    name, password = user.split(":", 1)
+def guard(server, user, is_digest, certificate):
+    """Asks for a password if there is a user, encrypts with a certificate, and returns the role of those who may see the cameras."""
+    name, password = user.split(":", 1) if user else ("", "")
     auth = GstRtspServer.RTSPAuth()
+    if certificate:
+        auth.set_tls_certificate(Gio.TlsCertificate.new_from_file(certificate))
     token = GstRtspServer.RTSPToken()
     token.set_string(GstRtspServer.RTSP_TOKEN_MEDIA_FACTORY_ROLE, "viewer")
-    if is_digest:
+    if not user:
+        auth.set_default_token(token)
+    elif is_digest:
         auth.set_supported_methods(GstRtsp.RTSPAuthMethod.DIGEST)
         auth.add_digest(name, password, token)
     else:
@@ -169,11 +173,7 @@ def main():
     server = GstRtspServer.RTSPServer()
     server.set_address("127.0.0.1")
     server.set_service(args.port)
-    role = guard(server, args.user, args.digest) if args.user else None
-    if args.tls:
-        auth = server.get_auth() or GstRtspServer.RTSPAuth()
-        auth.set_tls_certificate(Gio.TlsCertificate.new_from_file(args.tls))
-        server.set_auth(auth)
+    role = guard(server, args.user, args.digest, args.tls) if args.user or args.tls else None
     cameras, is_playing = {}, []
 
     def configured():
