@@ -122,14 +122,10 @@ impl RtpStream {
 
     /// Takes what comes within a short time.
     fn receive(&mut self) -> Result<(), String> {
-        let through_server = self
-            .server
-            .as_mut()
-            .map(|server| (server.channels, server.packet()));
-        if let Some((channels, received)) = through_server
-            && let Some((channel, bytes)) = received?
+        if let Some(server) = &mut self.server
+            && let Some((channel, bytes)) = server.packet()?
         {
-            match channels.iter().position(|of| *of == channel) {
+            match server.channels.iter().position(|of| *of == channel) {
                 Some(0) => self.take_packet(bytes),
                 Some(_) => self.take_report(&bytes),
                 None => {}

@@ -168,12 +168,11 @@ impl Unread {
     }
 
     fn message(&mut self) -> Result<Option<Message>, String> {
-        let (message, bytes) = match first_message(&self.bytes[self.from..])? {
-            Some((message, bytes)) => (Some(message), bytes),
-            None => (None, 0),
-        };
-        self.from += bytes;
-        Ok(message)
+        let first = first_message(&self.bytes[self.from..])?;
+        Ok(first.map(|(message, bytes)| {
+            self.from += bytes;
+            message
+        }))
     }
 }
 
