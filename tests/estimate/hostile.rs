@@ -3,13 +3,12 @@
 use std::fs;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde_json::Value;
 use testkit::command::text;
 
 use crate::running::Running;
@@ -271,14 +270,15 @@ fn goes_on_beside(acts: &'static [Act]) {
     };
     let other = TcpListener::bind("127.0.0.1:0").unwrap();
     let elsewhere = other.local_addr().unwrap().to_string();
-    let (right, connected) = hostile(acts, elsewhere);
+    let (right, begin, connected) = hostile(acts, elsewhere);
     let mut command = workshop.command([&server.address("left"), &right]);
     command
         .args(["--max-memory", "600M"])
         .env("DTD_PASSWORD_RIGHT", "secret");
     let mut running = Running::start(&mut command);
-    let left = goes_on(&mut running, acts.iter().map(|(_, cause)| *cause));
-    assert!(left.contains(&"up".into()), "{left:?}");
+    until_up(&mut running, "left");
+    begin.send(()).unwrap();
+    goes_on(&mut running, acts.iter().map(|(_, cause)| *cause));
     let connected: Vec<Instant> = connected.try_iter().collect();
     for (act, times) in connected.windows(2).enumerate() {
         let took = times[1] - times[0];
@@ -305,7 +305,8 @@ fn a_recording_beside_a_camera_that_is_wrong_ends() {
     let short = workshop.folder.path().join("short.mp4");
     let left = text(&stills(&workshop)["left"]);
     ffmpeg(&["-i", left, "-t", "2", "-c", "copy", text(&short)]);
-    let (right, _connected) = hostile(&ANSWERS[..1], String::new());
+    let (right, begin, _connected) = hostile(&ANSWERS[..1], String::new());
+    begin.send(()).unwrap();
     let mut running = Running::start(&mut workshop.command([text(&short), &right]));
     assert_eq!(running.last()["cause"], "recordings");
     assert!(running.child.wait().unwrap().success());
@@ -341,43 +342,50 @@ fn a_camera_with_huge_images_takes_no_memory_for_them() {
     // From the start of a connection; a cause is told once, so a good one is in between.
     server.command("drop right");
     server.command("offer right");
-    loop {
-        let line = running.next();
-        if line["view"] == "right" && line["state"] == "up" {
-            break;
-        }
-    }
+    until_up(&mut running, "right");
     server.command("drop right");
     server.command("offer right huge");
     goes_on(&mut running, [size].into_iter());
 }
 
-/// The address of a server that does these acts, one for each connection, and the last one again and again; and the times of connections.
-fn hostile(acts: &'static [Act], elsewhere: String) -> (String, Receiver<Instant>) {
+/// The address of a server that does these acts, one for each connection, and the last one again and again; what lets it begin; and the
+/// times of connections.
+fn hostile(acts: &'static [Act], elsewhere: String) -> (String, Sender<()>, Receiver<Instant>) {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("rtsp://me@{}/right", server.local_addr().unwrap());
     let (connected, times) = channel();
+    let (begin, begins) = channel();
     thread::spawn(move || {
+        let _ = begins.recv();
         for (act, _) in acts.iter().chain(acts.last().into_iter().cycle()) {
             let Ok((stream, _)) = server.accept() else {
                 return;
             };
             let _ = connected.send(Instant::now());
+            // The cause before is told meanwhile.
+            thread::sleep(Duration::from_millis(300));
             act(stream, &elsewhere);
         }
     });
-    (address, times)
+    (address, begin, times)
 }
 
-/// Reads on until the right view was down for these causes, one after the other. Returns the states of the left one, never down.
-fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) -> Vec<Value> {
-    let mut left = Vec::new();
+fn until_up(running: &mut Running, view: &str) {
+    loop {
+        let line = running.next();
+        if line["view"] == view && line["state"] == "up" {
+            return;
+        }
+    }
+}
+
+/// Reads on until the right view was down for these causes, one after the other. The left one never is.
+fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) {
     for cause in causes.filter(|cause| !cause.is_empty()) {
         loop {
             let line = running.next();
             if line["event"] == "view" && line["view"] == "left" {
                 assert_ne!(line["state"], "down", "{line}");
-                left.push(line["state"].clone());
             }
             let why = line["why"].as_str().unwrap_or_default();
             if line["view"] == "right" && why.contains(cause) {
@@ -392,7 +400,6 @@ fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) ->
         .parse()
         .unwrap();
     assert!(peak_kib < MAX_KIB, "{peak_kib} KiB");
-    left
 }
 
 /// Answers requests, until the client leaves, the stream is to begin, or an answer is followed by a body that the caller sends.
