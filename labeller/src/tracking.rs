@@ -20,6 +20,8 @@ mod lamps;
 mod motion;
 mod standing;
 
+use std::ops::Range;
+
 use dataset::tables::pixel_box::PixelBox;
 
 pub(crate) use hindsight::{Hindsight, TrackedBox};
@@ -93,8 +95,20 @@ pub(crate) struct ExpectedBox {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum SearchedParts<'a> {
     Everywhere,
-    /// Only the expected places of these tracks.
-    Around(&'a [u32]),
+    /// Only the expected places of these tracks, and these rows.
+    Around(&'a [u32], &'a Range<u32>),
+}
+
+impl SearchedParts<'_> {
+    /// True if all of the image at the height of this box was searched.
+    fn has_row_of(self, pixel_box: &PixelBox) -> bool {
+        match self {
+            Self::Everywhere => true,
+            Self::Around(_, rows) => {
+                (f64::from(rows.start)..f64::from(rows.end)).contains(&pixel_box.cy_px)
+            }
+        }
+    }
 }
 
 impl Tracker {
@@ -143,16 +157,18 @@ impl Tracker {
         expected
     }
 
-    /// True if the boxes lack a confirmed aircraft that was in the previous image.
-    pub(crate) fn loses_any(&self, boxes: &[FoundBox]) -> bool {
+    /// The expected place of a confirmed aircraft that was in the previous image and is not among these boxes.
+    pub(crate) fn lost(&self, boxes: &[FoundBox]) -> Option<PixelBox> {
         let matches = self.matches(boxes, SearchedParts::Everywhere);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
-        tracks.any(|(at, track)| track.misses == 0 && track.history.is_confirmed() && !is_seen(at))
+        let lost = tracks
+            .find(|(at, track)| track.misses == 0 && track.history.is_confirmed() && !is_seen(*at));
+        lost.map(|(_, track)| track.motion.expected())
     }
 
     /// Takes the boxes that were found at the current time, and returns the tracks that they belong to: none for a faint box that
-    /// continues none, unless the whole image was searched.
+    /// continues none, unless all of the image there was searched.
     pub(crate) fn take(
         &mut self,
         boxes: &[FoundBox],
@@ -172,10 +188,8 @@ impl Tracker {
                 .iter()
                 .position(|number| *number == Some(track.number));
             let found = index.map(|index| boxes[index]);
-            let was_looked_for = match searched {
-                SearchedParts::Everywhere => true,
-                SearchedParts::Around(tracks) => tracks.contains(&track.number),
-            };
+            let was_looked_for = searched.has_row_of(&track.motion.expected())
+                || matches!(searched, SearchedParts::Around(tracks, _) if tracks.contains(&track.number));
             if found.is_some() || was_looked_for {
                 track.note(found, self.now_s);
                 if hits_in(track.clear) >= hits {
@@ -192,7 +206,7 @@ impl Tracker {
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
-            if track.is_none() && (!seen.is_faint || searched == SearchedParts::Everywhere) {
+            if track.is_none() && (!seen.is_faint || searched.has_row_of(&seen.pixel_box)) {
                 *track = Some(self.begin(*seen));
             }
         }
@@ -208,7 +222,7 @@ impl Tracker {
             let history = &track.history;
             let is_confirmed = history.is_confirmed();
             let was_clear = history.was_clear();
-            if !was_clear && searched != SearchedParts::Everywhere {
+            if !was_clear && !searched.has_row_of(&track.motion.expected()) {
                 continue;
             }
             for (index, seen) in boxes.iter().enumerate() {

@@ -4,10 +4,14 @@
 //! Timestamps run evenly but begin anywhere. The image with the shortest delay places them; a clock that runs at a different rate is
 //! followed, up to 200 ppm. Late images stay late: only a clock whose readings jump is placed again.
 
+mod rate;
+
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
+
+use rate::Rate;
 
 /// Time source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -151,6 +155,8 @@ pub(crate) struct Clues {
     pub(crate) timestamp_s: Option<f64>,
     /// The sender's wall clock, seconds since the start.
     pub(crate) sender_s: Option<f64>,
+    /// The image was waited for, so that the arrival is the true one.
+    pub(crate) is_prompt: bool,
 }
 
 /// Shortest time from a sender's clock to the arrival, seconds: otherwise the clock is wrong, ours is, or the feed is late. Two clocks that
@@ -165,6 +171,7 @@ pub(crate) const SENDERS_SD_S: f64 = SENDER_SPAN_S / 2.449_489_742_783_178;
 pub(crate) struct Stamper {
     sender: Placement,
     timestamps: Placement,
+    rate: Rate,
 }
 
 impl Stamper {
@@ -189,7 +196,13 @@ impl Stamper {
                 };
             }
         }
-        let (time_s, clock) = match clues.timestamp_s {
+        let timestamp_s = clues.timestamp_s.map(|timestamp_s| {
+            if clues.is_prompt && self.rate.has_changed(arrival_s, timestamp_s) {
+                self.timestamps = Placement::default();
+            }
+            self.rate.seconds * timestamp_s
+        });
+        let (time_s, clock) = match timestamp_s {
             Some(timestamp_s) => (
                 timestamp_s + self.timestamps.delay_s(arrival_s, timestamp_s),
                 ClockSource::Timestamps,
@@ -301,6 +314,7 @@ mod tests {
             arrival_s,
             timestamp_s: Some(timestamp_s),
             sender_s: None,
+            is_prompt: true,
         };
         stamper.stamp(clues, &[])
     }
@@ -331,6 +345,7 @@ mod tests {
                     arrival_s: taken_s + delay_s(image),
                     timestamp_s: Some(taken_s),
                     sender_s: Some(taken_s + skew_s),
+                    is_prompt: true,
                 };
                 // A right clock of another view, or one that is wrong by a different amount, helps nothing.
                 let stamp = stamper.stamp(clues, &[0.02, -40.0]);
@@ -350,6 +365,7 @@ mod tests {
                 arrival_s: taken_s + LATE_S + delay_s(image),
                 timestamp_s: Some(taken_s),
                 sender_s: Some(taken_s),
+                is_prompt: true,
             };
             let stamp = stamper.stamp(clues, &[LATE_S + 0.1]);
             assert_eq!((stamp.clock, stamp.time_s), (ClockSource::Sender, taken_s));
@@ -379,6 +395,37 @@ mod tests {
         // A steady backlog is not a jump either: its images are old.
         for image in 122..300 {
             assert!(stamp(image, -50.0, 1.5) < 0.05, "{image}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_sends_fewer_images_than_it_counts_is_late_for_seconds_only() {
+        let mut stamper = Stamper::default();
+        for image in 0..21 * 60_u32 {
+            let taken_s = f64::from(image) / 21.0;
+            // From the half on as many as it counts, at its own rate again.
+            let counted_s =
+                f64::from(image.min(630)) / 25.0 + f64::from(image.saturating_sub(630)) / 21.0;
+            let stamp = placed(&mut stamper, taken_s + delay_s(image), 40.0 + counted_s);
+            let late_s = taken_s - stamp.time_s;
+            assert!(late_s < 0.9, "{image}: {late_s}");
+            let is_settled = (126..630).contains(&image) || image > 630 + 126;
+            assert!(!is_settled || late_s.abs() < 0.05, "{image}: {late_s}");
+        }
+    }
+
+    #[test]
+    fn images_that_were_not_waited_for_show_no_rate() {
+        let mut stamper = Stamper::default();
+        for image in 0..21 * 30 {
+            let clues = Clues {
+                arrival_s: f64::from(image) / 21.0,
+                timestamp_s: Some(f64::from(image) / 25.0),
+                sender_s: None,
+                is_prompt: false,
+            };
+            let late_s = clues.arrival_s - stamper.stamp(clues, &[]).time_s;
+            assert!(late_s >= 0.15 * clues.arrival_s, "{image}: {late_s}");
         }
     }
 
@@ -418,6 +465,7 @@ mod tests {
             arrival_s: taken_s + delay_s,
             timestamp_s: Some(timestamp_s),
             sender_s: Some(sender_s),
+            is_prompt: true,
         };
         let stamp = stamper.stamp(clues, &[]);
         (stamp.time_s - taken_s, stamp.clock)

@@ -238,13 +238,12 @@ impl Conductor {
         let is_timed = self.shared.pace != Pace::AsFastAsPossible;
         let (now_s, event_s) = (self.shared.clock.now_s(), self.event_time_s());
         for view in 0..self.views.all.len() {
-            let state = {
-                let watch = lock(&self.views.all[view].status);
-                if is_timed {
-                    watch.state(now_s)
-                } else {
-                    watch.state_at_last_image()
-                }
+            let status = self.views.all[view].status.clone();
+            let watch = lock(&status);
+            let state = if is_timed {
+                watch.state(now_s)
+            } else {
+                watch.state_at_last_image()
             };
             let delivers = if is_timed {
                 state.can_be_measured() && !self.news[view].has_ended()
@@ -257,7 +256,8 @@ impl Conductor {
             if of_view.source.is_none() {
                 continue;
             }
-            if let Some(event) = self.news[view].of(event_s, &of_view.name, state) {
+            let why_late = || watch.why_late(now_s);
+            if let Some(event) = self.news[view].of(event_s, &of_view.name, state, why_late) {
                 self.event(event);
             }
         }

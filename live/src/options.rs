@@ -42,7 +42,7 @@ pub struct Options {
     pub offsets_s: BTreeMap<String, f64>,
     /// Views whose recordings have separate clocks, to be compared with the first view's.
     pub measured: BTreeSet<String>,
-    /// Views whose servers may have any certificate.
+    /// Views whose servers may have any certificate; their sources have it as well.
     pub insecure_tls: BTreeSet<String>,
     /// File with the measured offsets for the next start.
     pub keep_offsets: Option<PathBuf>,
@@ -87,16 +87,6 @@ impl Options {
                 }
                 _ => {}
             }
-        }
-        let is_unverified = |(view, source): &(&String, &Source)| {
-            matches!(source, Source::Stream(stream) if stream.is_encrypted())
-                && !self.insecure_tls.contains(*view)
-        };
-        if let Some((view, source)) = self.sources.iter().find(is_unverified) {
-            return Err(Error::Views(format!(
-                "view {view}: FFmpeg does not verify the certificate of {source}, so that anyone in between can read the password and \
-                 replace the images; give --insecure-tls {view} on a network that you trust"
-            )));
         }
         let named = self.sources.iter().filter(|(_, of)| of.is_of_one_view());
         let mut seen: BTreeMap<String, &String> = BTreeMap::new();

@@ -12,7 +12,7 @@ use crate::view_state::ViewState;
 
 /// Maximum age of images for a fresh answer, s. Without newer images, the aircraft is predicted.
 pub(crate) const MAX_FRESH_S: f64 = 0.3;
-/// Maximum time of prediction without images of the aircraft, s.
+/// Maximum age of the aircraft's last images for a prediction, s.
 pub(crate) const MAX_COASTING_S: f64 = 5.0;
 
 /// Answer freshness.

@@ -1,10 +1,10 @@
 //! Image sources of views.
 
-mod access_unit;
 pub(crate) mod address;
-mod connection;
 pub(crate) mod gpu;
 pub(crate) mod input;
+pub(crate) mod limits;
+mod rtp;
 mod undecoded;
 
 use std::fmt;
@@ -57,6 +57,8 @@ pub struct Stream {
     address: Url,
     password: Option<String>,
     transport: Transport,
+    /// Its server may have any certificate.
+    insecure_tls: bool,
 }
 
 /// Transport of packets.
@@ -66,15 +68,6 @@ pub(crate) enum Transport {
     Tcp,
     /// Separate packets.
     Udp,
-}
-
-impl Transport {
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Tcp => "tcp",
-            Self::Udp => "udp",
-        }
-    }
 }
 
 /// Fingerprint length, digits.
@@ -118,26 +111,20 @@ impl Source {
         }
         self
     }
+
+    /// Accepts any certificate of the server.
+    #[must_use]
+    pub fn with_insecure_tls(mut self) -> Self {
+        if let Self::Stream(stream) = &mut self {
+            stream.insecure_tls = true;
+        }
+        self
+    }
 }
 
 impl Stream {
-    /// The address for FFmpeg, with the password. It must not be logged.
-    pub(crate) fn secret_address(&self) -> String {
-        let mut address = self.address.clone();
-        // `set_password` leaves `%` as it is, and FFmpeg would decode what follows.
-        let password = self.password.as_ref();
-        let password = password.map(|password| password.replace('%', "%25"));
-        // Fails only for addresses without a host, which are rejected.
-        let _ = address.set_password(password.as_deref());
-        address.into()
-    }
-
-    pub(crate) fn is_encrypted(&self) -> bool {
+    fn is_encrypted(&self) -> bool {
         self.address.scheme() == "rtsps"
-    }
-
-    pub(crate) fn transport(&self) -> Transport {
-        self.transport
     }
 
     fn parse(text: &str) -> Result<Self> {
@@ -186,6 +173,7 @@ impl Stream {
             address,
             password: None,
             transport,
+            insecure_tls: false,
         })
     }
 }
@@ -385,16 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_password_with_a_percent_sign_is_what_the_server_decodes() {
-        let source: Source = "rtsp://me@camera/left".parse().unwrap();
-        let Source::Stream(stream) = source.with_password(Some("a%41".into())) else {
-            panic!("it is a stream")
-        };
-        assert_eq!(stream.secret_address(), "rtsp://me:a%2541@camera/left");
-    }
-
-    #[test]
-    fn a_password_reaches_the_server_and_no_text() {
+    fn a_password_is_in_no_text() {
         let source: Source = "rtsp://me@camera/left?transport=udp&channel=2"
             .parse()
             .unwrap();
@@ -404,10 +383,7 @@ mod tests {
         let Source::Stream(stream) = source else {
             panic!("it is a stream")
         };
-        assert_eq!(
-            stream.secret_address(),
-            "rtsp://me:p%40ss%2Fword@camera/left?channel=2"
-        );
-        assert_eq!(stream.transport(), Transport::Udp);
+        assert_eq!(stream.address.as_str(), "rtsp://me@camera/left?channel=2");
+        assert_eq!(stream.transport, Transport::Udp);
     }
 }

@@ -220,6 +220,18 @@ impl ViewWatch {
         }
     }
 
+    /// Reason why the view is late.
+    pub(crate) fn why_late(&self, now_s: f64) -> String {
+        let silent_s = self.last_s.map_or(0.0, |last_s| now_s - last_s);
+        if silent_s > self.age_s {
+            return format!("no image has come for {silent_s:.1} s");
+        }
+        let age_s = self.age_s;
+        format!(
+            "its images are {age_s:.1} s old when they are decoded: the network or the camera delays them, or this computer is busy"
+        )
+    }
+
     /// True if images have repeated long enough to be frozen.
     fn repeats_long(&self) -> bool {
         self.equal_s.is_some() && self.lasts(self.repeats, MIN_IMAGES, FROZEN_S)

@@ -2,7 +2,6 @@
 
 pub(crate) mod feed;
 mod lockstep;
-mod open_limit;
 mod read_limit;
 pub(crate) mod search;
 pub(crate) mod shared;
@@ -19,13 +18,13 @@ use labeller::Searcher;
 use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
+use crate::options::Pace;
 use crate::queue::Queue;
 use crate::source::gpu::Gpu;
 use crate::source::{Decoder, Source};
 use crate::view_state::ViewWatch;
-use feed::{Feed, Message};
+use feed::{Feed, Message, OPEN_MS};
 use lockstep::Lockstep;
-use open_limit::OpenLimit;
 use read_limit::ReadLimit;
 use search::{Direction, Search};
 use shared::Shared;
@@ -89,15 +88,19 @@ impl Views {
                 shared: shared.clone(),
                 last_time_s: None,
                 connections: 0,
-                open_limit: OpenLimit::default(),
+                open_ms: OPEN_MS,
                 read_limit: ReadLimit::default(),
             };
             let thread = format!("feed {name}");
             threads.push(spawn(thread, send.clone(), move || feed.run())?);
+            let search = searcher.view_search(&camera)?;
             let search = Search {
                 view,
                 name: name.clone(),
-                search: searcher.view_search(&camera)?,
+                search: match shared.pace {
+                    Pace::AsFastAsPossible => search,
+                    _ => search.spread(),
+                },
                 direction: Direction::default(),
                 tracks: [0; 2],
                 queue,

@@ -54,7 +54,7 @@ pub(crate) struct EstimateArgs {
     /// File whose first line is the password of the view's server
     #[arg(long = "password-file", value_name = "VIEW=FILE")]
     pub(crate) password_files: Vec<OfView<PathBuf>>,
-    /// View whose rtsps:// server may have any certificate, since FFmpeg verifies none; may be repeated
+    /// View whose rtsps:// server may have any certificate, also one that this computer does not trust; may be repeated
     ///
     /// Whoever is between the camera and this computer can then read the password and replace the images.
     #[arg(long, value_name = "VIEW")]

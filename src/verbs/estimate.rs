@@ -84,8 +84,11 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
     refuse_another_detector(&run, &searcher)?;
     let passwords = passwords(&given.password_files, run.views())?;
     let with_password = |(view, source): (String, Source)| {
-        let password = passwords.get(&view).cloned();
-        (view, source.with_password(password))
+        let mut source = source.with_password(passwords.get(&view).cloned());
+        if given.insecure_tls.contains(&view) {
+            source = source.with_insecure_tls();
+        }
+        (view, source)
     };
     let options = Options {
         run,

@@ -1,13 +1,14 @@
 //! Cameras that answer with anything but their images: each is down with its cause and tried again, and the other one goes on.
 
 use std::fs;
-use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use testkit::command::text;
 
 use crate::running::Running;
@@ -24,7 +25,8 @@ const MAX_TIME_OF_AN_ACT: Duration = Duration::from_secs(40);
 /// told once.
 type Act = (fn(TcpStream, &str), &'static str);
 
-const ACTS: [Act; 8] = [
+/// Answers that are none, or not the ones of this program's camera.
+const ANSWERS: [Act; 8] = [
     (
         |stream, _| {
             let head = "401 Unauthorized\r\nWWW-Authenticate: Basic realm=\"all\"";
@@ -43,7 +45,7 @@ const ACTS: [Act; 8] = [
         |mut stream, _| {
             let _ = stream.write_all(&[0xa5; 4_096]);
         },
-        "",
+        "does not answer as an RTSP server",
     ),
     (
         |mut stream, _| {
@@ -54,14 +56,14 @@ const ACTS: [Act; 8] = [
             });
             while stream.write_all(&[b'a'; 1 << 16]).is_ok() {}
         },
-        "Invalid data found",
+        "2000000000 bytes",
     ),
     (
         |mut stream, _| {
             let _ = stream.write_all(b"RTSP/1.0 200 OK\r\n");
             while stream.write_all(b"X: y\r\n").is_ok() {}
         },
-        "",
+        "bytes of headers",
     ),
     (
         |stream, _| {
@@ -74,8 +76,8 @@ const ACTS: [Act; 8] = [
     ),
     (
         |stream, _| {
-            let video = "m=video 0 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\na=control:one\r\n";
-            answer(stream, described(&video.repeat(2_000)));
+            play(&stream, &H264.repeat(2_000));
+            thread::sleep(Duration::from_secs(3));
         },
         "no image came",
     ),
@@ -85,28 +87,204 @@ const ACTS: [Act; 8] = [
     ),
 ];
 
+/// Conversations that lead nowhere.
+const CONVERSATIONS: [Act; 10] = [
+    (
+        |mut stream, _| {
+            let _ = stream.read(&mut [0; 1_000]);
+        },
+        "the server closed the connection",
+    ),
+    (
+        |stream, _| {
+            answer(stream, |_| {
+                let head =
+                    "401 Unauthorized\r\nWWW-Authenticate: Digest realm=\"all\", nonce=\"7\"";
+                reply(head, "")
+            });
+        },
+        "asks for a password;",
+    ),
+    (
+        |stream, _| {
+            let head = "401 Unauthorized\r\nWWW-Authenticate: Negotiate x=y";
+            answer(stream, |_| reply(head, ""));
+        },
+        "in an unknown way",
+    ),
+    (
+        |stream, _| answer(stream, |_| reply("200 OK", "")),
+        "no description",
+    ),
+    (
+        |stream, _| {
+            let noise = random(7, 200_000).map(|byte| char::from(byte & 0x7f));
+            let noise: String = noise.collect();
+            answer(stream, |_| reply("200 OK", &noise));
+        },
+        "no video in it",
+    ),
+    (
+        |stream, _| {
+            answer(stream, described(&H264.replace("H264", "AV1")));
+        },
+        "\"AV1\"",
+    ),
+    (
+        |stream, _| {
+            let describe = described(H264);
+            answer(stream, |method| match method {
+                "SETUP" => reply("461 Unsupported Transport", ""),
+                _ => describe(method),
+            });
+        },
+        "461 Unsupported",
+    ),
+    (
+        |mut stream, _| {
+            for_a_second(|_| stream.write_all(b"OPTIONS * RTSP/1.0\r\nCSeq: 1\r\n\r\n"));
+        },
+        "",
+    ),
+    (
+        |mut stream, _| {
+            let other = reply("200 OK", "").replace("CSEQ", "7654321");
+            for_a_second(|_| stream.write_all(other.as_bytes()));
+        },
+        "",
+    ),
+    // The last one of each list is repeated; this one takes longer each time.
+    (
+        |mut stream, _| {
+            let slow = reply("200 OK", "").repeat(100);
+            for byte in slow.as_bytes().chunks(1) {
+                thread::sleep(Duration::from_millis(100));
+                if stream.write_all(byte).is_err() {
+                    return;
+                }
+            }
+        },
+        "no answer to OPTIONS in time",
+    ),
+];
+
+/// Streams that never become an image.
+const STREAMS: [Act; 8] = [
+    (
+        |stream, _| play(&stream, H264),
+        "the server closed the connection",
+    ),
+    (
+        |mut stream, _| {
+            play(&stream, H264);
+            for_a_second(|at| {
+                let payload: Vec<u8> = random(at, 1_000).collect();
+                stream.write_all(&packet(0, at as u16, at / 8, true, &payload))
+            });
+        },
+        "",
+    ),
+    (
+        // An image that never ends.
+        |mut stream, _| {
+            play(&stream, H264);
+            let part = [&[0x7c, 5][..], &[7; 60_000]].concat();
+            let begin = packet(0, 0, 5, false, &[0x7c, 0x85, 7]);
+            let _ = stream.write_all(&begin);
+            for_a_second(|at| stream.write_all(&packet(0, 1 + at as u16, 5, false, &part)));
+        },
+        "",
+    ),
+    (
+        // Sequence numbers and timestamps from everywhere.
+        |mut stream, _| {
+            play(&stream, H264);
+            for_a_second(|at| {
+                let far = at.wrapping_mul(2_654_435_761);
+                stream.write_all(&packet(0, far as u16, far, at % 2 == 0, &[0x41, 7]))
+            });
+        },
+        "",
+    ),
+    (
+        // A channel that nobody has set up.
+        |mut stream, _| {
+            play(&stream, H264);
+            for_a_second(|at| stream.write_all(&packet(9, at as u16, at, true, &[7; 60_000])));
+        },
+        "",
+    ),
+    (
+        // Reports of impossible clocks.
+        |mut stream, _| {
+            play(&stream, H264);
+            for_a_second(|at| {
+                let clock = if at % 2 == 0 { [0; 12] } else { [0xff; 12] };
+                let report = [&[0x80, 200, 0, 6, 0, 0, 0, 7][..], &clock, &[0; 8]].concat();
+                stream.write_all(&framed(1, &report))
+            });
+        },
+        "",
+    ),
+    (
+        // Parameters of a stream, and packets of nothing.
+        |mut stream, _| {
+            play(&stream, H264);
+            for_a_second(|at| stream.write_all(&packet(0, at as u16, at, true, &[])));
+        },
+        "",
+    ),
+    (
+        // A packet that does not come.
+        |mut stream, _| {
+            play(&stream, H264);
+            let _ = stream.write_all(&[b'$', 0, 0xff, 0xff]);
+            thread::sleep(Duration::from_secs(3));
+        },
+        "no image came",
+    ),
+];
+
+const H264: &str = "m=video 0 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\na=control:one\r\n";
+
 #[test]
 fn a_camera_that_is_none_is_told_with_its_cause_and_the_other_one_goes_on() {
+    goes_on_beside(&ANSWERS);
+}
+
+#[test]
+fn a_camera_that_never_comes_to_the_point_is_told_and_the_other_one_goes_on() {
+    goes_on_beside(&CONVERSATIONS);
+}
+
+#[test]
+fn a_camera_that_streams_rubbish_is_told_and_the_other_one_goes_on() {
+    goes_on_beside(&STREAMS);
+}
+
+/// A good camera, whose images come on, beside one that does these acts.
+fn goes_on_beside(acts: &'static [Act]) {
     let workshop = Workshop::shared();
     let Some(server) = Server::start(&[], &cameras(&workshop)) else {
         return;
     };
     let other = TcpListener::bind("127.0.0.1:0").unwrap();
     let elsewhere = other.local_addr().unwrap().to_string();
-    let (right, connected) = hostile(&ACTS, elsewhere);
+    let (right, begin, connected) = hostile(acts, elsewhere);
     let mut command = workshop.command([&server.address("left"), &right]);
     command
         .args(["--max-memory", "600M"])
         .env("DTD_PASSWORD_RIGHT", "secret");
     let mut running = Running::start(&mut command);
-    let left = goes_on(&mut running, ACTS.iter().map(|(_, cause)| *cause));
-    assert!(left.contains(&"up".into()), "{left:?}");
+    until_up(&mut running, "left");
+    begin.send(()).unwrap();
+    goes_on(&mut running, acts.iter().map(|(_, cause)| *cause));
     let connected: Vec<Instant> = connected.try_iter().collect();
     for (act, times) in connected.windows(2).enumerate() {
         let took = times[1] - times[0];
         assert!(took < MAX_TIME_OF_AN_ACT, "act {act} took {took:?}");
     }
-    assert!(connected.len() >= ACTS.len(), "{connected:?}");
+    assert!(connected.len() >= acts.len(), "{connected:?}");
     other.set_nonblocking(true).unwrap();
     match other.accept() {
         Ok((mut stream, _)) => {
@@ -127,7 +305,8 @@ fn a_recording_beside_a_camera_that_is_wrong_ends() {
     let short = workshop.folder.path().join("short.mp4");
     let left = text(&stills(&workshop)["left"]);
     ffmpeg(&["-i", left, "-t", "2", "-c", "copy", text(&short)]);
-    let (right, _connected) = hostile(&ACTS[..1], String::new());
+    let (right, begin, _connected) = hostile(&ANSWERS[..1], String::new());
+    begin.send(()).unwrap();
     let mut running = Running::start(&mut workshop.command([text(&short), &right]));
     assert_eq!(running.last()["cause"], "recordings");
     assert!(running.child.wait().unwrap().success());
@@ -158,39 +337,55 @@ fn a_camera_with_huge_images_takes_no_memory_for_them() {
     let mut running = Running::start(&mut command);
     running.until_both("up");
     server.command("switch right huge");
-    goes_on(&mut running, ["no images come"].into_iter());
+    let size = "its images have 8192x8192 pixels, expected 960x640";
+    goes_on(&mut running, [size].into_iter());
+    // From the start of a connection; a cause is told once, so a good one is in between.
+    server.command("drop right");
+    server.command("offer right");
+    until_up(&mut running, "right");
     server.command("drop right");
     server.command("offer right huge");
-    let size = "its images have 8192x8192 pixels, expected 960x640";
     goes_on(&mut running, [size].into_iter());
 }
 
-/// The address of a server that does these acts, one for each connection, and the last one again and again; and the times of connections.
-fn hostile(acts: &'static [Act], elsewhere: String) -> (String, Receiver<Instant>) {
+/// The address of a server that does these acts, one for each connection, and the last one again and again; what lets it begin; and the
+/// times of connections.
+fn hostile(acts: &'static [Act], elsewhere: String) -> (String, Sender<()>, Receiver<Instant>) {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("rtsp://me@{}/right", server.local_addr().unwrap());
     let (connected, times) = channel();
+    let (begin, begins) = channel();
     thread::spawn(move || {
+        let _ = begins.recv();
         for (act, _) in acts.iter().chain(acts.last().into_iter().cycle()) {
             let Ok((stream, _)) = server.accept() else {
                 return;
             };
             let _ = connected.send(Instant::now());
+            // The cause before is told meanwhile.
+            thread::sleep(Duration::from_millis(300));
             act(stream, &elsewhere);
         }
     });
-    (address, times)
+    (address, begin, times)
 }
 
-/// Reads on until the right view was down for these causes, one after the other. Returns the states of the left one, never down.
-fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) -> Vec<Value> {
-    let mut left = Vec::new();
+fn until_up(running: &mut Running, view: &str) {
+    loop {
+        let line = running.next();
+        if line["view"] == view && line["state"] == "up" {
+            return;
+        }
+    }
+}
+
+/// Reads on until the right view was down for these causes, one after the other. The left one never is.
+fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) {
     for cause in causes.filter(|cause| !cause.is_empty()) {
         loop {
             let line = running.next();
             if line["event"] == "view" && line["view"] == "left" {
                 assert_ne!(line["state"], "down", "{line}");
-                left.push(line["state"].clone());
             }
             let why = line["why"].as_str().unwrap_or_default();
             if line["view"] == "right" && why.contains(cause) {
@@ -205,10 +400,9 @@ fn goes_on(running: &mut Running, causes: impl Iterator<Item = &'static str>) ->
         .parse()
         .unwrap();
     assert!(peak_kib < MAX_KIB, "{peak_kib} KiB");
-    left
 }
 
-/// Answers requests, until the client leaves or one is followed by a body that the caller sends.
+/// Answers requests, until the client leaves, the stream is to begin, or an answer is followed by a body that the caller sends.
 fn answer(mut stream: TcpStream, reply_to: impl Fn(&str) -> String) {
     stream
         .set_read_timeout(Some(Duration::from_secs(20)))
@@ -232,7 +426,8 @@ fn answer(mut stream: TcpStream, reply_to: impl Fn(&str) -> String) {
             }
         }
         let text = reply_to(&method).replace("CSEQ", &number);
-        if stream.write_all(text.as_bytes()).is_err() || text.contains("2000000000") {
+        let is_over = method == "PLAY" || text.contains("2000000000");
+        if stream.write_all(text.as_bytes()).is_err() || is_over {
             return;
         }
     }
@@ -241,6 +436,40 @@ fn answer(mut stream: TcpStream, reply_to: impl Fn(&str) -> String) {
 fn reply(head: &str, body: &str) -> String {
     let bytes = body.len();
     format!("RTSP/1.0 {head}\r\nCSeq: CSEQ\r\nContent-Length: {bytes}\r\n\r\n{body}")
+}
+
+/// Answers until the client expects this stream.
+fn play(stream: &TcpStream, media: &str) {
+    answer(stream.try_clone().unwrap(), described(media));
+}
+
+/// Sends numbered pieces for a second.
+fn for_a_second(mut send: impl FnMut(u32) -> io::Result<()>) {
+    let began = Instant::now();
+    let mut pieces = 0..u32::MAX;
+    while began.elapsed() < Duration::from_secs(1)
+        && pieces.next().is_some_and(|at| send(at).is_ok())
+    {}
+}
+
+fn framed(channel: u8, bytes: &[u8]) -> Vec<u8> {
+    let length = (bytes.len() as u16).to_be_bytes();
+    [&[b'$', channel][..], &length, bytes].concat()
+}
+
+/// An RTP packet of a channel.
+fn packet(channel: u8, sequence: u16, timestamp: u32, is_last: bool, payload: &[u8]) -> Vec<u8> {
+    let head = [0x80, 96 | u8::from(is_last) << 7];
+    let [sequence, timestamp] = [&sequence.to_be_bytes()[..], &timestamp.to_be_bytes()];
+    framed(
+        channel,
+        &[&head[..], sequence, timestamp, &[0, 0, 0, 7], payload].concat(),
+    )
+}
+
+fn random(seed: u32, bytes: usize) -> impl Iterator<Item = u8> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed.into());
+    (0..bytes).map(move |_| random.random())
 }
 
 /// A server that describes this stream but never sends it.

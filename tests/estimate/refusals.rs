@@ -99,8 +99,8 @@ fn what_can_never_work_is_refused_with_what_to_do() {
             "is a camera",
         ),
         (
-            &["--view", &left, "--view", &of("right", "rtsps://host/x")],
-            "--insecure-tls right",
+            &["--view", &left, "--view", &right, "--insecure-tls", "tower"],
+            "no such view",
         ),
         (
             &["--view", &left, "--view", &right, "--without", "right"],

@@ -71,6 +71,47 @@ fn passwords_from_the_environment_and_from_files_reach_servers_and_nobody_sees_t
 }
 
 #[test]
+fn a_certificate_must_be_trusted_or_allowed() {
+    let workshop = Workshop::shared();
+    let folder = workshop.folder.path();
+    let [certificate, key, both] = ["certificate", "key", "both"].map(|name| folder.join(name));
+    let subject = [
+        "-subj",
+        "/CN=camera",
+        "-addext",
+        "subjectAltName=IP:127.0.0.1",
+    ];
+    Command::new("openssl")
+        .args([
+            "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2",
+        ])
+        .args(["-addext", "basicConstraints=critical,CA:FALSE"])
+        .args(subject)
+        .args(["-out", text(&certificate), "-keyout", text(&key)])
+        .succeeds();
+    let texts = [&certificate, &key].map(|path| fs::read_to_string(path).unwrap());
+    fs::write(&both, texts.concat()).unwrap();
+    let Some(server) = Server::start(&["--tls", text(&both)], &cameras(&workshop)) else {
+        return;
+    };
+    let sources = VIEWS.map(|view| server.address(view).replace("rtsp:", "rtsps:"));
+    let sources = [&*sources[0], &*sources[1]];
+    let said = workshop.command(sources).ends_with(2, &["--insecure-tls"]);
+    assert!(said.contains("does not trust its certificate"), "{said}");
+    let any = ["--insecure-tls", "left", "--insecure-tls", "right"];
+    for (options, trusted) in [(&any[..], None), (&[], Some(&certificate))] {
+        let mut command = workshop.command(sources);
+        command.args(options).args(["--check"]);
+        if let Some(trusted) = trusted {
+            command.env("SSL_CERT_FILE", trusted);
+        }
+        let checked = command.succeeds();
+        let found: Value = serde_json::from_slice(&checked.stdout).unwrap();
+        assert_eq!(found[1]["size_px"], json!([960, 640]));
+    }
+}
+
+#[test]
 fn descriptions_name_streams_that_come_without_a_server() {
     let workshop = Workshop::shared();
     let stills = stills(&workshop);

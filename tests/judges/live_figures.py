@@ -26,6 +26,15 @@ def percentiles(text, stage):
     return {f"p{part}_s": next(end for end, count in classes if count >= part / 100 * total) for part in (50, 95, 99)}
 
 
+def started(command, **options):
+    """A program that serves metrics, and how they are read."""
+    live = subprocess.Popen([*command, "--metrics", "127.0.0.1:0"], stderr=subprocess.PIPE, text=True, **options)
+    for line in live.stderr:
+        if address := re.search(r"http://\S+/metrics", line):
+            return live, lambda: urllib.request.urlopen(address[0]).read().decode()
+    sys.exit("dtd ended")
+
+
 def processor_s(pid):
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
@@ -35,20 +44,13 @@ def main():
     dtd, run, seconds, *videos = sys.argv[1:]
     server, addresses = serve(dict(video.split("=", 1) for video in videos))
     lines = Path(os.environ.get("LINES_TO", "/dev/null")).open("w")
-    command = [dtd, "estimate", run, *addresses, "--metrics", "127.0.0.1:0"]
-    live = subprocess.Popen(command, stdout=lines, stderr=subprocess.PIPE, text=True)
-    address = None
-    while address is None:
-        line = live.stderr.readline()
-        if not line:
-            sys.exit("dtd ended")
-        address = re.search(r"http://\S+/metrics", line)
+    live, metrics = started([dtd, "estimate", run, *addresses], stdout=lines)
     time.sleep(5)
     used, began = processor_s(live.pid), time.monotonic()
     time.sleep(float(seconds))
     share = (processor_s(live.pid) - used) / (time.monotonic() - began) / os.cpu_count()
     memory_kb = int(re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{live.pid}/status").read_text())[1])
-    text = urllib.request.urlopen(address[0]).read().decode()
+    text = metrics()
     began = time.monotonic()
     live.terminate()
     code = live.wait(10)
@@ -75,4 +77,5 @@ def main():
     )
 
 
-main()
+if __name__ == "__main__":
+    main()

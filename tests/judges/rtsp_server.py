@@ -1,7 +1,7 @@
 """Serves videos as cameras over RTSP, and breaks them: all begin together with the first client, so that their wall clocks mean what the
 images show.
 
-    rtsp_server.py [--port PORT] [--user NAME:PASSWORD [--digest]] [--absent NAME] NAME[:VARIANT]=VIDEO.mp4 ...
+    rtsp_server.py [--port PORT] [--user NAME:PASSWORD [--digest]] [--tls CERTIFICATE] [--absent NAME] NAME[:VARIANT]=VIDEO.mp4 ...
 
 Packets are copied, not encoded. A client that comes later sees the stream from the next key frame on. A camera has one address and may have
 variants (`left:small=..`), which run beside it; the first one is shown. The first line on stdout is the port, on the loopback device; `playing`
@@ -12,6 +12,7 @@ follows with the UTC time in seconds, and so does `switched`. Lines on stdin bre
     switch NAME [VARIANT] another video of the same codec, in the same stream
     freeze NAME           its last key frame again and again, until its next one after `thaw NAME`
     lose NAME PART        so many of its packets are lost, 0 to 1
+    count NAME RATE       its timestamps count so many images per second, however many it sends
 
 Needs Debian's gir1.2-gst-rtsp-server-1.0, gstreamer1.0-plugins-good and python3-gi: run it with /usr/bin/python3.
 """
@@ -27,7 +28,7 @@ gi.require_version("Gst", "1.0")
 gi.require_version("GstApp", "1.0")
 gi.require_version("GstRtsp", "1.0")
 gi.require_version("GstRtspServer", "1.0")
-from gi.repository import GLib, Gst, GstApp, GstRtsp, GstRtspServer  # noqa: E402, F401
+from gi.repository import Gio, GLib, Gst, GstApp, GstRtsp, GstRtspServer  # noqa: E402, F401
 
 PAYLOADERS = {"video/x-h264": "rtph264pay config-interval=-1", "video/x-h265": "rtph265pay config-interval=-1", "image/jpeg": "rtpjpegpay"}
 
@@ -59,7 +60,8 @@ class Camera:
         self.name, self.server, self.role, self.configured = name, server, role, configured
         self.videos, self.video, self.next = {}, None, None
         self.key = self.frozen = None
-        self.source = self.loss = None
+        self.source = self.loss = self.rate = None
+        self.counted = 0
         self.clients = []
 
     def add(self, variant, path):
@@ -99,6 +101,9 @@ class Camera:
     def lose(self, part):
         self.loss.set_property("drop-probability", float(part))
 
+    def count(self, rate):
+        self.rate = float(rate)
+
     def configure(self, _factory, media):
         element = media.get_element()
         self.source, self.loss = element.get_child_by_name("source"), element.get_child_by_name("pay0")
@@ -125,18 +130,25 @@ class Camera:
         source = self.source
         if source is not None:
             buffer.pts = buffer.dts = Gst.CLOCK_TIME_NONE
+            if self.rate is not None:
+                buffer.pts = round(self.counted / self.rate * Gst.SECOND)
+                self.counted += 1
             if not source.get_property("caps").is_equal(video.caps):
                 source.set_property("caps", video.caps)
             source.emit("push-buffer", buffer)
 
 
-def guard(server, user, is_digest):
-    """Asks for a password, and returns the role of who knows it."""
-    name, password = user.split(":", 1)
+def guard(server, user, is_digest, certificate):
+    """Asks for a password if there is a user, encrypts with a certificate, and returns the role of those who may see the cameras."""
+    name, password = user.split(":", 1) if user else ("", "")
     auth = GstRtspServer.RTSPAuth()
+    if certificate:
+        auth.set_tls_certificate(Gio.TlsCertificate.new_from_file(certificate))
     token = GstRtspServer.RTSPToken()
     token.set_string(GstRtspServer.RTSP_TOKEN_MEDIA_FACTORY_ROLE, "viewer")
-    if is_digest:
+    if not user:
+        auth.set_default_token(token)
+    elif is_digest:
         auth.set_supported_methods(GstRtsp.RTSPAuthMethod.DIGEST)
         auth.add_digest(name, password, token)
     else:
@@ -153,6 +165,7 @@ def main():
     parser.add_argument("--port", default="0")
     parser.add_argument("--user", metavar="NAME:PASSWORD")
     parser.add_argument("--digest", action="store_true", help="the password is asked for by digest instead of basic authentication")
+    parser.add_argument("--tls", metavar="CERTIFICATE", help="connections are encrypted; the file (PEM) has the key as well")
     parser.add_argument("--absent", action="append", default=[], metavar="NAME", help="this camera is not there until it is offered")
     parser.add_argument("videos", nargs="+", metavar="NAME=VIDEO")
     args = parser.parse_args()
@@ -160,7 +173,7 @@ def main():
     server = GstRtspServer.RTSPServer()
     server.set_address("127.0.0.1")
     server.set_service(args.port)
-    role = guard(server, args.user, args.digest) if args.user else None
+    role = guard(server, args.user, args.digest, args.tls) if args.user or args.tls else None
     cameras, is_playing = {}, []
 
     def configured():

@@ -20,7 +20,7 @@ use crate::view_health::{CameraLook, CameraWatch};
 /// Search image by image.
 pub struct ViewSearch {
     detector: Box<dyn Detector + Send>,
-    settings: (TilingSettings, Mode, Camera),
+    camera: Camera,
     sequence: Sequence,
     watch: CameraWatch,
     images: u32,
@@ -64,7 +64,7 @@ impl ViewSearch {
     ) -> Self {
         Self {
             detector,
-            settings: (tiling, mode, *camera),
+            camera: *camera,
             sequence: Sequence::new(tiling, mode, None),
             watch: CameraWatch::new(camera),
             images: 0,
@@ -72,11 +72,18 @@ impl ViewSearch {
         }
     }
 
+    /// This search for images that come in real time: searches of whole images are spread over several ones, and take at most a quarter of
+    /// the time.
+    #[must_use]
+    pub fn spread(mut self) -> Self {
+        self.sequence = self.sequence.spread();
+        self
+    }
+
     /// Forgets all images up to now, as of a camera that may look elsewhere. The detector stays loaded.
     pub fn begin_again(&mut self) {
-        let (tiling, mode, camera) = &self.settings;
-        self.sequence = Sequence::new(*tiling, *mode, None);
-        self.watch = CameraWatch::new(camera);
+        self.sequence.begin_again();
+        self.watch = CameraWatch::new(&self.camera);
         (self.images, self.last_s) = (0, None);
     }
 

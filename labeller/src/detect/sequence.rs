@@ -3,18 +3,25 @@
 //! Whole images are searched as described in [`crate::tiling`]. Between them, each tracked aircraft gets one window around its expected
 //! place, and the rest of the image is neither converted nor searched.
 
+mod strips;
+
+use std::ops::Range;
+use std::time::Instant;
+
 use dataset::corpus::detections::{MissReason, SearchMode};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::PicturePart;
 
 use super::mode::Mode;
 use super::pictures::image::Image;
-use crate::detector::{Detector, ScoredBox, Window, keep_best};
+use crate::detector::{Detector, ScoredBox, Window, WindowSize, keep_best};
 use crate::error::Result;
 use crate::registration::EDGE_PX;
+use crate::tiling::row_band::RowBand;
 use crate::tiling::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
 use crate::tracking::{ExpectedBox, FoundBox, SearchedParts, Tracker};
+use strips::Strips;
 
 /// Time between searches of whole images, seconds; longer at low image rates while an aircraft is followed. An aircraft that enters the
 /// image is found a second later, 70 m closer.
@@ -37,6 +44,8 @@ pub(super) struct Sequence {
     /// Times of the last image and of the last one that was searched whole.
     last_s: Option<f64>,
     last_full_s: Option<f64>,
+    /// If searches of whole images are spread.
+    strips: Option<Strips>,
 }
 
 /// Results for one image.
@@ -45,6 +54,8 @@ struct SearchedImage {
     mode: SearchMode,
     /// The tracks that it was searched for, if it was not searched whole.
     around: Option<Vec<u32>>,
+    /// The rows in which it was searched besides.
+    rows: Range<u32>,
     /// Reason to report if no box is found.
     nothing: MissReason,
 }
@@ -80,7 +91,23 @@ impl Sequence {
             tracker: pictures.map_or_else(Tracker::endless, Tracker::of_pictures),
             last_s: None,
             last_full_s: None,
+            strips: None,
         }
+    }
+
+    /// This search with whole images spread over several ones, for images that come in real time.
+    pub(super) fn spread(self) -> Self {
+        Self {
+            strips: Some(Strips::default()),
+            ..self
+        }
+    }
+
+    /// Forgets all images up to now.
+    pub(super) fn begin_again(&mut self) {
+        let fresh = Self::new(self.tiling, self.mode, None);
+        let strips = self.strips.take();
+        *self = Self { strips, ..fresh };
     }
 
     /// Time of the last image since the first one, seconds.
@@ -99,9 +126,14 @@ impl Sequence {
         let looked = match self.mode {
             Mode::Full => self.everywhere(detector, picture)?,
             Mode::Scaled => self.shrunk(detector, picture)?,
-            Mode::Tracked | Mode::Auto => {
-                self.where_expected(detector, picture, time_s, since_s)?
-            }
+            Mode::Tracked | Mode::Auto => match self.strips.take() {
+                Some(mut strips) => {
+                    let looked = self.in_strips(&mut strips, detector, picture, [time_s, since_s]);
+                    self.strips = Some(strips);
+                    looked?
+                }
+                None => self.where_expected(detector, picture, time_s, since_s)?,
+            },
         };
         self.last_s = Some(time_s);
         if looked.mode == SearchMode::Full {
@@ -126,19 +158,89 @@ impl Sequence {
                 .is_none_or(|last_s| now_s - last_s >= period_s - DUE_PART * since_s)
         };
         let may_follow_loss = has_passed(LOSS_PART * FULL_SEARCH_S);
-        let period_s = if expected.iter().any(|expected| expected.is_confirmed) {
-            FULL_SEARCH_S.max(MIN_PERIOD * since_s)
-        } else {
-            FULL_SEARCH_S
-        };
-        if is_too_fast || has_passed(period_s) {
+        if is_too_fast || has_passed(full_period_s(&expected, since_s)) {
             return self.everywhere(detector, picture);
         }
         let looked = self.around(detector, picture, &expected)?;
-        if may_follow_loss && self.tracker.loses_any(&self.seen(&looked.sightings)) {
+        if may_follow_loss && self.tracker.lost(&self.seen(&looked.sightings)).is_some() {
             return self.everywhere(detector, picture);
         }
         Ok(looked)
+    }
+
+    /// Searches the expected places of the tracked aircraft, and the strip of rows that is due or where one of them was lost.
+    fn in_strips(
+        &self,
+        strips: &mut Strips,
+        detector: &mut dyn Detector,
+        picture: &mut dyn Image,
+        [now_s, since_s]: [f64; 2],
+    ) -> Result<SearchedImage> {
+        let expected = self.tracker.expected(since_s);
+        let all = self.rows(detector, picture);
+        let period_s = full_period_s(&expected, since_s);
+        let (looked, rows) = match strips.due(&all, now_s, since_s, period_s) {
+            Some(rows) if rows == all => (None, rows),
+            due => {
+                let looked = self.around(detector, picture, &expected)?;
+                let lost = self.tracker.lost(&self.seen(&looked.sightings));
+                let wait_s = LOSS_PART * FULL_SEARCH_S;
+                match due.or_else(|| strips.around(&all, lost?.cy_px, now_s, wait_s)) {
+                    None => return Ok(looked),
+                    Some(rows) => (Some(looked), rows),
+                }
+            }
+        };
+        let began = Instant::now();
+        let (looked, part) = match looked {
+            Some(looked) if rows != all => {
+                let part = f64::from(rows.end - rows.start) / f64::from(all.end - all.start);
+                (self.with_rows(looked, &rows, detector, picture)?, part)
+            }
+            _ => (self.everywhere(detector, picture)?, 1.0),
+        };
+        strips.took(now_s, began.elapsed().as_secs_f64(), part);
+        Ok(looked)
+    }
+
+    /// The rows that strips divide: none if the detector's windows have a fixed size.
+    fn rows(&self, detector: &dyn Detector, picture: &dyn Image) -> Range<u32> {
+        let TilingSettings {
+            rows,
+            half_scale_rows,
+            tile_px,
+            ..
+        } = self.tiling;
+        let all = RowBand::within(rows, picture.size_px()[1]);
+        match (detector.window_size(), tile_px, half_scale_rows) {
+            (WindowSize::Any { .. }, None, None) => all,
+            _ => all.start..all.start,
+        }
+    }
+
+    /// Adds the search of some rows.
+    fn with_rows(
+        &self,
+        looked: SearchedImage,
+        rows: &Range<u32>,
+        detector: &mut dyn Detector,
+        picture: &mut dyn Image,
+    ) -> Result<SearchedImage> {
+        let band = RowBand {
+            top_px: rows.start,
+            bottom_px: rows.end,
+        };
+        let tiling = TilingSettings {
+            rows: Some(band),
+            ..self.tiling
+        };
+        let found = search_picture(detector, &picture.whole()?, &tiling)?;
+        let sightings = [looked.sightings, found.sightings].concat();
+        Ok(SearchedImage {
+            sightings: self.best(sightings),
+            rows: rows.clone(),
+            ..looked
+        })
     }
 
     fn everywhere(
@@ -151,6 +253,7 @@ impl Sequence {
             sightings: found.sightings,
             mode: SearchMode::Full,
             around: None,
+            rows: 0..0,
             nothing: match found.hits {
                 0 => MissReason::Nothing,
                 _ => MissReason::Refuted,
@@ -173,6 +276,7 @@ impl Sequence {
             sightings: self.best(sightings.collect()),
             mode: SearchMode::Scaled,
             around: None,
+            rows: 0..0,
             nothing: MissReason::Nothing,
         })
     }
@@ -213,6 +317,7 @@ impl Sequence {
                 _ => MissReason::Lost,
             },
             around: Some(expected.iter().map(|expected| expected.track).collect()),
+            rows: 0..0,
         })
     }
 
@@ -225,7 +330,7 @@ impl Sequence {
     fn shown(&mut self, looked: SearchedImage) -> TrackedImage {
         let searched = match &looked.around {
             None => SearchedParts::Everywhere,
-            Some(tracks) => SearchedParts::Around(tracks),
+            Some(tracks) => SearchedParts::Around(tracks, &looked.rows),
         };
         let seen = self.seen(&looked.sightings);
         let tracks = self.tracker.take(&seen, searched);
@@ -255,6 +360,15 @@ impl Sequence {
             is_faint: sighting.found.score < self.tiling.score,
         };
         sightings.iter().map(seen).collect()
+    }
+}
+
+/// Time between searches of whole images, s.
+fn full_period_s(expected: &[ExpectedBox], since_s: f64) -> f64 {
+    if expected.iter().any(|expected| expected.is_confirmed) {
+        FULL_SEARCH_S.max(MIN_PERIOD * since_s)
+    } else {
+        FULL_SEARCH_S
     }
 }
 

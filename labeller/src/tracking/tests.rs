@@ -213,12 +213,12 @@ fn a_track_that_was_not_looked_for_does_not_end() {
     }
     for _ in 0..40 {
         tracker.advance(0.1);
-        tracker.take(&[], SearchedParts::Around(&[]));
+        tracker.take(&[], SearchedParts::Around(&[], &(0..0)));
     }
     assert_eq!(tracker.expected(0.1).len(), 1);
     for _ in 0..40 {
         tracker.advance(0.1);
-        tracker.take(&[], SearchedParts::Around(&[0]));
+        tracker.take(&[], SearchedParts::Around(&[0], &(0..0)));
     }
     assert_eq!(tracker.expected(0.1), []);
 }
@@ -229,15 +229,15 @@ fn a_confirmed_aircraft_that_was_just_seen_is_missed_at_once_and_only_once() {
     let here = clear(at(300.0, 400.0, 24.0));
     for step in 0..4 {
         tracker.advance(0.1);
-        assert_eq!(tracker.loses_any(&[]), step == 3);
+        assert_eq!(tracker.lost(&[]).is_some(), step == 3);
         tracker.take(&[here], SearchedParts::Everywhere);
     }
     tracker.advance(0.1);
-    assert!(tracker.loses_any(&[clear(at(900.0, 400.0, 24.0))]));
-    assert!(!tracker.loses_any(&[here]));
+    assert!(tracker.lost(&[clear(at(900.0, 400.0, 24.0))]).is_some());
+    assert!(tracker.lost(&[here]).is_none());
     tracker.take(&[], SearchedParts::Everywhere);
     tracker.advance(0.1);
-    assert!(!tracker.loses_any(&[]));
+    assert!(tracker.lost(&[]).is_none());
 }
 
 #[test]
@@ -413,7 +413,7 @@ fn a_faint_box_in_a_window_begins_nothing() {
     let beside = faint(at(340.0, 420.0, 12.0));
     let seen = [clear(here), beside];
     assert_eq!(
-        tracker.take(&seen, SearchedParts::Around(&[0])),
+        tracker.take(&seen, SearchedParts::Around(&[0], &(0..0))),
         [Some(0), None]
     );
     assert_eq!(

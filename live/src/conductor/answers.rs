@@ -65,10 +65,13 @@ impl Answers {
     }
 
     fn state(&self, aircraft: &online::Answer, time_s: f64, age_s: f64) -> AnswerState {
-        let is_old = self.pace != Pace::AsFastAsPossible && age_s > MAX_FRESH_S;
-        if time_s - aircraft.seen_s > MAX_COASTING_S {
+        let age_s = match self.pace {
+            Pace::AsFastAsPossible => 0.0,
+            _ => age_s,
+        };
+        if age_s + (time_s - aircraft.seen_s).max(0.0) > MAX_COASTING_S {
             AnswerState::Lost
-        } else if aircraft.views.is_empty() || is_old {
+        } else if aircraft.views.is_empty() || age_s > MAX_FRESH_S {
             AnswerState::Coasting
         } else {
             AnswerState::Fresh
@@ -164,9 +167,11 @@ mod tests {
     }
 
     #[test]
-    fn images_that_are_older_than_a_third_of_a_second_give_no_fresh_answer() {
+    fn images_that_are_older_than_a_third_of_a_second_give_no_fresh_answer_and_after_five_none() {
         let mut answers = Answers::new(vec!["left".into()], Pace::Cameras);
         let late = answers.of(vec![seen_at(10.0, &[0])], 10.0, None, 0.31);
         assert_eq!(late[0].state, AnswerState::Coasting);
+        let lost = answers.of(vec![seen_at(11.0, &[0])], 11.0, None, 5.1);
+        assert_eq!(lost[0].state, AnswerState::Lost);
     }
 }

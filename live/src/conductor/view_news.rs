@@ -34,8 +34,14 @@ impl ViewNews {
         self.has_ended
     }
 
-    /// The event, if the state, the loss's cause or the clock has changed. Views are down at first.
-    pub(crate) fn of(&mut self, time_s: f64, view: &str, state: ViewState) -> Option<Event> {
+    /// The event, if the state, the loss's cause or the clock has changed. Views are down at first. `why_late`: reason if it is late.
+    pub(crate) fn of(
+        &mut self,
+        time_s: f64,
+        view: &str,
+        state: ViewState,
+        why_late: impl FnOnce() -> String,
+    ) -> Option<Event> {
         // A view without images is down before its connection is given up, which tells why.
         let is_other_cause =
             state == ViewState::Down && self.why.is_some() && self.told_why != self.why;
@@ -47,7 +53,11 @@ impl ViewNews {
         }
         (self.told, self.told_clock) = (Some(state), self.clock);
         self.told_why = self.why.clone();
-        let (why, clock, view) = (self.why_of(view, state), self.clock, view.to_owned());
+        let why = match state {
+            ViewState::Late => Some(why_late()),
+            _ => self.why_of(view, state),
+        };
+        let (clock, view) = (self.clock, view.to_owned());
         Some(Event::View {
             time_s,
             view,
@@ -80,13 +90,17 @@ impl ViewNews {
 mod tests {
     use super::*;
 
+    fn of(news: &mut ViewNews, time_s: f64, state: ViewState) -> Option<Event> {
+        news.of(time_s, "left", state, || "it is slow".into())
+    }
+
     #[test]
     fn a_state_and_a_clock_are_told_once_and_a_view_that_is_down_from_the_beginning_with_its_fault()
     {
         let mut news = ViewNews::default();
-        assert!(news.of(0.0, "left", ViewState::Down).is_none());
+        assert!(of(&mut news, 0.0, ViewState::Down).is_none());
         news.take(Report::Lost("nobody answers".into()));
-        let event = news.of(1.0, "left", ViewState::Down).unwrap();
+        let event = of(&mut news, 1.0, ViewState::Down).unwrap();
         let Event::View { why, state, .. } = event else {
             panic!("{event:?}")
         };
@@ -94,33 +108,35 @@ mod tests {
             (why.as_deref(), state),
             (Some("nobody answers"), ViewState::Down)
         );
-        assert!(news.of(0.0, "left", ViewState::Down).is_none());
+        assert!(of(&mut news, 0.0, ViewState::Down).is_none());
         // It is reported before the state changes.
         news.take(Report::FirstImage {
             size_px: [1920, 1280],
             clock: ClockSource::Timestamps,
         });
-        assert!(news.of(0.0, "left", ViewState::Down).is_none());
-        assert!(news.of(0.0, "left", ViewState::Up).is_some());
-        assert!(news.of(0.0, "left", ViewState::Up).is_none());
+        assert!(of(&mut news, 0.0, ViewState::Down).is_none());
+        assert!(of(&mut news, 0.0, ViewState::Up).is_some());
+        assert!(of(&mut news, 0.0, ViewState::Up).is_none());
         news.take(Report::Clock(ClockSource::Sender));
-        let event = news.of(1.5, "left", ViewState::Up).unwrap();
+        let event = of(&mut news, 1.5, ViewState::Up).unwrap();
         let Event::View { clock, .. } = event else {
             panic!("{event:?}")
         };
         assert_eq!(clock, Some(ClockSource::Sender));
-        assert!(news.of(0.0, "left", ViewState::Up).is_none());
-        let event = news.of(2.0, "left", ViewState::Moved).unwrap();
+        assert!(of(&mut news, 0.0, ViewState::Up).is_none());
+        let event = of(&mut news, 1.8, ViewState::Late).unwrap();
+        assert!(format!("{event:?}").contains("it is slow"));
+        let event = of(&mut news, 2.0, ViewState::Moved).unwrap();
         assert!(format!("{event:?}").contains("dtd refit RUN --view left"));
-        let event = news.of(3.0, "left", ViewState::Down).unwrap();
+        let event = of(&mut news, 3.0, ViewState::Down).unwrap();
         assert!(format!("{event:?}").contains("no images come"));
-        assert!(news.of(0.0, "left", ViewState::Down).is_none());
+        assert!(of(&mut news, 0.0, ViewState::Down).is_none());
         for cause in ["no image came for 2000 ms", "nobody answers"] {
             news.take(Report::Lost(cause.into()));
-            let event = news.of(4.0, "left", ViewState::Down).unwrap();
+            let event = of(&mut news, 4.0, ViewState::Down).unwrap();
             assert!(format!("{event:?}").contains(cause));
             news.take(Report::Lost(cause.into()));
-            assert!(news.of(0.0, "left", ViewState::Down).is_none());
+            assert!(of(&mut news, 0.0, ViewState::Down).is_none());
         }
     }
 }

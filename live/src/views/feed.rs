@@ -8,17 +8,16 @@ use std::sync::{Arc, Mutex};
 
 use dataset::video::DecodedImage;
 
-use crate::clock::{ClockSource, Clues, Stamp, Stamper};
+use crate::clock::{ClockSource, Stamp, Stamper};
 use crate::error::Error;
 use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
 use crate::queue::{Queue, lock};
-use crate::source::address::{OpenFault, Patience};
-use crate::source::input::{End, Input, InputImage, other_size};
+use crate::source::input::{Input, InputImage, other_size};
+use crate::source::limits::{End, OpenFault, Patience};
 use crate::source::{Decoder, Source};
 use crate::view_state::image_look::Looks;
 use crate::view_state::{DecodedLook, ViewState, ViewWatch};
-use crate::views::open_limit::OpenLimit;
 use crate::views::read_limit::ReadLimit;
 use crate::views::search::Searched;
 use crate::views::shared::Shared;
@@ -26,6 +25,9 @@ use crate::views::shared::Shared;
 /// Milliseconds before a lost source is opened again: at first, and at most.
 const FIRST_DELAY_MS: u64 = 100;
 const MAX_DELAY_MS: u64 = 1_000;
+/// Milliseconds within which a source must open: at first, and for one that is slow, with a doubled limit after each attempt.
+pub(crate) const OPEN_MS: u64 = 4_000;
+const MAX_OPEN_MS: u64 = 32_000;
 
 pub(crate) struct FeedImage {
     pub(crate) image: DecodedImage,
@@ -95,7 +97,8 @@ pub(crate) struct Feed {
     pub(crate) last_time_s: Option<f64>,
     /// Number of connections until now.
     pub(crate) connections: u32,
-    pub(crate) open_limit: OpenLimit,
+    /// Time limit of the next attempt to open the source, ms.
+    pub(crate) open_ms: u64,
     pub(crate) read_limit: ReadLimit,
 }
 
@@ -157,7 +160,7 @@ impl Feed {
     fn once(&mut self) -> Result<End, OpenFault> {
         let clock = self.shared.clock;
         let patience = Patience::new(clock, self.shared.stop.clone());
-        let (most_ms, began_s) = (self.open_limit.next_ms(), clock.now_s());
+        let (most_ms, began_s) = (self.open_ms, clock.now_s());
         let opened = Input::open(
             &self.source,
             self.decoder,
@@ -166,16 +169,14 @@ impl Feed {
             patience,
             most_ms,
         );
-        let took_s = clock.now_s() - began_s;
-        self.open_limit.take(opened.is_ok(), took_s);
+        if opened.is_err() && clock.now_s() - began_s >= 1e-3 * most_ms as f64 {
+            self.open_ms = (2 * most_ms).min(MAX_OPEN_MS);
+        }
         let mut input = opened?;
         self.connections = self.connections.wrapping_add(1);
         self.report(Report::Opened {
             codec: input.codec(),
         });
-        if let Some(interval_s) = input.announced_interval_s() {
-            self.read_limit.announced(interval_s);
-        }
         let mut connection = Connection::default();
         loop {
             let image = match input.next(self.read_limit.next_ms()) {
@@ -187,7 +188,7 @@ impl Feed {
                     return Ok(end);
                 }
             };
-            let arrival_s = image.arrival_s;
+            let arrival_s = image.clues.arrival_s;
             if let Some(last_s) = connection.arrival_s.replace(arrival_s) {
                 self.read_limit.came(arrival_s - last_s);
             }
@@ -217,7 +218,7 @@ impl Feed {
             None => {
                 // Later images with a different size count as damaged.
                 if size_px != self.size_px {
-                    return Err(other_size(size_px, self.size_px));
+                    return Err(OpenFault::Wrong(other_size(size_px, self.size_px)));
                 }
                 self.report(Report::FirstImage { size_px, clock });
             }
@@ -241,7 +242,7 @@ impl Feed {
         let arrival_s = match stamp.clock {
             // It is due now.
             ClockSource::Recording => decoded_s,
-            _ => image.arrival_s,
+            _ => image.clues.arrival_s,
         };
         shared.metrics.time(Stage::Decode, decoded_s - arrival_s);
         if !state.can_be_measured() {
@@ -286,10 +287,10 @@ impl Feed {
         connection: &mut Connection,
     ) -> Option<(Stamp, f64, f64)> {
         let shared = self.shared.clone();
-        let recorded_s = image.recorded_s.or(image.timestamp_s);
+        let recorded_s = image.recorded_s.or(image.clues.timestamp_s);
         let recorded_s = recorded_s.filter(|_| self.source.is_recorded());
         let stamp = match (recorded_s, shared.pace) {
-            (Some(_), Pace::AsFastAsPossible) => Stamp::recorded(image.arrival_s),
+            (Some(_), Pace::AsFastAsPossible) => Stamp::recorded(image.clues.arrival_s),
             (Some(recorded_s), _) => {
                 let now_s = shared.clock.now_s();
                 let start_s = *shared.recordings_s.get_or_init(|| now_s - recorded_s);
@@ -297,13 +298,8 @@ impl Feed {
                 Stamp::recorded(start_s + recorded_s)
             }
             (None, _) => {
-                let clues = Clues {
-                    arrival_s: image.arrival_s,
-                    timestamp_s: image.timestamp_s,
-                    sender_s: image.sender_s,
-                };
                 let others_s = shared.sender_delays_s(self.view);
-                connection.stamper.stamp(clues, &others_s)
+                connection.stamper.stamp(image.clues, &others_s)
             }
         };
         shared.set_clock(self.view, &stamp);

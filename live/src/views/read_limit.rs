@@ -1,7 +1,7 @@
 //! Time limit for the next image.
 //!
-//! A stopped server keeps its connection, so a connection without images is given up. A slow camera gets three of its intervals, measured
-//! or, before that, announced. If a camera has never shown two images, its limit doubles with every connection that was given up.
+//! A stopped server keeps its connection, so a connection without images is given up. A slow camera gets three of its intervals. If a
+//! camera has never shown two images, its limit doubles with every connection that was given up.
 
 use crate::clock::UsualInterval;
 
@@ -15,8 +15,6 @@ const INTERVALS: f64 = 3.0;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ReadLimit {
     interval_s: UsualInterval,
-    /// The interval that the source announces, s.
-    announced_s: f64,
     last_s: f64,
     unknown_ms: u64,
 }
@@ -25,7 +23,6 @@ impl Default for ReadLimit {
     fn default() -> Self {
         Self {
             interval_s: UsualInterval::default(),
-            announced_s: 0.0,
             last_s: 0.0,
             unknown_ms: MIN_MS,
         }
@@ -34,16 +31,9 @@ impl Default for ReadLimit {
 
 impl ReadLimit {
     pub(crate) fn next_ms(&self) -> u64 {
-        let interval_s = (self.interval_s.get())
-            .unwrap_or(self.announced_s)
-            .max(self.last_s);
+        let interval_s = self.interval_s.get().unwrap_or(0.0).max(self.last_s);
         let known_ms = (1e3 * INTERVALS * interval_s) as u64;
         known_ms.max(self.unknown_ms).min(MAX_MS)
-    }
-
-    /// The source announces this time between images, seconds.
-    pub(crate) fn announced(&mut self, interval_s: f64) {
-        self.announced_s = interval_s;
     }
 
     /// Learns from an image that came `after_s` after the previous one.
@@ -75,9 +65,6 @@ mod tests {
         assert_eq!(connections, 3);
         limit.came(10.0);
         assert_eq!(limit.next_ms(), 30_000);
-        let mut announced = ReadLimit::default();
-        announced.announced(5.0);
-        assert_eq!(announced.next_ms(), 15_000);
     }
 
     #[test]
@@ -93,13 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_is_slower_than_it_announces_is_waited_for() {
-        let mut limit = ReadLimit::default();
-        limit.announced(0.04);
-        (0..3).for_each(|_| limit.given_up(1));
-        limit.came(10.0);
-        assert_eq!(limit.next_ms(), 30_000);
-        // A camera that slows down at night.
+    fn a_camera_that_slows_down_at_night_is_waited_for() {
         let mut limit = ReadLimit::default();
         (0..100).for_each(|_| limit.came(0.04));
         limit.came(1.9);

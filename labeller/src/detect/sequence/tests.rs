@@ -1,6 +1,10 @@
+use std::thread;
+use std::time::Duration;
+
 use dataset::corpus::Corpus;
 use dataset::corpus::detections::{Detection, Detections};
 use dataset::numbers::frame_rate::FrameRate;
+use dataset::video::Luma;
 use testkit::short_corpus;
 
 use super::super::pictures::ViewTicks;
@@ -244,4 +248,95 @@ fn faint_boxes_count_where_clear_ones_confirm_their_track_and_are_dropped_elsewh
     let mut finder = BlobFinder::of_any_size();
     let alone = find_aircraft(&mut finder, &picture, &TilingSettings::default()).unwrap();
     assert!(alone.is_empty(), "an image by itself confirms nothing");
+}
+
+/// A finder for which a whole image takes 60 ms.
+struct SlowFinder(BlobFinder);
+
+impl Detector for SlowFinder {
+    fn window_size(&self) -> WindowSize {
+        self.0.window_size()
+    }
+
+    fn detect(
+        &mut self,
+        picture: &PictureView<'_>,
+        windows: &[Window],
+        score_floor: f64,
+    ) -> Result<Vec<Vec<ScoredBox>>> {
+        let pixels: u32 = windows.iter().map(|of| of.width_px * of.height_px).sum();
+        let part = f64::from(pixels) / f64::from(WIDTH * HEIGHT);
+        thread::sleep(Duration::from_secs_f64(0.06 * part));
+        self.0.detect(picture, windows, score_floor)
+    }
+
+    fn first_pass_shrink(&self) -> u32 {
+        self.0.first_pass_shrink()
+    }
+
+    fn description(&self) -> String {
+        self.0.description()
+    }
+}
+
+/// An image in memory.
+struct Drawn(Vec<u8>, Vec<u8>);
+
+impl Image for Drawn {
+    fn size_px(&self) -> [u32; 2] {
+        [WIDTH, HEIGHT]
+    }
+
+    fn whole(&mut self) -> Result<PictureView<'_>> {
+        Ok(PictureView {
+            rgb: &self.0,
+            width_px: WIDTH,
+            height_px: HEIGHT,
+        })
+    }
+
+    fn part(&mut self, part: PicturePart) -> Result<PictureView<'_>> {
+        let row = |row: u32| {
+            let from = 3 * (row * WIDTH + part.left_px) as usize;
+            &self.0[from..from + 3 * part.width_px as usize]
+        };
+        self.1 = (part.top_px..part.top_px + part.height_px)
+            .flat_map(row)
+            .copied()
+            .collect();
+        Ok(PictureView {
+            rgb: &self.1,
+            width_px: part.width_px,
+            height_px: part.height_px,
+        })
+    }
+
+    fn lumas(&self) -> [Option<Luma<'_>>; 2] {
+        [None, None]
+    }
+}
+
+#[test]
+fn strips_find_what_enters_and_what_is_lost_and_no_later_image_is_searched_whole() {
+    let mut sequence = Sequence::new(TilingSettings::default(), Mode::Auto, None).spread();
+    let mut finder = SlowFinder(BlobFinder::of_any_size());
+    let mut found = Vec::new();
+    for tick in 0..150 {
+        let mut image = Drawn(vec![20; (WIDTH * HEIGHT * 3) as usize], Vec::new());
+        // It jumps by more than a window.
+        let left = if tick < 110 { 100 } else { 500 };
+        if tick >= 20 {
+            paint_blob(&mut image.0, WIDTH, &blob([left + tick, 600]));
+        }
+        let looked = sequence
+            .look(&mut finder, &mut image, f64::from(tick) / 30.0)
+            .unwrap();
+        assert!(tick == 0 || looked.mode == SearchMode::Tracked, "{tick}");
+        found.push(!looked.boxes.is_empty());
+    }
+    let first = |from: usize| (from..150).find(|tick| found[*tick]);
+    // Longer on a busy machine.
+    assert!(first(20).is_some_and(|tick| tick < 90), "{found:?}");
+    assert!(first(110).is_some_and(|tick| tick < 130), "{found:?}");
+    assert!(found[140..].iter().all(|is_found| *is_found), "{found:?}");
 }

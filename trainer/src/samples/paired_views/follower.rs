@@ -237,11 +237,14 @@ impl Follower {
     }
 
     /// Adds to the doubt about an object while another view sees a different approaching one in its place, as with videos of two flights.
+    /// Without another view, there is none.
     fn doubt(&mut self, tick: &Tick, step_s: f64) {
         for index in 0..self.aircraft.len() {
             let of = &self.aircraft[index];
             let change_s = if of.count() > 1 && of.disputed_s == 0.0 {
                 -step_s
+            } else if tick.is_of_the_only_view(of) {
+                -of.doubted_s
             } else if tick.is_replaced(of, &self.aircraft) {
                 step_s
             } else {
@@ -408,6 +411,12 @@ impl Tick<'_> {
     /// True if a view that should see the aircraft does not.
     fn is_missed(&self, aircraft: &Aircraft) -> bool {
         self.missing(aircraft).next().is_some()
+    }
+
+    /// True if no other view looks.
+    fn is_of_the_only_view(&self, aircraft: &Aircraft) -> bool {
+        let looks = |(view, looks): (usize, &bool)| *looks && aircraft.boxes[view].is_none();
+        aircraft.count() == 1 && !self.looks.iter().enumerate().any(looks)
     }
 
     /// True if only such a view sees another approaching object.

@@ -418,6 +418,26 @@ fn views_that_begin_to_show_different_arrivals_give_no_answer_until_they_have_ag
 }
 
 #[test]
+fn a_view_answers_alone_after_the_one_that_showed_a_different_arrival_is_left_out() {
+    let (paired, flights) = each_second();
+    let mut disturbed = tracked(&flights[0]);
+    let truth = disturbed.clone();
+    for (tick, observed) in disturbed.iter_mut().enumerate().skip(30) {
+        observed.boxes[1] = flights[1].get(tick + 90).and_then(|of| of.boxes[1]);
+        observed.tracks[1] = Some(50);
+        observed.shifts.fill(None);
+        if tick >= 80 {
+            *observed = observed.without_images(|view| view == 1);
+        }
+    }
+    let chosen = paired.of_one_aircraft(&disturbed);
+    assert_eq!(seen(&chosen[50..80]), 0);
+    // The other view's last image counts for ten seconds.
+    let (alone, of) = (seen(&chosen[92..]), seen(&truth[92..]));
+    assert!(alone as f64 > 0.9 * of as f64, "{alone} of {of}");
+}
+
+#[test]
 fn boxes_of_two_views_are_of_one_aircraft_in_one_row_and_size_and_with_the_parallax_of_that_size() {
     let (paired, flights) = each_second();
     let relation = &paired.relations[0];
