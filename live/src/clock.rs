@@ -155,6 +155,8 @@ pub(crate) struct Clues {
     pub(crate) timestamp_s: Option<f64>,
     /// The sender's wall clock, seconds since the start.
     pub(crate) sender_s: Option<f64>,
+    /// Time from this clock to the arrival of the sender's last report, s.
+    pub(crate) report_delay_s: Option<f64>,
     /// The image was waited for, so that the arrival is the true one.
     pub(crate) is_prompt: bool,
 }
@@ -170,8 +172,39 @@ pub(crate) const SENDERS_SD_S: f64 = SENDER_SPAN_S / 2.449_489_742_783_178;
 #[derive(Debug, Default)]
 pub(crate) struct Stamper {
     sender: Placement,
+    reports: Reports,
     timestamps: Placement,
     rate: Rate,
+}
+
+/// What a sender's reports say of its clock.
+#[derive(Debug, Default)]
+struct Reports {
+    /// Delays of the last report and of the fastest one, s.
+    last_s: Option<f64>,
+    fastest_s: Option<f64>,
+    /// Of the images, by this clock.
+    rate: Rate,
+    is_refuted: bool,
+}
+
+impl Reports {
+    /// False from when images came ever later by the sender's clock while its reports came as fast as before: a network would hold up both.
+    /// Such a camera sends fewer images than it counts.
+    fn are_believed(&mut self, clues: Clues, sender_s: f64, shortest_s: f64) -> bool {
+        if clues.is_prompt {
+            self.rate.has_changed(clues.arrival_s, sender_s);
+        }
+        if let Some(report_s) = clues.report_delay_s
+            && self.last_s.replace(report_s) != Some(report_s)
+        {
+            let fastest_s = self.fastest_s.map_or(report_s, |s| s.min(report_s));
+            self.fastest_s = Some(fastest_s);
+            let later_s = clues.arrival_s - sender_s - shortest_s;
+            self.is_refuted |= self.rate.seconds != 1.0 && report_s - fastest_s < later_s / 2.0;
+        }
+        !self.is_refuted
+    }
 }
 
 impl Stamper {
@@ -183,7 +216,15 @@ impl Stamper {
             .sender_s
             .map(|sender_s| (sender_s, self.sender.delay_s(arrival_s, sender_s)));
         let sender_delay_s = sender.map(|(_, shortest_s)| shortest_s);
-        if let Some((sender_s, shortest_s)) = sender {
+        let timestamp_s = clues.timestamp_s.map(|timestamp_s| {
+            if clues.is_prompt && self.rate.has_changed(arrival_s, timestamp_s) {
+                self.timestamps = Placement::default();
+            }
+            self.rate.seconds * timestamp_s
+        });
+        if let Some((sender_s, shortest_s)) = sender
+            && self.reports.are_believed(clues, sender_s, shortest_s)
+        {
             let is_alike = |other_s: &f64| {
                 !SENDER_DELAY_S.contains(other_s) && (shortest_s - other_s).abs() <= SENDER_SPAN_S
             };
@@ -196,12 +237,6 @@ impl Stamper {
                 };
             }
         }
-        let timestamp_s = clues.timestamp_s.map(|timestamp_s| {
-            if clues.is_prompt && self.rate.has_changed(arrival_s, timestamp_s) {
-                self.timestamps = Placement::default();
-            }
-            self.rate.seconds * timestamp_s
-        });
         let (time_s, clock) = match timestamp_s {
             Some(timestamp_s) => (
                 timestamp_s + self.timestamps.delay_s(arrival_s, timestamp_s),
@@ -314,6 +349,7 @@ mod tests {
             arrival_s,
             timestamp_s: Some(timestamp_s),
             sender_s: None,
+            report_delay_s: None,
             is_prompt: true,
         };
         stamper.stamp(clues, &[])
@@ -345,6 +381,7 @@ mod tests {
                     arrival_s: taken_s + delay_s(image),
                     timestamp_s: Some(taken_s),
                     sender_s: Some(taken_s + skew_s),
+                    report_delay_s: None,
                     is_prompt: true,
                 };
                 // A right clock of another view, or one that is wrong by a different amount, helps nothing.
@@ -365,6 +402,7 @@ mod tests {
                 arrival_s: taken_s + LATE_S + delay_s(image),
                 timestamp_s: Some(taken_s),
                 sender_s: Some(taken_s),
+                report_delay_s: None,
                 is_prompt: true,
             };
             let stamp = stamper.stamp(clues, &[LATE_S + 0.1]);
@@ -415,6 +453,37 @@ mod tests {
     }
 
     #[test]
+    fn a_clock_by_which_images_come_ever_later_is_not_believed_unless_its_reports_come_later_too() {
+        for (is_network_slow, expected) in [
+            (false, ClockSource::Timestamps),
+            (true, ClockSource::Sender),
+        ] {
+            let mut stamper = Stamper::default();
+            for image in 0..21 * 30_u32 {
+                let taken_s = f64::from(image) / 21.0;
+                let counted_s = f64::from(image) / 25.0;
+                // A report every five seconds.
+                let reported_s = (taken_s / 5.0).floor() * 5.0;
+                let held_up_s = 0.16 * reported_s * f64::from(u8::from(is_network_slow));
+                let clues = Clues {
+                    arrival_s: taken_s + delay_s(image),
+                    timestamp_s: Some(counted_s),
+                    sender_s: Some(counted_s),
+                    report_delay_s: Some(0.02 + held_up_s),
+                    is_prompt: true,
+                };
+                // The other camera counts alike.
+                let stamp = stamper.stamp(clues, &[taken_s - counted_s]);
+                if taken_s > 10.0 {
+                    assert_eq!(stamp.clock, expected, "{taken_s} s");
+                    let is_fresh = (taken_s - stamp.time_s).abs() < 0.05;
+                    assert!(is_network_slow || is_fresh, "{taken_s} s: {}", stamp.time_s);
+                }
+            }
+        }
+    }
+
+    #[test]
     fn images_that_were_not_waited_for_show_no_rate() {
         let mut stamper = Stamper::default();
         for image in 0..21 * 30 {
@@ -422,6 +491,7 @@ mod tests {
                 arrival_s: f64::from(image) / 21.0,
                 timestamp_s: Some(f64::from(image) / 25.0),
                 sender_s: None,
+                report_delay_s: None,
                 is_prompt: false,
             };
             let late_s = clues.arrival_s - stamper.stamp(clues, &[]).time_s;
@@ -465,6 +535,7 @@ mod tests {
             arrival_s: taken_s + delay_s,
             timestamp_s: Some(timestamp_s),
             sender_s: Some(sender_s),
+            report_delay_s: None,
             is_prompt: true,
         };
         let stamp = stamper.stamp(clues, &[]);

@@ -48,6 +48,8 @@ pub(crate) struct RtpStream {
     times: Timeline,
     /// The sender's last report and one before it: timestamps with its clock, seconds since the start.
     reports: [Option<(i64, f64)>; 2],
+    /// Time from the sender's clock to the arrival of the last report, s.
+    report_delay_s: Option<f64>,
     ready: VecDeque<CodedImage>,
     /// Nothing had come when the next image was asked for.
     is_prompt: bool,
@@ -88,6 +90,7 @@ impl RtpStream {
             sockets,
             times: Timeline::default(),
             reports: [None; 2],
+            report_delay_s: None,
             ready: VecDeque::new(),
             is_prompt: false,
             patience: patience.clone(),
@@ -169,6 +172,7 @@ impl RtpStream {
                     arrival_s,
                     timestamp_s: Some(pts as f64 / f64::from(self.video.clock_hz)),
                     sender_s: self.sender_s(pts),
+                    report_delay_s: self.report_delay_s,
                     is_prompt: self.is_prompt,
                 };
                 self.ready.push_back(CodedImage {
@@ -184,6 +188,7 @@ impl RtpStream {
     fn take_report(&mut self, bytes: &[u8]) {
         if let Some((utc_s, timestamp)) = sender_report(bytes) {
             let sender_s = self.patience.clock.since_start_s(utc_s);
+            self.report_delay_s = Some(self.patience.clock.now_s() - sender_s);
             let report = Some((self.times.place(timestamp), sender_s));
             let [last, before] = self.reports;
             let is_near = |(_, before_s): &(i64, f64)| sender_s - before_s < 2.0 * MIN_SPAN_S;
