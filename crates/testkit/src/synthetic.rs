@@ -402,7 +402,6 @@ fn register(
                 let (in_reference, _) = (seen(reference)?, seen(view)?);
                 let ecef_m = row.pose.position().to_ecef();
                 let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
-                let size = |camera: &Camera| camera.focal_px / camera.to_camera(ecef_m).z;
                 Some(Shift {
                     x_px: in_reference.pixel_box.cx_px,
                     y_px: in_reference.pixel_box.cy_px,
@@ -410,9 +409,6 @@ fn register(
                     dy_px: exact.y + noise_px * normal(random),
                     sd_x_px: noise_px.max(0.01),
                     sd_y_px: noise_px.max(0.01),
-                    scale: size(&camera) / size(&first),
-                    gain: 1.0,
-                    correlation: 0.9,
                 })
             };
             found.push(Registration {

@@ -209,9 +209,6 @@ mod tests {
                     dy_px: shift_px.y,
                     sd_x_px: 0.05,
                     sd_y_px: 0.05,
-                    scale: 1.0,
-                    gain: 1.0,
-                    correlation: 0.9,
                 }),
             });
         }

@@ -369,12 +369,6 @@ pub(crate) const VIEW_LAG_MS: Limits = Limits::new(-1e6, 1e6, "a lag in millisec
 /// Standard deviation of such a lag.
 pub(crate) const VIEW_LAG_SD_MS: Limits =
     Limits::new(0.0, 1e6, "a standard deviation in milliseconds");
-/// Of an aircraft between two views.
-pub(crate) const VIEW_SCALE: Limits = Limits::new(0.01, 100.0, "a ratio of two sizes");
-/// Of an aircraft between two views.
-pub(crate) const VIEW_GAIN: Limits = Limits::new(0.01, 100.0, "a ratio of two contrasts");
-/// Correlation between two images.
-pub(crate) const CORRELATION: Limits = Limits::new(-1.0, 1.0, "a correlation");
 /// Second passes in one image.
 pub const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
 

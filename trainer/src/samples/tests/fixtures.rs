@@ -98,8 +98,5 @@ pub(crate) fn shift_of([x_px, y_px]: [f64; 2], [dx_px, dy_px]: [f64; 2]) -> Shif
         dy_px,
         sd_x_px: 0.03,
         sd_y_px: 0.04,
-        scale: 1.0,
-        gain: 1.0,
-        correlation: 0.9,
     }
 }
