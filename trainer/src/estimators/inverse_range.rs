@@ -201,7 +201,7 @@ fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
     let mut sets: BTreeSet<Vec<usize>> = (0..views).map(|view| vec![view]).collect();
     let seen = |sample: &&Sample| -> Vec<usize> {
         (0..views)
-            .filter(|&view| sample.boxes[view].is_some())
+            .filter(|&view| sample.best(view).is_some())
             .collect()
     };
     let together: BTreeSet<Vec<usize>> = training.iter().map(seen).collect();
