@@ -1,4 +1,4 @@
-"""Counts alarms about cameras and measures lags (dataset.md, health) in corpora whose cameras have no fault. Prints JSON.
+"""Counts alarms about cameras (dataset.md, health) in corpora whose cameras have no fault. Prints JSON.
 
 Usage: false_alarms.py CORPUS ..; the corpora are searched already. Needs pyarrow and numpy.
 """

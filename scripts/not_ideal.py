@@ -85,7 +85,7 @@ def recorded(run, out, row):
     return {
         **made_by(run, out / row),
         **figures.of_judged(judged),
-        "health": figures.of_health(out / row, out / "untouched", row),
+        "health": figures.of_health(out / row, out / "untouched", judged, row),
         "verify": figures.of_verify(json.loads(found.stdout)),
     }
 

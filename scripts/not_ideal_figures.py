@@ -1,6 +1,7 @@
 """Figures of a row of not_ideal.py: errors and intervals by tick and by flight, what health noticed, what `dtd verify` found."""
 
 import json
+import re
 from itertools import groupby
 
 import numpy as np
@@ -16,6 +17,8 @@ SOON_S, SOON_TICKS = 5, 5
 # What health should say, and the time at which the fault begins, seconds.
 FAULTS = {"shake-2px": ("shaking", 0), "turned-0.3deg": ("moved", 120), "frozen-4pct": ("frozen", 0)}
 LATE_MS = {"late-490ms": 490, "late-450ms": 450, "late-200ms": 200}
+# How `dtd evaluate` names a view that is late.
+LATE = r"(?P<flight>.*): view (?P<view>.*) is (?P<late_s>[0-9.]+) s late .*standard deviation (?P<sd_s>[0-9.]+) s.*"
 
 
 def of_judged(folder, others=None):
@@ -117,10 +120,12 @@ def scenarios(corpus):
     return sorted(folder for folder in (corpus / "scenarios").iterdir() if (folder / "health").is_dir())
 
 
-def of_health(corpus, untouched, row):
+def of_health(corpus, untouched, judged, row):
     """Affected images that were noticed, and false alarms of cameras without a fault. The right camera has the fault."""
     noticed = affected = alarms = 0
-    seconds, lags = 0.0, []
+    seconds = 0.0
+    named = (re.fullmatch(LATE, line) for line in json.loads((judged / "metrics.json").read_text()).get("late_views", []))
+    lags = {late["flight", "view"]: [1e3 * float(number) for number in late["late_s", "sd_s"]] for late in named if late}
     for folder in scenarios(corpus):
         health = pq.read_table(next((folder / "health").glob("*.parquet"))).to_pylist()
         frames = pq.read_table(folder / "frames.parquet", columns=["tick", "time_ns"]).to_pylist()
@@ -130,16 +135,12 @@ def of_health(corpus, untouched, row):
         repeated = repeats(folder, untouched / "scenarios" / folder.name) if row == "frozen-4pct" else set()
         for view in ("left", "right"):
             rows = [line for line in health if line["view"] == view]
-            lag = next(((line["lag_ms"], line["lag_sd_ms"]) for line in rows if line["lag_ms"] is not None), None)
-            is_late = is_sure(lag)
-            if row in LATE_MS:
-                is_late = is_late and abs(lag[0] - LATE_MS[row]) <= 3 * lag[1]
-            if lag:
-                lags.append([folder.name, *(round(number, 1) for number in lag)])
+            lag = lags.get((folder.name, view))
+            is_late = lag is not None and (row not in LATE_MS or abs(lag[0] - LATE_MS[row]) <= 3 * lag[1])
             faulty = view == "right" and (row in FAULTS or row in LATE_MS)
             if not faulty and row != "tower-camera":
                 seconds += time_s[rows[-1]["tick"]]
-                alarms += alarms_of(rows, is_late)
+                alarms += alarms_of(rows) + is_late
             if not faulty:
                 continue
             expected, begin_s = FAULTS.get(row, ("late", 0))
@@ -155,40 +156,27 @@ def of_health(corpus, untouched, row):
                     affected += 1
                     noticed += is_late if expected == "late" else line["state"] == expected
     found = {"affected": affected, "noticed": noticed, "false_alarms": alarms, "healthy_view_hours": seconds / 3600}
-    return {**found, "lags_ms": lags}
+    return {**found, "lags_ms": [[flight, *map(round, lag)] for (flight, _), lag in lags.items()]}
 
 
-def is_sure(lag):
-    """A lag and its standard deviation, milliseconds, as the estimators judge them."""
-    return lag is not None and abs(lag[0]) >= max(100, 5 * lag[1])
-
-
-def alarms_of(rows, is_late):
-    """Alarms of a camera without a fault: stretches of images, and a lag."""
+def alarms_of(rows):
+    """Stretches of images that are alarms of a camera without a fault."""
     ill = [line["state"] not in ("steady", "unknown") for line in rows]
-    return sum(state for state, _ in groupby(ill)) + is_late
+    return sum(state for state, _ in groupby(ill))
 
 
 def of_clean(corpora):
-    """Alarms of cameras without faults, their hours, and the lags that were measured."""
-    alarms, seconds, views, lags = [], 0.0, 0, []
+    """Alarms of cameras without faults, and their hours."""
+    alarms, seconds, views = [], 0.0, 0
     for folder in (folder for corpus in corpora for folder in scenarios(corpus)):
         rows_of = pq.read_table(next((folder / "health").glob("*.parquet"))).to_pylist()
         time_ns = pq.read_table(folder / "frames.parquet", columns=["time_ns"])["time_ns"].to_pylist()
         for view in sorted({line["view"] for line in rows_of}):
             rows = [line for line in rows_of if line["view"] == view]
-            lag = next(((line["lag_ms"], line["lag_sd_ms"]) for line in rows if line["lag_ms"] is not None), None)
-            lags += [lag] if lag else []
             views += 1
             seconds += (time_ns[-1] - time_ns[0]) / 1e9
-            alarms += [f"{folder.name} {view}"] * alarms_of(rows, is_sure(lag))
-    found = {"views": views, "view_hours": seconds / 3600, "false_alarms": len(alarms), "where": alarms}
-    if lags:
-        lag_ms, sd_ms = np.array(lags).T
-        found["lags"] = len(lags)
-        found["lag_rms_ms"] = float(np.sqrt(np.mean(lag_ms**2)))
-        found["largest_lag_sd"] = float(np.max(np.abs(lag_ms) / sd_ms))
-    return found
+            alarms += [f"{folder.name} {view}"] * alarms_of(rows)
+    return {"views": views, "view_hours": seconds / 3600, "false_alarms": len(alarms), "where": alarms}
 
 
 def of_tracks(corpus):

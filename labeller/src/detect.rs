@@ -8,7 +8,6 @@
 //! surroundings of boxes whose other view is not decoded yet, so memory does not grow with the corpus.
 
 mod job;
-mod lags;
 mod live_view;
 mod mode;
 mod pairs;
@@ -31,7 +30,7 @@ use dataset::corpus::claim::Claimed;
 use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::tables::health::{HealthState, ViewHealth, late_views};
+use dataset::tables::health::{HealthState, ViewHealth};
 use dataset::tables::pixel_box::TruthBox;
 use dataset::tables::registrations::Registration;
 use dataset::work::watch::Watch;
@@ -196,7 +195,7 @@ impl RegistrationCounts {
     }
 }
 
-/// A view that is late, or has frozen, moved or shaking ticks.
+/// A view that has frozen, moved or shaking ticks.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Unhealthy {
     /// The scenario.
@@ -209,8 +208,6 @@ pub struct Unhealthy {
     pub moved: u64,
     /// Ticks with a shaking camera.
     pub shaking: u64,
-    /// Lag behind the least late view, ms; 0 if there is none.
-    pub late_ms: u64,
 }
 
 impl Unhealthy {
@@ -235,14 +232,8 @@ impl Unhealthy {
                 HealthState::Steady | HealthState::Unknown => {}
             }
         }
-        for (view, late) in late_views(rows) {
-            if let Some(here) = views.get_mut(view) {
-                here.late_ms = (late.seconds * 1e3).round() as u64;
-            }
-        }
         let all = views.into_values();
-        all.filter(|view| view.ill_ticks() + view.late_ms > 0)
-            .collect()
+        all.filter(|view| view.ill_ticks() > 0).collect()
     }
 }
 

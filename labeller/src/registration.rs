@@ -117,9 +117,6 @@ fn shift_of(
         dy_px: fit.shift_px.y,
         sd_x_px: sd(fit.sd_px.x, depth_px_per_m.x),
         sd_y_px: sd(fit.sd_px.y, depth_px_per_m.y),
-        scale: fit.scale,
-        gain: fit.gain,
-        correlation: fit.correlation,
     };
     // Perspective is no reason to refuse: it grows with the size of the aircraft, and so does the error of the boxes.
     let fitted_px = (SD_FACTOR * fit.sd_px).max_element() / reference.step_px();

@@ -124,14 +124,13 @@ pub struct StageTime {
 }
 
 impl Results {
-    /// Removes figures that the page does not compare with the paper: flights, views, and pairs of weather and time except for the paper's
+    /// Removes figures that the page does not compare with the paper: flights, and pairs of weather and time except for the paper's
     /// estimator.
     #[must_use]
     pub fn compared(mut self) -> Self {
         for metrics in [&mut self.by_trajectory, &mut self.by_scenario] {
             for (name, estimator) in &mut metrics.estimators {
                 estimator.by_flight.clear();
-                estimator.single_views.clear();
                 if name != PAPER {
                     estimator.by_weather_and_time.clear();
                 }

@@ -240,11 +240,10 @@ fn more(views: usize) -> String {
     }
 }
 
-/// Warns of cameras that were late, moved, shook or repeated images, the worst views first.
+/// Warns of cameras that moved, shook or repeated images, the worst views first.
 fn warn_of_cameras(unhealthy: &[Unhealthy]) {
-    let badness = |view: &Unhealthy| (view.late_ms, view.ill_ticks());
     let mut views: Vec<&Unhealthy> = unhealthy.iter().collect();
-    views.sort_by_key(|view| Reverse(badness(view)));
+    views.sort_by_key(|view| Reverse(view.ill_ticks()));
     let named: Vec<String> = (views.iter().take(MAX_NAMED))
         .map(|view| {
             let counts = [
@@ -254,8 +253,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
             ];
             let counts = counts.iter().filter(|(ticks, _)| *ticks > 0);
             let counts = counts.map(|(ticks, what)| format!("{ticks} {what}"));
-            let late = (view.late_ms > 0).then(|| format!("{} ms late", view.late_ms));
-            let faults: Vec<_> = late.into_iter().chain(counts).collect();
+            let faults: Vec<_> = counts.collect();
             format!("{} {}: {}", view.scenario, view.view, faults.join(", "))
         })
         .collect();
@@ -264,7 +262,7 @@ fn warn_of_cameras(unhealthy: &[Unhealthy]) {
     }
     let more = more(views.len());
     eprint_warning!(
-        "detect: cameras of {} were late, moved, shook or repeated images (ticks): {}{more}; health/ says when",
+        "detect: cameras of {} moved, shook or repeated images (ticks): {}{more}; health/ says when",
         count(views.len(), "view"),
         named.join("; ")
     );

@@ -29,7 +29,7 @@ use sight::references::{Placed, References};
 use sight::sight::{CONTRADICTS_SD, Sight};
 
 use crate::error::Result;
-use crate::samples::camera_health::measured;
+use crate::samples::camera_health::{first_of, measured};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{CommonError, Observation, Samples, ScenarioSummary};
 
@@ -130,25 +130,20 @@ impl Alignment {
 
     /// Reports warnings, and then the number of compared views.
     pub(crate) fn report(&self, watch: &dyn Watch) {
-        let more = |others: &[String]| match others.len() {
-            0 => String::new(),
-            count => format!(" (and {count} more)"),
-        };
-        if let [first, others @ ..] = self.refused.as_slice() {
-            watch.warn(&format!("{first}{}", more(others)));
-        }
-        if let [first, others @ ..] = self.moved.as_slice() {
-            watch.warn(&format!(
-                "{first}{}; boxes are corrected, and intervals include what remains uncertain",
-                more(others)
-            ));
-        }
-        if let [first, others @ ..] = self.without_backgrounds.as_slice() {
-            watch.warn(&format!(
-                "{first}{} has no backgrounds, because an earlier version searched it; run `dtd detect` again, which adds them without a \
-                 new search",
-                more(others)
-            ));
+        for (lines, effect) in [
+            (&self.refused, ""),
+            (
+                &self.moved,
+                "; boxes are corrected, and intervals include what remains uncertain",
+            ),
+            (
+                &self.without_backgrounds,
+                " has no backgrounds, because an earlier version searched it; run `dtd detect` again, which adds them without a new search",
+            ),
+        ] {
+            if let Some(first) = first_of(lines) {
+                watch.warn(&format!("{first}{effect}"));
+            }
         }
         watch.say(&self.to_string());
     }
@@ -160,18 +155,12 @@ impl fmt::Display for Alignment {
         if let Some(sd_px) = self.median_sd_px {
             write!(f, ", standard deviation {sd_px:.2} px (median)")?;
         }
-        match self.unaligned.as_slice() {
-            [] => Ok(()),
-            [first, others @ ..] => {
-                write!(
-                    f,
-                    "; not comparable, and taken to be as in the training: {first}"
-                )?;
-                match others.len() {
-                    0 => Ok(()),
-                    count => write!(f, " and {count} more"),
-                }
-            }
+        match first_of(&self.unaligned) {
+            None => Ok(()),
+            Some(first) => write!(
+                f,
+                "; not comparable, and taken to be as in the training: {first}"
+            ),
         }
     }
 }
@@ -529,9 +518,8 @@ impl Backgrounds {
     pub(crate) fn corrected(&self, observed: &Observation, sights: &Sights) -> Observation {
         let camera = |view: usize| self.views[view].references.camera();
         let sight = |view: usize| sights.0[view].as_ref();
-        let boxes = observed.boxes.iter().enumerate();
-        let errors = boxes.filter_map(|(view, seen)| {
-            let (place_px, _) = centre_and_size(seen.as_ref()?);
+        let errors = observed.seen().filter_map(|(view, seen)| {
+            let (place_px, _) = centre_and_size(seen);
             let errors_px = sight(view)?.errors_px(camera(view), place_px);
             Some(errors_px.map(|sd_px| CommonError { view, sd_px }))
         });

@@ -15,6 +15,7 @@ pub(crate) mod report;
 pub(crate) mod rules;
 pub(crate) mod view_removal;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use dataset::corpus::Corpus;
@@ -30,8 +31,8 @@ use crate::evaluation::answers::{Answers, JudgedTicks};
 use crate::evaluation::contradictions::Contradictions;
 use crate::evaluation::judged::{Judged, JudgedSide};
 use crate::evaluation::metrics::{
-    AgainstOneView, EstimatorMetrics, Metrics, RemovedFigures, SideCount, SingleViewFigures,
-    SplitSummary, TrainingFigures, WithoutViews,
+    AgainstOneView, EstimatorMetrics, Metrics, RemovedFigures, SideCount, SplitSummary,
+    TrainingFigures,
 };
 use crate::evaluation::prediction_table::{add_answers, judged_ticks};
 use crate::evaluation::rules::EvaluationRules;
@@ -154,25 +155,21 @@ pub fn evaluate(
     })?;
     contradictions.report(watch);
     predictions.finish()?;
-    let mut without: [WithoutViews; Estimator::ALL.len()] = Default::default();
+    let mut views_removed: [BTreeMap<String, RemovedFigures>; Estimator::ALL.len()] =
+        Default::default();
     for removal in removals {
         let name = removal.name(&samples.views, &rules.removed_views);
         let answers = evaluation.answers(Some(removal), &mut steps, |_| Ok(()))?;
-        for (estimator, of) in without.iter_mut().enumerate() {
-            let outcomes = ticks.outcomes(&answers, estimator);
-            let figures = RemovedFigures::of(&outcomes, rules);
-            of.views_removed.insert(name.clone(), figures);
-            if let ViewRemoval::AllBut(view) = removal {
-                let figures = SingleViewFigures::of(&outcomes);
-                of.single_views.insert(samples.views[view].clone(), figures);
-            }
+        for (estimator, of) in views_removed.iter_mut().enumerate() {
+            let figures = RemovedFigures::of(&ticks.outcomes(&answers, estimator), rules);
+            of.insert(name.clone(), figures);
         }
     }
     let common = all.common();
-    let of_estimators = Estimator::ALL.into_iter().zip(without).enumerate();
-    let estimators = of_estimators.map(|(number, (estimator, without))| {
+    let of_estimators = Estimator::ALL.into_iter().zip(views_removed).enumerate();
+    let estimators = of_estimators.map(|(number, (estimator, views_removed))| {
         let outcomes = ticks.outcomes(&all, number);
-        let figures = EstimatorMetrics::of(&outcomes, &common, without, rules);
+        let figures = EstimatorMetrics::of(&outcomes, &common, views_removed, rules);
         (estimator.name().to_owned(), figures)
     });
     let estimators = estimators.collect();

@@ -34,11 +34,11 @@ use crate::run::trained::TrainedRun;
 use crate::samples::camera_health::late_images::PastLags;
 
 pub use crate::estimators::inverse_range::contradiction::{Cause, Evidence, Withheld};
-pub use crate::samples::Look;
-pub use answer::{Answer, Position, Stated};
+pub use crate::samples::{Candidate, Look};
+pub use answer::{Answer, Stated};
 pub(crate) use in_sight::{InSight, JudgedAircraft};
 pub use phase::Phase;
-pub use seen_tick::{Candidate, SeenTick, SeenView};
+pub use seen_tick::{SeenTick, SeenView};
 
 /// A trained run with the aircraft in sight.
 pub struct OnlineRun {
@@ -169,16 +169,17 @@ impl OnlineRun {
             observed
         };
         let usual = self.run.normalisation.without_outliers(&observed, false);
-        let lost = |view: &usize| observed.boxes[*view].is_some() && usual.boxes[*view].is_none();
-        self.unlike = (0..observed.boxes.len()).filter(lost).collect();
+        let views = observed.seen().map(|(view, _)| view);
+        self.unlike = views.filter(|view| usual.best(*view).is_none()).collect();
         let judged = self.in_sight.take(&self.run, false, &observed);
         let fitted = self.run.baselines.self_calibrated.as_ref();
         let locator = fitted.map(SelfCalibrated::locator);
         let answers = judged.iter().map(|of| {
-            let place = locator
-                .as_ref()
-                .and_then(|of_all| of_all.place(&of.observed));
-            self.answer(of).at(place)
+            let locator = locator.as_ref();
+            Answer {
+                position: locator.and_then(|of_all| of_all.place(&of.observed)),
+                ..self.answer(of)
+            }
         });
         answers.collect()
     }

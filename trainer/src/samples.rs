@@ -42,14 +42,13 @@ use dataset::tables::health::ViewHealth;
 use dataset::tables::registrations::Registration;
 
 use crate::error::{Error, Result};
-use crate::samples::camera_health::late_images::{Pair, lags_by_health, put_in_time};
+use crate::samples::camera_health::late_images::{Pair, put_in_time};
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
 use crate::samples::trusted_boxes::is_whole;
-use crate::samples::trusted_boxes::other_boxes::{Candidate, Registered};
-use sight::lag::Lag;
+use crate::samples::view_shift::ViewShift;
 
-pub use sample::Look;
+pub use sample::{Candidate, Look};
 pub(crate) use sample::{CommonError, Observation, Sample};
 
 /// Maximum distance from a runway on Earth, half its circumference, in nautical miles.
@@ -105,8 +104,6 @@ pub(crate) struct ScenarioSummary {
     pub cameras: Vec<Camera>,
     /// Boxes that camera health changed.
     pub corrections: Corrections,
-    /// Lags per view, as `dtd detect` measured them.
-    pub lags: Vec<Vec<Lag>>,
     /// Cameras used for registration; `None` without registration.
     pub registered_with: Option<RegisteredWith>,
 }
@@ -135,7 +132,6 @@ impl ScenarioSummary {
             touchdown: record.touchdown,
             cameras: cameras.into_values().collect(),
             corrections: Corrections::default(),
-            lags: Vec::new(),
             registered_with: None,
         }
     }
@@ -414,23 +410,22 @@ impl Samples {
                 .iter()
                 .map(|view| detections.remove(&(row.tick, view.clone())))
                 .collect();
-            let registered: Vec<Option<Registered>> = (self.views.iter())
+            let shifts: Vec<Option<ViewShift>> = (self.views.iter())
                 .map(|view| {
                     let registration = registrations.remove(&(row.tick, view.clone()))?;
                     let reference = self.views.binary_search(&registration.reference).ok()?;
-                    Some((reference, registration.result.ok()?))
+                    Some(ViewShift::of(reference, &registration.result.ok()?))
                 })
                 .collect();
             let at = (self.scenarios.len(), row.tick, row.time_ns);
             let views = self.views.iter();
             let looks = views.map(|view| look(row.tick, view));
-            Observation::of(at, &found, &registered, looks.collect())
+            Observation::of(at, found, shifts, looks.collect())
         };
         if moment == Moment::Live {
             let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
             return Ok((summary, frames, observations));
         }
-        summary.lags = lags_by_health(&self.views, &health);
         let times_s = frames.rows.iter();
         let times_s = times_s
             .map(|row| (row.tick, row.time_ns as f64 / 1e9))
@@ -450,7 +445,7 @@ impl Samples {
             .collect()
     }
 
-    /// Corrects late images on some sides, by rows that a run knows, or else by the lags that `dtd detect` measured.
+    /// Corrects late images on some sides, by rows that a run knows, or else by the planned cameras.
     pub(crate) fn put_in_time(&mut self, sides: &[Side], pairs: &[Pair]) -> Vec<String> {
         let counts: Vec<bool> = (self.scenarios.iter())
             .map(|scenario| sides.contains(&scenario.side))
@@ -641,7 +636,7 @@ fn whole_boxes(
     detections: Vec<Detection>,
     cameras: &BTreeMap<String, Camera>,
 ) -> BTreeMap<(u32, String), Vec<Candidate>> {
-    let mut found: BTreeMap<(u32, String), Vec<Scored>> = BTreeMap::new();
+    let mut found: BTreeMap<(u32, String), Vec<Candidate>> = BTreeMap::new();
     for Detection {
         tick,
         view,
@@ -651,28 +646,22 @@ fn whole_boxes(
         ..
     } in detections
     {
-        let candidate = Candidate { pixel_box, track };
-        found
-            .entry((tick, view))
-            .or_default()
-            .push((score, candidate));
+        found.entry((tick, view)).or_default().push(Candidate {
+            pixel_box,
+            score,
+            track,
+        });
     }
-    let whole = |((tick, view), found): ((u32, String), Vec<Scored>)| {
-        let whole = whole_of(found, &cameras[&view]);
-        ((tick, view), whole)
-    };
-    found.into_iter().map(whole).collect()
+    for ((_, view), found) in &mut found {
+        keep_whole(found, &cameras[view]);
+    }
+    found
 }
 
-pub(crate) type Scored = (f64, Candidate);
-
-/// Whole boxes in an image, sorted by score.
-pub(crate) fn whole_of(found: impl IntoIterator<Item = Scored>, camera: &Camera) -> Vec<Candidate> {
-    let whole = found.into_iter();
-    let whole = whole.filter(|(_, candidate)| is_whole(&candidate.pixel_box, camera));
-    let mut whole: Vec<Scored> = whole.collect();
-    whole.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-    whole.into_iter().map(|(_, candidate)| candidate).collect()
+/// Keeps the whole boxes of an image, and sorts them by score.
+pub(crate) fn keep_whole(found: &mut Vec<Candidate>, camera: &Camera) {
+    found.retain(|candidate| is_whole(&candidate.pixel_box, camera));
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
 }
 
 /// Share of contrast that remains over the distance to the nearest camera whose image contains the aircraft.

@@ -29,7 +29,6 @@ fn judged(table: &Path, corpus: &Corpus) -> TableMetrics {
 fn without_removals(figures: &EstimatorMetrics) -> EstimatorMetrics {
     EstimatorMetrics {
         views_removed: BTreeMap::new(),
-        single_views: BTreeMap::new(),
         ..figures.clone()
     }
 }

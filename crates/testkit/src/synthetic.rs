@@ -86,6 +86,8 @@ pub struct SyntheticCorpus {
     pub turned_deg: f64,
     /// True if a third camera stands between the two of the rig.
     pub third_camera: bool,
+    /// Ticks by which all views but the first are late.
+    pub late_ticks: u32,
     /// A camera that is not as in the rig, in all scenarios.
     pub changed: Option<Changed>,
     /// Lens and air of all cameras.
@@ -111,6 +113,7 @@ impl SyntheticCorpus {
             miss_ratio: 0.08,
             turned_deg: 0.0,
             third_camera: false,
+            late_ticks: 0,
             changed: None,
             imaging: Imaging::default(),
             seed: 0,
@@ -191,9 +194,9 @@ impl SyntheticCorpus {
             .write(&folder.record_path())?;
         seal_folder(folder.root(), "synthetic")?;
         let detections = self.detect(&frames, &calibration, &mut random);
-        let registrations = self
-            .shift_noise_px
-            .map(|noise_px| register(&frames, &calibration, &detections, noise_px, &mut random));
+        let registrations = self.shift_noise_px.map(|noise_px| {
+            self.register(&frames, &calibration, &detections, noise_px, &mut random)
+        });
         let source = folder.open()?;
         detections::replace(
             &folder.claim()?,
@@ -300,9 +303,9 @@ impl SyntheticCorpus {
     ) -> Detections {
         let mut found = Vec::new();
         for row in &frames.rows {
-            for (view, entry) in &calibration.cameras {
+            for (index, (view, entry)) in calibration.cameras.iter().enumerate() {
                 let camera = entry.camera();
-                let exact = perfect_box(&camera, row.pose.position().to_ecef());
+                let exact = perfect_box(&camera, self.shown_m(frames, row.tick, index));
                 let noisy = PixelBox {
                     cx_px: exact.cx_px + self.centre_noise_px * normal(random),
                     cy_px: exact.cy_px + self.centre_noise_px * normal(random),
@@ -318,6 +321,62 @@ impl SyntheticCorpus {
             }
         }
         found.into()
+    }
+
+    /// Position of the aircraft in a view's image of a tick.
+    fn shown_m(&self, frames: &Frames, tick: u32, view: usize) -> DVec3 {
+        let late = if view > 0 { self.late_ticks } else { 0 };
+        let row = &frames.rows[tick.saturating_sub(late) as usize];
+        row.pose.position().to_ecef()
+    }
+
+    /// Place of each view's aircraft in the first view, for views that both have a box.
+    fn register(
+        &self,
+        frames: &Frames,
+        calibration: &Calibration,
+        detections: &Detections,
+        noise_px: f64,
+        random: &mut ChaCha12Rng,
+    ) -> Vec<Registration> {
+        let mut found = Vec::new();
+        let mut boxes: BTreeMap<u32, Vec<&Detection>> = BTreeMap::new();
+        for seen in &detections.boxes {
+            boxes.entry(seen.tick).or_default().push(seen);
+        }
+        let mut views = calibration.cameras.iter();
+        let (reference, first) = views.next().expect("a rig has cameras");
+        let first = first.camera();
+        for (index, (view, entry)) in (1..).zip(views) {
+            let camera = entry.camera();
+            for row in &frames.rows {
+                let seen = |view: &String| {
+                    let mut of_tick = boxes.get(&row.tick)?.iter().copied();
+                    of_tick.find(|seen| seen.view == *view)
+                };
+                let mut shift = || {
+                    let (in_reference, _) = (seen(reference)?, seen(view)?);
+                    let [here_m, there_m] =
+                        [0, index].map(|view| self.shown_m(frames, row.tick, view));
+                    let exact = camera.project(there_m)? - first.project(here_m)?;
+                    Some(Shift {
+                        x_px: in_reference.pixel_box.cx_px,
+                        y_px: in_reference.pixel_box.cy_px,
+                        dx_px: exact.x + noise_px * normal(random),
+                        dy_px: exact.y + noise_px * normal(random),
+                        sd_x_px: noise_px.max(0.01),
+                        sd_y_px: noise_px.max(0.01),
+                    })
+                };
+                found.push(Registration {
+                    tick: row.tick,
+                    view: view.clone(),
+                    reference: reference.clone(),
+                    result: shift().ok_or(NoShift::NoBox),
+                });
+            }
+        }
+        found
     }
 
     fn record(
@@ -373,57 +432,6 @@ pub(crate) fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
         width_px: SPAN_M * px_per_m,
         height_px: HEIGHT_M * px_per_m,
     }
-}
-
-/// Place of each view's aircraft in the first view, for views that both have a box.
-fn register(
-    frames: &Frames,
-    calibration: &Calibration,
-    detections: &Detections,
-    noise_px: f64,
-    random: &mut ChaCha12Rng,
-) -> Vec<Registration> {
-    let mut found = Vec::new();
-    let mut boxes: BTreeMap<u32, Vec<&Detection>> = BTreeMap::new();
-    for seen in &detections.boxes {
-        boxes.entry(seen.tick).or_default().push(seen);
-    }
-    let mut views = calibration.cameras.iter();
-    let (reference, first) = views.next().expect("a rig has cameras");
-    let first = first.camera();
-    for (view, entry) in views {
-        let camera = entry.camera();
-        for row in &frames.rows {
-            let seen = |view: &String| {
-                let mut of_tick = boxes.get(&row.tick)?.iter().copied();
-                of_tick.find(|seen| seen.view == *view)
-            };
-            let mut shift = || {
-                let (in_reference, _) = (seen(reference)?, seen(view)?);
-                let ecef_m = row.pose.position().to_ecef();
-                let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
-                let size = |camera: &Camera| camera.focal_px / camera.to_camera(ecef_m).z;
-                Some(Shift {
-                    x_px: in_reference.pixel_box.cx_px,
-                    y_px: in_reference.pixel_box.cy_px,
-                    dx_px: exact.x + noise_px * normal(random),
-                    dy_px: exact.y + noise_px * normal(random),
-                    sd_x_px: noise_px.max(0.01),
-                    sd_y_px: noise_px.max(0.01),
-                    scale: size(&camera) / size(&first),
-                    gain: 1.0,
-                    correlation: 0.9,
-                })
-            };
-            found.push(Registration {
-                tick: row.tick,
-                view: view.clone(),
-                reference: reference.clone(),
-                result: shift().ok_or(NoShift::NoBox),
-            });
-        }
-    }
-    found
 }
 
 /// True if a box is completely in the image, and far enough from its edge for a detector that places an edge within 2 pixels.

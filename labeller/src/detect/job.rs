@@ -15,7 +15,6 @@ use dataset::corpus::scenario::ScenarioRecord;
 use dataset::geometry::camera::Camera;
 use dataset::work::watch::Watch;
 
-use super::lags::add_lags;
 use super::mode::Mode;
 use super::pairs::fitted_cameras::FittedCameras;
 use super::pairs::{Pairs, lock};
@@ -271,23 +270,13 @@ impl ScenarioJob {
         }
         let ViewFindings {
             detections,
-            mut health,
+            health,
             backgrounds,
             windows,
             cpu_s,
         } = ViewFindings::together(views);
         let registered =
             registered.map(|(reference, done)| (reference, done.without_boxes(&detections)));
-        if let Some((_, done)) = &registered {
-            let registrations = &done.registrations;
-            add_lags(
-                &self.views,
-                &self.cameras,
-                &detections,
-                registrations,
-                &mut health,
-            );
-        }
         let registration = registered
             .as_ref()
             .map(|(reference, done)| RegistrationRecord {

@@ -177,7 +177,6 @@ fn health_of(
         state,
         motion,
         state_live,
-        lag: None,
     });
     (rows.collect(), usual(&looks))
 }

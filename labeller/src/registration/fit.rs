@@ -34,8 +34,6 @@ pub(super) struct Fit {
     pub(super) shift_px: DVec2,
     /// Scatter of the shift by the residuals.
     pub(super) sd_px: DVec2,
-    /// Size in the view over that in the reference.
-    pub(super) scale: f64,
     /// Contrast in the view over that in the reference.
     pub(super) gain: f64,
     pub(super) correlation: f64,
@@ -89,8 +87,6 @@ impl<'a> Template<'a> {
 
 /// A pixel of the template and where it falls in the view.
 struct Pair {
-    /// Offset from the centre of the reference's box, mapped to the view.
-    offset: DVec2,
     template: f64,
     view: f64,
     slope: DVec2,
@@ -113,7 +109,6 @@ impl Fit {
         Self {
             shift_px: reference_in_view_px - reference_px,
             sd_px: ((x_axis * sd_px.x).powf(2.0) + (y_axis * sd_px.y).powf(2.0)).map(f64::sqrt),
-            scale: self.scale.recip(),
             gain: self.gain.recip(),
             correlation: self.correlation,
         }
@@ -173,11 +168,9 @@ pub(super) fn fit(
     weigh(&pairs, gain, offset, &mut weights);
     let scatter = scatter(&template, &pairs, &weights, gain, offset).ok_or(NoShift::Vague)?;
     let step_px = reference.step_px();
-    let shape = view_from_reference.determinant().abs().sqrt();
     Ok(Fit {
         shift_px: view.centre_px() + (at - view.centre) * step_px - reference.centre_px(),
         sd_px: scatter * step_px,
-        scale: shape * (1.0 + growth(&pairs, &weights, gain, offset)),
         gain,
         correlation: correlation(&pairs),
     })
@@ -275,7 +268,6 @@ fn collect(
         let offset = view_from_reference * (pixel - centre);
         let (there, slope) = view.sample(at + offset)?;
         Some(Pair {
-            offset,
             template: value,
             view: there,
             slope,
@@ -368,18 +360,6 @@ fn windowed(values: &[DVec2], width: usize) -> Vec<DVec2> {
         Vec::from_iter((0..values.len()).map(sum))
     };
     sums(&sums(values, 1, width), width, height)
-}
-
-/// Relative growth of the aircraft in the view beyond the scale given by the cameras; fitted after the shift, which it does not change.
-fn growth(pairs: &[Pair], weights: &[f64], gain: f64, offset: f64) -> f64 {
-    let mut normal = NormalEquations::new(5);
-    for (pair, weight) in pairs.iter().zip(weights) {
-        let [dx, dy, contrast, brightness] = derivatives(pair);
-        let row = [dx, dy, contrast, brightness, pair.slope.dot(pair.offset)];
-        normal.add(&row, pair.residual(gain, offset), *weight);
-    }
-    let fitted = normal.solve().map_or(0.0, |step| -step[4]);
-    fitted.clamp(-0.5, 0.5)
 }
 
 /// The correlation of many images with the same one, whose own sums are taken once.

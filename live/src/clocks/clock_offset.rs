@@ -3,6 +3,7 @@
 //! A straight line through lags over time, by least squares; each arrival adds one ([`Lag`]). The prior expects the small drift of
 //! usual clocks.
 
+use dataset::numbers::least_squares::NormalEquations;
 use serde::{Deserialize, Serialize};
 
 use crate::clock::SENDERS_SD_S;
@@ -60,41 +61,28 @@ pub(crate) struct Lag {
     pub(crate) sd_s: f64,
 }
 
-/// Sums for a line through lags over time: weights, weighted times and squared times, weighted lags and their products with the times.
-#[derive(Debug, Clone, Copy)]
-struct Sums {
-    weight: f64,
-    time: f64,
-    time_squared: f64,
-    lag: f64,
-    lag_times_time: f64,
-}
-
 /// Estimated offset and drift.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct ClockOffset {
     zero_s: Option<f64>,
-    sums: Sums,
+    /// Offset at that time, and its growth per second.
+    line: NormalEquations,
 }
 
 impl ClockOffset {
     /// Prior: the stored offset, else only the expected drift.
     pub(crate) fn of(kept: Option<Offset>, drift_sd: f64) -> Self {
+        let mut line = NormalEquations::new(2);
+        if let Some(kept) = kept {
+            let sd_s = kept.sd_s.hypot(RESTART_SD_S);
+            line.add(&[1.0, 0.0], kept.offset_s, sd_s.powi(-2));
+        }
         let (drift, drift_sd) = match kept {
             Some(kept) => (kept.drift_ppm * 1e-6, kept.drift_sd_ppm * 1e-6),
             None => (0.0, drift_sd),
         };
-        let weight = kept.map_or(0.0, |kept| kept.sd_s.hypot(RESTART_SD_S).powi(-2));
-        Self {
-            zero_s: None,
-            sums: Sums {
-                weight,
-                time: 0.0,
-                time_squared: drift_sd.powi(-2),
-                lag: kept.map_or(0.0, |kept| kept.offset_s * weight),
-                lag_times_time: drift * drift_sd.powi(-2),
-            },
-        }
+        line.add(&[0.0, 1.0], drift, drift_sd.powi(-2));
+        Self { zero_s: None, line }
     }
 
     pub(crate) fn since(mut self, time_s: f64) -> Self {
@@ -105,38 +93,22 @@ impl ClockOffset {
     /// Adds an arrival's lag.
     pub(crate) fn with(mut self, lag: Lag) -> Self {
         let since_s = lag.at_s - *self.zero_s.get_or_insert(lag.at_s);
-        let weight = lag.sd_s.powi(-2);
-        self.sums.weight += weight;
-        self.sums.time += weight * since_s;
-        self.sums.time_squared += weight * since_s * since_s;
-        self.sums.lag += weight * lag.seconds;
-        self.sums.lag_times_time += weight * since_s * lag.seconds;
+        self.line
+            .add(&[1.0, since_s], lag.seconds, lag.sd_s.powi(-2));
         self
     }
 
     /// The offset at a time; `None` if nothing was measured yet.
     pub(crate) fn at(&self, time_s: f64) -> Option<Offset> {
         let since_s = time_s - self.zero_s.unwrap_or(time_s);
-        let Sums {
-            weight,
-            time,
-            time_squared,
-            lag,
-            lag_times_time,
-        } = self.sums;
-        let determinant = weight * time_squared - time * time;
-        if determinant <= 0.0 {
-            return None;
-        }
-        let drift = (weight * lag_times_time - time * lag) / determinant;
-        let at_zero_s = (time_squared * lag - time * lag_times_time) / determinant;
-        let variance =
-            (time_squared - 2.0 * since_s * time + since_s * since_s * weight) / determinant;
+        let [at_zero_s, drift] = self.line.solve_for()?;
+        let [[own, shared], [_, of_drift]] = self.line.inverse_for()?;
+        let variance = own + 2.0 * since_s * shared + since_s * since_s * of_drift;
         Some(Offset {
             offset_s: at_zero_s + drift * since_s,
             sd_s: variance.max(0.0).sqrt(),
             drift_ppm: drift * 1e6,
-            drift_sd_ppm: (weight / determinant).sqrt() * 1e6,
+            drift_sd_ppm: of_drift.sqrt() * 1e6,
         })
     }
 }
@@ -157,10 +129,10 @@ mod tests {
     fn several_arrivals_tell_the_drift_too() {
         let clock = ClockOffset::of(None, RECORDING_DRIFT_SD);
         assert!(clock.at(100.0).is_none());
-        let first = clock.with(lag(100.0, 0.514)).at(100.0).unwrap();
+        let first = clock.clone().with(lag(100.0, 0.514)).at(100.0).unwrap();
         assert!((first.offset_s - 0.514).abs() < 1e-9 && first.drift_ppm == 0.0);
         assert!((first.sd_s - 0.007).abs() < 1e-9);
-        let later = clock.with(lag(100.0, 0.514)).at(1_100.0).unwrap();
+        let later = clock.clone().with(lag(100.0, 0.514)).at(1_100.0).unwrap();
         assert!(later.sd_s > 0.09, "its drift is unknown: {later:?}");
         let four = [0.004, -0.006, 0.003, -0.002].into_iter().zip(0..);
         let four = four.fold(clock, |clock, (error_s, number)| {

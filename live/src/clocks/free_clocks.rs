@@ -90,7 +90,7 @@ impl FreeClock {
 
     /// The best offset at a time, with the arrival under way.
     pub(crate) fn best(&self, time_s: f64) -> Option<Offset> {
-        self.with_arrival.unwrap_or(self.before).at(time_s)
+        (self.with_arrival.as_ref().unwrap_or(&self.before)).at(time_s)
     }
 
     /// It is the view's clock again, after a different one was.
@@ -172,17 +172,17 @@ impl FreeClock {
         if is_other().unwrap_or(false) {
             alone
         } else {
-            self.before.with(lag)
+            self.before.clone().with(lag)
         }
     }
 
     /// True if the last arrival was too long ago, and the one that is under way does not tell enough.
     fn is_vague(&self, time_s: f64) -> bool {
-        let is_vague = |clock: ClockOffset| {
+        let is_vague = |clock: &ClockOffset| {
             let now = clock.at(time_s);
             now.is_none_or(|now| now.sd_s > 2.0 * self.max_sd_s)
         };
-        is_vague(self.before) && self.with_arrival.is_none_or(is_vague)
+        is_vague(&self.before) && self.with_arrival.as_ref().is_none_or(is_vague)
     }
 }
 

@@ -99,10 +99,10 @@ impl Answers {
             dtd_to_m: interval.map(|[_, to]| to),
             ground_speed_mps: known(aircraft.ground_speed_mps).map(|stated| stated.value),
             time_to_touchdown_s: known(aircraft.time_to_touchdown_s).map(|stated| stated.value),
-            latitude_deg: position.map(|position| position.latitude_deg),
-            longitude_deg: position.map(|position| position.longitude_deg),
-            height_m: position.map(|position| position.height_m),
-            position_sd_m: position.map(|position| position.sd_m),
+            latitude_deg: position.map(|(place, _)| place.latitude_deg),
+            longitude_deg: position.map(|(place, _)| place.longitude_deg),
+            height_m: position.map(|(place, _)| place.altitude_msl_m),
+            position_sd_m: position.map(|(_, sd_m)| sd_m),
             views: (aircraft.views.iter())
                 .map(|view| self.views[*view].clone())
                 .collect(),

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use dataset::numbers::least_squares::NormalEquations;
 use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
 
@@ -52,20 +53,14 @@ impl TrackMotion {
         else {
             return [0.0; 2];
         };
-        let count = places.len() as f64;
-        let mean = |axis: usize| places.iter().map(|place| place[axis]).sum::<f64>() / count;
-        let means = [mean(0), mean(1), mean(2)];
-        let product = |axis: usize| -> f64 {
-            let terms = places.iter();
-            terms
-                .map(|place| (place[0] - means[0]) * (place[axis] - means[axis]))
-                .sum()
-        };
-        let spread = product(0);
-        if spread <= 0.0 {
-            return [0.0; 2];
-        }
-        [1, 2].map(|axis| product(axis) / spread)
+        [1, 2].map(|axis| {
+            let mut line = NormalEquations::new(2);
+            for place in places {
+                let since_s = place[0] - places[0][0];
+                line.add(&[1.0, since_s], place[axis], 1.0);
+            }
+            line.solve_for().map_or(0.0, |[_, px_s]| px_s)
+        })
     }
 }
 

@@ -117,6 +117,7 @@ fn observed() -> Observation {
     .observed;
     observed.shifts[1] = Some(ViewShift {
         reference: 0,
+        from_px: DVec2::new(300.0, 100.0),
         shift_px: DVec2::new(50.25, 0.5),
         sd_px: DVec2::splat(0.03),
     });
@@ -124,7 +125,7 @@ fn observed() -> Observation {
 }
 
 fn centre_px(observed: &Observation, view: usize) -> DVec2 {
-    centre_and_size(observed.boxes[view].as_ref().unwrap()).0
+    centre_and_size(observed.best(view).unwrap()).0
 }
 
 #[test]
@@ -146,7 +147,7 @@ fn what_a_moved_camera_sees_goes_where_the_reference_saw_it_and_keeps_its_rays()
         assert!(before.distance(after) > 5.0, "{before} and {after}");
         assert!(seen_again(motion, after).distance(before) < 1e-6);
     }
-    let followed_px = centre_px(&after, 0) + after.shifts[1].unwrap().shift_px;
+    let followed_px = centre_px(&after, 0) + after.shift(1).unwrap().shift_px;
     let there_px = centre_px(&before, 0) + DVec2::new(50.25, 0.5);
     assert!(seen_again(motions[1], followed_px).distance(there_px) < 1e-6);
 }
@@ -179,15 +180,15 @@ fn a_camera_is_moved_exchanged_or_as_usual_by_its_background_and_as_stable_as_us
     assert!(errors_px(&seen) < 0.15, "{seen:?}");
     let (shown, seen) = show(Motion::default(), elsewhere);
     assert_eq!(shown, Shown::OtherView("right".into()));
-    assert_eq!((seen.boxes[0], seen.shifts[1]), (None, None));
-    assert!(seen.boxes[1].is_some());
+    assert_eq!((seen.best(0), seen.shift(1)), (None, None));
+    assert!(seen.best(1).is_some());
     let (shown, seen) = show(Motion::default(), |place| {
         scene(DVec2::new(7_000.0 - place.x, place.y))
     });
-    assert_eq!((shown, seen.boxes[0]), (Shown::Elsewhere, None));
+    assert_eq!((shown, seen.best(0)), (Shown::Elsewhere, None));
     let (shown, seen) = show(Motion::default(), |_| 120.0);
     assert_eq!(shown, Shown::Unknown);
-    assert!(seen.boxes[0].is_some());
+    assert!(seen.best(0).is_some());
     assert!((errors_px(&seen) - STABILITY_PX).abs() < 0.02, "{seen:?}");
 }
 

@@ -33,9 +33,7 @@ use crate::samples::{FARTHEST_M, Observation, Sample};
 pub(crate) use cross_fitted::CrossFitted;
 pub(crate) use measurement::{Measurement, scale_m};
 pub(crate) use robust_fit::MIN_DEVIATION;
-use robust_fit::{
-    ROUGHLY, Rows, Scales, Solution, coordinates, normalise, sensitivity_m, terms_of, write_terms,
-};
+use robust_fit::{ROUGHLY, Row, Scales, Solution, precision, sensitivity_m, solve, terms_of};
 use row_misfit::RowRelation;
 pub(crate) use tick::Tick;
 
@@ -69,6 +67,13 @@ struct ViewSet {
     registered: bool,
 }
 
+/// Ticks with the aircraft in all views of a set, and the number of their scenarios.
+struct Rows {
+    rows: Vec<Row>,
+    scales: Scales,
+    scenarios: usize,
+}
+
 /// Formula for one set of views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Fit {
@@ -77,10 +82,8 @@ struct Fit {
     set: ViewSet,
     /// `s`: distance of the cameras behind the touchdown target, metres.
     setback_m: f64,
-    /// Mean positions, right and down per view, pixels.
-    offset_px: Vec<f64>,
-    /// Standard deviations of positions, pixels.
-    scale_px: Vec<f64>,
+    #[serde(flatten)]
+    scales: Scales,
     /// Factors for 1, the normalised positions, and their products (first with itself and all after it, second with itself, ...); 1/m.
     coefficients_per_m: Vec<f64>,
     /// Robust standard deviation of the relative error on the training side, corrected for the number of coefficients.
@@ -166,8 +169,8 @@ impl InverseRange {
                 let coordinates = 2 * set.len();
                 set.last().is_some_and(|&last| last < views)
                     && set.windows(2).all(|pair| pair[0] < pair[1])
-                    && fit.offset_px.len() == coordinates
-                    && fit.scale_px.len() == coordinates
+                    && fit.scales.offset_px.len() == coordinates
+                    && fit.scales.scale_px.len() == coordinates
                     && fit.coefficients_per_m.len() == terms_of(coordinates)
                     && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
             })
@@ -177,14 +180,14 @@ impl InverseRange {
     pub(crate) fn offsets_px(&self) -> impl Iterator<Item = f64> {
         self.fits
             .iter()
-            .flat_map(|fit| fit.offset_px.iter().copied())
+            .flat_map(|fit| fit.scales.offset_px.iter().copied())
     }
 
     /// Standard deviations of positions, pixels.
     pub(crate) fn scales_px(&self) -> impl Iterator<Item = f64> {
         self.fits
             .iter()
-            .flat_map(|fit| fit.scale_px.iter().copied())
+            .flat_map(|fit| fit.scales.scale_px.iter().copied())
     }
 
     /// Views whose rows are known.
@@ -198,7 +201,7 @@ fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
     let mut sets: BTreeSet<Vec<usize>> = (0..views).map(|view| vec![view]).collect();
     let seen = |sample: &&Sample| -> Vec<usize> {
         (0..views)
-            .filter(|&view| sample.boxes[view].is_some())
+            .filter(|&view| sample.best(view).is_some())
             .collect()
     };
     let together: BTreeSet<Vec<usize>> = training.iter().map(seen).collect();
@@ -224,75 +227,75 @@ impl ViewSet {
         }
     }
 
-    /// Ticks with the aircraft in all views, with normalised positions.
-    fn rows(&self, training: &[&Sample]) -> (Rows, Scales) {
-        let mut rows = Rows::new(self.views.len());
-        for sample in training {
-            if let Some(places) = self.places(sample) {
-                rows.push(&places, sample.dtd_m, sample.scenario);
-            }
+    /// Ticks with the aircraft in all views.
+    fn rows(&self, training: &[&Sample]) -> Rows {
+        let seen = training.iter();
+        let seen: Vec<(Places, &Sample)> = seen
+            .filter_map(|sample| Some((self.places(sample)?, *sample)))
+            .collect();
+        let scales = Scales::of(seen.iter().map(|(places, _)| places), self.views.len());
+        let row = |(places, sample): &(Places, &Sample)| Row {
+            terms: scales.terms(places),
+            distance_m: sample.dtd_m,
+            precision: precision(places),
+        };
+        let scenarios: BTreeSet<usize> = seen.iter().map(|(_, sample)| sample.scenario).collect();
+        Rows {
+            rows: seen.iter().map(row).collect(),
+            scales,
+            scenarios: scenarios.len(),
         }
-        let scales = Scales::of(&rows.coordinates, rows.width);
-        for row in rows.coordinates.chunks_exact_mut(rows.width) {
-            normalise(row, &scales.offset_px, &scales.scale_px);
-        }
-        (rows, scales)
     }
 }
 
 impl Fit {
     /// `None` with too few ticks.
     fn of(set: ViewSet, training: &[&Sample]) -> Option<Self> {
-        let (rows, scales) = set.rows(training);
-        if rows.len() < TICKS_PER_COEFFICIENT * terms_of(rows.width) {
+        let of_set = set.rows(training);
+        let rows = &of_set.rows;
+        if rows.len() < TICKS_PER_COEFFICIENT * terms_of(2 * set.views.len()) {
             return None;
         }
-        let distances_m = || rows.distances_m.iter().copied();
-        let (nearest_m, farthest_m) = (
-            distances_m().reduce(f64::min)?,
-            distances_m().reduce(f64::max)?,
-        );
-        let some = rows.thinned(rows.len().div_ceil(TICKS_OF_SEARCH));
+        let distances_m = || rows.iter().map(|row| row.distance_m);
         let search = Search {
-            from: -nearest_m,
-            to: farthest_m.max(FARTHEST_SETBACK_M),
+            from: -distances_m().reduce(f64::min)?,
+            to: distances_m().fold(FARTHEST_SETBACK_M, f64::max),
             parts: 20,
             rounds: 5,
         };
+        let some = || rows.iter().step_by(rows.len().div_ceil(TICKS_OF_SEARCH));
         let setback_m = search.lowest(|setback_m| {
             let size = |solution: Solution| solution.residuals.iter().map(|r| r.abs()).sum();
-            some.solve(setback_m, ROUGHLY).map_or(f64::INFINITY, size)
+            solve(some(), setback_m, ROUGHLY).map_or(f64::INFINITY, size)
         });
-        Self::at(set, setback_m, &rows, scales)
+        Self::at(set, setback_m, of_set)
     }
 
     /// The fit for cameras at this distance behind the target.
-    fn at(set: ViewSet, setback_m: f64, rows: &Rows, scales: Scales) -> Option<Self> {
-        let solution = rows.solve(setback_m, EXACTLY)?;
-        let free = rows.len().saturating_sub(terms_of(rows.width)).max(1);
+    fn at(set: ViewSet, setback_m: f64, of_set: Rows) -> Option<Self> {
+        let Rows {
+            rows,
+            scales,
+            scenarios,
+        } = of_set;
+        let solution = solve(rows.iter(), setback_m, EXACTLY)?;
+        let coefficients_per_m = solution.coefficients_per_m;
+        let free = rows.len().saturating_sub(coefficients_per_m.len()).max(1);
         let freedom = (rows.len() as f64 / free as f64).sqrt();
+        // Ticks of a flight share their errors.
+        let together = rows.len() as f64 / scenarios as f64;
         let covariance = match set.views.len() {
             1 => solution.inverse,
             _ => Vec::new(),
         };
-        let together = rows.ticks_per_scenario();
         Some(Self {
             set,
             setback_m,
-            offset_px: scales.offset_px,
-            scale_px: scales.scale_px,
-            coefficients_per_m: solution.coefficients_per_m,
+            scales,
             deviation: solution.deviation * freedom,
             covariance_per_m2: covariance.iter().map(|v| v * together).collect(),
+            coefficients_per_m,
         })
-    }
-
-    fn terms(&self, places: &Places) -> Vec<f64> {
-        let mut coordinates = coordinates(places);
-        normalise(&mut coordinates, &self.offset_px, &self.scale_px);
-        let mut terms = Vec::new();
-        write_terms(&coordinates, &mut terms);
-        terms
     }
 
     fn distance_m(&self, terms: &[f64]) -> Option<f64> {

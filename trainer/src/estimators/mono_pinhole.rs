@@ -34,7 +34,7 @@ impl Pinhole {
         let seen: Vec<Seen> = training
             .iter()
             .filter_map(|sample| {
-                let seen = sample.boxes[view].filter(|b| b.width_px > 0.0)?;
+                let seen = sample.best(view).filter(|b| b.width_px > 0.0)?;
                 Some(Seen {
                     width_px: seen.width_px,
                     dtd_m: sample.dtd_m,
@@ -98,9 +98,9 @@ fn scatter(seen: &[Seen], setback_m: f64) -> f64 {
 pub(crate) fn predict(pinholes: &[Option<Pinhole>], observed: &Observation) -> Option<f64> {
     let distances: Vec<f64> = pinholes
         .iter()
-        .zip(&observed.boxes)
-        .filter_map(|(pinhole, seen)| {
-            let seen = seen.filter(|b| b.width_px > 0.0)?;
+        .enumerate()
+        .filter_map(|(view, pinhole)| {
+            let seen = observed.best(view).filter(|b| b.width_px > 0.0)?;
             Some(pinhole.as_ref()?.dtd_m(seen.width_px))
         })
         .collect();
@@ -167,10 +167,7 @@ mod tests {
     fn a_few_narrow_and_wide_boxes_of_something_else_leave_the_formula_as_it_is() {
         let mut samples: Vec<_> = (1..=60).map(|i| sample(300.0 * f64::from(i))).collect();
         for (far_off, width_px) in [(3, 3.0), (20, 4.0), (40, 900.0), (55, 3.0)] {
-            samples[far_off].observed.boxes[0]
-                .as_mut()
-                .unwrap()
-                .width_px = width_px;
+            samples[far_off].observed.best_mut(0).unwrap().width_px = width_px;
         }
         let fitted = Pinhole::fit(0, &samples.iter().collect::<Vec<_>>()).unwrap();
         assert!(

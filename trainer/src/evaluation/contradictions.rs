@@ -52,7 +52,7 @@ impl Contradictions {
 }
 
 fn has_box(observed: &Observation) -> bool {
-    observed.boxes.iter().any(Option::is_some)
+    observed.detections() > 0
 }
 
 /// Time with a box in any view, s: a box counts since the tick before, for at most [`STEP_S`].
@@ -77,7 +77,7 @@ mod tests {
             let observed = Observation::registered(tick, [500.0; 2]);
             match tick {
                 1 | 8.. => observed,
-                _ => observed.with_boxes(vec![None; 2]),
+                _ => observed.with_boxes_that(|_, _| false),
             }
         };
         let flight: Vec<_> = (0..20).map(at).collect();

@@ -28,7 +28,7 @@ use self::units::{TOLERANCE, probable_unit};
 use crate::error::Result;
 use crate::evaluation::answers::JudgedTicks;
 use crate::evaluation::judged::{JudgedSide, corpus_name, runways, scenarios_blake3};
-use crate::evaluation::metrics::{EstimatorMetrics, TickCounts, WithoutViews};
+use crate::evaluation::metrics::{EstimatorMetrics, TickCounts};
 use crate::evaluation::prediction_table::judged_ticks;
 use crate::evaluation::rules::EvaluationRules;
 use crate::run::folder::RunFolder;
@@ -220,7 +220,7 @@ fn metrics_of(judged: JudgedTable, ticks: &JudgedTicks, predictions: &Prediction
     let common = answers.common();
     let figures = names.iter().enumerate().map(|(number, name)| {
         let outcomes = ticks.outcomes(answers, number);
-        let figures = EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), rules);
+        let figures = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), rules);
         (name.clone(), figures)
     });
     TableMetrics {

@@ -27,7 +27,7 @@ pub(crate) use bootstrap::Intervals;
 pub(crate) use box_figures::BoxFigures;
 pub use figures::ErrorFigures;
 pub(crate) use figures::quantile;
-pub(crate) use one_view::{AgainstOneView, SingleViewFigures};
+pub(crate) use one_view::AgainstOneView;
 pub(crate) use stated_intervals::StatedIntervals;
 
 /// Figures with and without the ticks that only one view saw, or none.
@@ -106,9 +106,6 @@ pub struct EstimatorMetrics {
     pub by_time: BTreeMap<String, SplitFigures>,
     /// Figures by weather name and local time, separated by a space.
     pub by_weather_and_time: BTreeMap<String, SplitFigures>,
-    /// Figures by the only remaining view; empty with a single view, and for a table.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub single_views: BTreeMap<String, SingleViewFigures>,
     /// Figures by distance, without gaps.
     pub by_distance_nm: Vec<DistanceBin>,
     /// Figures by scenario.
@@ -199,14 +196,6 @@ pub struct Metrics {
     pub against_one_view: Vec<AgainstOneView>,
     /// Figures by estimator name.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
-}
-
-/// Figures with views removed.
-#[derive(Default)]
-pub(crate) struct WithoutViews {
-    pub views_removed: BTreeMap<String, RemovedFigures>,
-    /// Figures by the only remaining view.
-    pub single_views: BTreeMap<String, SingleViewFigures>,
 }
 
 /// An estimator's answer at one tick, with its ground truth and grouping keys.
@@ -300,12 +289,16 @@ impl EstimatorMetrics {
     pub(crate) fn of(
         outcomes: &[Outcome],
         common: &[bool],
-        without: WithoutViews,
+        views_removed: BTreeMap<String, RemovedFigures>,
         rules: &EvaluationRules,
     ) -> Self {
         let by = |key: fn(&Outcome) -> String| {
-            by_key(outcomes, key)
-                .into_iter()
+            let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
+            for outcome in outcomes {
+                groups.entry(key(outcome)).or_default().push(outcome);
+            }
+            let groups = groups.into_iter();
+            groups
                 .map(|(name, group)| (name, SplitFigures::of(&group)))
                 .collect()
         };
@@ -315,9 +308,10 @@ impl EstimatorMetrics {
             intervals: Intervals::of(outcomes, &rules.bootstrap),
             stated_intervals: StatedIntervals::of(outcomes),
             common: ErrorFigures::of(shared.map(|(outcome, _)| outcome)),
-            views_removed: without.views_removed,
-            single_views: without.single_views,
-            by_weather_and_time: by(weather_and_time),
+            views_removed,
+            by_weather_and_time: by(|outcome| {
+                format!("{} {}", outcome.of.weather, outcome.of.time_of_day)
+            }),
             by_weather: by(|outcome| outcome.of.weather.to_owned()),
             by_time: by(|outcome| outcome.of.time_of_day.to_owned()),
             by_distance_nm: distance_bins(outcomes, rules.distance_bin_nm)
@@ -344,21 +338,6 @@ impl EstimatorMetrics {
                 .collect(),
         }
     }
-}
-
-fn weather_and_time(outcome: &Outcome) -> String {
-    format!("{} {}", outcome.of.weather, outcome.of.time_of_day)
-}
-
-fn by_key<'a, 'b>(
-    outcomes: &'b [Outcome<'a>],
-    key: fn(&Outcome) -> String,
-) -> BTreeMap<String, Vec<&'b Outcome<'a>>> {
-    let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
-    for outcome in outcomes {
-        groups.entry(key(outcome)).or_default().push(outcome);
-    }
-    groups
 }
 
 /// Maximum number of bins; beyond it, bins are an integer number of times as wide.
@@ -442,7 +421,7 @@ mod tests {
         let is_answered = |outcome: &Outcome| outcome.signed_error_pct().is_some();
         let common: Vec<bool> = outcomes.iter().map(is_answered).collect();
         let rules = EvaluationRules::current();
-        EstimatorMetrics::of(outcomes, &common, WithoutViews::default(), &rules)
+        EstimatorMetrics::of(outcomes, &common, BTreeMap::new(), &rules)
     }
 
     #[test]
@@ -584,8 +563,7 @@ mod tests {
             [Some(1_010.0), Some(1_030.0), None].map(|a| outcome(1_000.0, a, 2, "clear"));
         let common = [true, false, false];
         let rules = EvaluationRules::current();
-        let figures =
-            EstimatorMetrics::of(&outcomes, &common, WithoutViews::default(), &rules).common;
+        let figures = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), &rules).common;
         assert_eq!((figures.samples, figures.ticks), (1, 1));
         assert!((figures.mape_pct.unwrap() - 1.0).abs() < 1e-9);
     }

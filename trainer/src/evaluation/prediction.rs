@@ -180,7 +180,7 @@ impl FlightPredictions {
         let begun = contradictions.filter(|found| found.begins);
         let withheld = begun.map(|found| found.withheld.clone()).collect();
         let seen = flight.iter().zip(&followed).map(|(observed, followed)| {
-            let nothing = || observed.with_boxes(vec![None; observed.boxes.len()]);
+            let nothing = || observed.with_boxes_that(|_, _| false);
             followed
                 .as_ref()
                 .map_or_else(nothing, |of| of.observed.clone())

@@ -151,8 +151,8 @@ fn scenarios(samples: &Samples, range: DistanceRange) -> Table {
         if range.contains(sample.dtd_m) {
             let (ticks, by_view) = &mut counts[sample.scenario];
             *ticks += 1;
-            for (count, found) in by_view.iter_mut().zip(&sample.boxes) {
-                *count += usize::from(found.is_some());
+            for (view, _) in sample.seen() {
+                by_view[view] += 1;
             }
         }
     }

@@ -69,7 +69,7 @@ impl ViewRemoval {
     }
 
     fn lost(self, rules: &RemovedViewsRules, id: &str, flight: &[Observation]) -> Vec<Lost> {
-        let views = flight[0].boxes.len();
+        let views = flight[0].views();
         let key = format!("{} {id} {self:?}", rules.seed);
         let mut random = ChaCha12Rng::from_seed(*blake3::hash(key.as_bytes()).as_bytes());
         match self {
@@ -187,8 +187,11 @@ mod tests {
             } = removal.apply(&rules, &samples.scenarios, &all);
             for (observed, &removed) in observations.iter().zip(&removed) {
                 assert_eq!(observed.detections(), if removed { 1 } else { 2 });
-                let shifts = observed.shifts.iter().flatten().count();
-                assert_eq!(shifts == 0, removed, "a shift goes with its box");
+                assert_eq!(
+                    observed.shift(1).is_none(),
+                    removed,
+                    "a shift goes with its box"
+                );
             }
             let share = removed.iter().filter(|&&r| r).count() as f64 / all.len() as f64;
             let name = removal.name(&samples.views, &rules);
@@ -196,7 +199,7 @@ mod tests {
             match removal {
                 ViewRemoval::AllBut(view) => {
                     assert_eq!(share, 1.0);
-                    assert!(observations.iter().all(|o| o.boxes[view].is_some()));
+                    assert!(observations.iter().all(|o| o.best(view).is_some()));
                 }
                 ViewRemoval::AtRandom => assert!((share - 0.15).abs() < 0.03, "{share}"),
                 ViewRemoval::Bursts(burst_s) => {
@@ -204,8 +207,8 @@ mod tests {
                     let mut lengths = Vec::new();
                     let ticks: Vec<_> = removed.iter().zip(&observations).collect();
                     for run in ticks.chunk_by(|a, b| {
-                        (a.0, a.1.scenario, a.1.boxes[0].is_some())
-                            == (b.0, b.1.scenario, b.1.boxes[0].is_some())
+                        (a.0, a.1.scenario, a.1.best(0).is_some())
+                            == (b.0, b.1.scenario, b.1.best(0).is_some())
                     }) {
                         if *run[0].0 {
                             lengths.push(run.len() as f64 / 2.0);

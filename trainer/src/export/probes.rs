@@ -8,7 +8,7 @@ use rand_chacha::ChaCha12Rng;
 use crate::networks::normalisation::Normalisation;
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::ViewShift;
-use crate::samples::{Look, Observation};
+use crate::samples::{Candidate, Look, Observation};
 
 const TICKS: usize = 500;
 /// Share of empty views, of false boxes, and of missing shifts.
@@ -47,43 +47,42 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
         let registered = !random.random_bool(SPOILT);
         let shifts: Vec<Option<ViewShift>> = (0..views)
             .map(|view| {
-                let (reference, seen) = (boxes[0].as_ref()?, boxes[view].as_ref()?);
                 let centre = |seen| centre_and_size(seen).0;
+                let from_px = centre(boxes[0].as_ref()?);
+                let there_px = centre(boxes[view].as_ref()?);
                 let apart = DVec2::new(
                     random.random_range(-APART_PX..APART_PX),
                     random.random_range(-APART_PX..APART_PX),
                 );
                 (registered && view > 0).then(|| ViewShift {
                     reference: 0,
-                    shift_px: centre(seen) - centre(reference) + apart,
+                    from_px,
+                    shift_px: there_px - from_px + apart,
                     sd_px: DVec2::splat(0.1),
                 })
             })
             .collect();
-        for (view, (seen, shift)) in boxes.iter().zip(&shifts).enumerate() {
+        let found = boxes.into_iter().map(|seen| {
+            Some(vec![Candidate {
+                pixel_box: seen?,
+                score: 1.0,
+                track: None,
+            }])
+        });
+        let looks = vec![Look::Placed; views];
+        let observed = Observation::of((0, tick as u32, 0), found.collect(), shifts, looks);
+        for view in 0..views {
+            let seen = observed.best(view);
             probes.boxes.extend(seen.map_or([f64::NAN; 4], |b| {
                 [b.cx_px, b.cy_px, b.width_px, b.height_px]
             }));
-            let shift_px = match shift {
+            let shift_px = match observed.shift(view) {
                 None if view == 0 => DVec2::ZERO,
                 None => DVec2::NAN,
                 Some(shift) => shift.shift_px,
             };
             probes.registrations.extend(shift_px.to_array());
         }
-        let observed = Observation {
-            scenario: 0,
-            tick: tick as u32,
-            time_ns: 0,
-            tracks: vec![None; boxes.len()],
-            looks: vec![Look::Placed; boxes.len()],
-            boxes,
-            shifts,
-            common_errors: Vec::new(),
-            restarts: false,
-            cut_off: 0,
-            others: None,
-        };
         believed.push(normalisation.without_outliers(&observed, false));
     }
     (probes, believed)

@@ -23,23 +23,11 @@ pub struct Answer {
     pub ground_speed_mps: Option<Stated>,
     /// Time to touchdown, seconds.
     pub time_to_touchdown_s: Option<Stated>,
-    /// Position; `None` unless two views with fitted cameras saw it.
-    pub position: Option<Position>,
+    /// Position of the point at the centre of the boxes, and its standard deviation, root of the sum over the axes, metres; `None` unless
+    /// two views with fitted cameras saw it.
+    pub position: Option<(Geodetic, f64)>,
     /// Views with boxes that are not used, and the cause.
     pub withheld: Option<Withheld>,
-}
-
-/// Position of the point at the centre of the boxes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Position {
-    /// Latitude, degrees.
-    pub latitude_deg: f64,
-    /// Longitude, degrees.
-    pub longitude_deg: f64,
-    /// Height as in corpus poses, metres.
-    pub height_m: f64,
-    /// Standard deviation, root of the sum over the axes, metres.
-    pub sd_m: f64,
 }
 
 /// A number with its uncertainty.
@@ -89,22 +77,11 @@ impl Answer {
         }
     }
 
-    pub(super) fn at(self, place: Option<(Geodetic, f64)>) -> Self {
-        let position = place.map(|(place, sd_m)| Position {
-            latitude_deg: place.latitude_deg,
-            longitude_deg: place.longitude_deg,
-            height_m: place.altitude_msl_m,
-            sd_m,
-        });
-        Self { position, ..self }
-    }
-
     fn without(judged: &JudgedAircraft) -> Self {
-        let seen = judged.observed.boxes.iter().enumerate();
         Self {
             aircraft: judged.number,
             phase: judged.phase,
-            views: seen.filter_map(|(view, seen)| seen.map(|_| view)).collect(),
+            views: judged.observed.seen().map(|(view, _)| view).collect(),
             seen_s: judged.seen_s,
             dtd_m: None,
             ground_speed_mps: None,

@@ -179,8 +179,8 @@ impl TrackPoint {
         let best = tick.measurements.first()?;
         let (slow_m, half_time_s, new_m) = baselines.flight_filter.deviations_m(best);
         let cameras = cameras_of(run)?;
-        let elevations = observed.boxes.iter().zip(&cameras).map(|(seen, camera)| {
-            let (centre_px, _) = centre_and_size(seen.as_ref()?);
+        let elevations = cameras.iter().enumerate().map(|(view, camera)| {
+            let (centre_px, _) = centre_and_size(observed.best(view)?);
             Some(elevation(camera, centre_px))
         });
         Some(Self {

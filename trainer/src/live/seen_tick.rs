@@ -1,11 +1,10 @@
 //! Live input: boxes at one tick.
 
 use dataset::geometry::camera::Camera;
-use dataset::tables::pixel_box::PixelBox;
 use dataset::tables::registrations::Shift;
 
-use crate::samples::trusted_boxes::other_boxes::{self, Registered};
-use crate::samples::{CommonError, Look, Observation, Scored, whole_of};
+use crate::samples::view_shift::ViewShift;
+use crate::samples::{Candidate, CommonError, Look, Observation, keep_whole};
 
 /// Images with a common time.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -31,43 +30,26 @@ pub struct SeenView {
     pub common_sd_px: [f64; 2],
 }
 
-/// An accepted box.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Candidate {
-    /// The box.
-    pub pixel_box: PixelBox,
-    /// Confidence of the model.
-    pub score: f64,
-    /// Track number in that view.
-    pub track: Option<u32>,
-}
-
 impl SeenTick {
     /// The observation at this tick number and time in nanoseconds. `cameras` per view.
     pub(crate) fn observed(&self, (tick, time_ns): (u32, i64), cameras: &[Camera]) -> Observation {
         assert_eq!(self.views.len(), cameras.len(), "views of a tick");
-        let found: Vec<_> = self.views.iter().zip(cameras).map(whole).collect();
-        let registered: Vec<Option<Registered>> = (self.views.iter())
-            .map(|view| view.registration.filter(|(from, _)| *from < cameras.len()))
-            .collect();
+        let found = self.views.iter().zip(cameras).map(|(view, camera)| {
+            let mut found = view.boxes.clone();
+            keep_whole(&mut found, camera);
+            (!view.boxes.is_empty()).then_some(found)
+        });
+        let shifts = self.views.iter().map(|view| {
+            let (reference, shift) = view.registration.as_ref()?;
+            (*reference < cameras.len()).then(|| ViewShift::of(*reference, shift))
+        });
         let looks = self.views.iter().map(|view| view.look).collect();
         let views = self.views.iter().enumerate();
         let errors = views.map(|(view, seen)| CommonError {
             view,
             sd_px: seen.common_sd_px.into(),
         });
-        Observation::of((0, tick, time_ns), &found, &registered, looks).with_common(errors)
+        Observation::of((0, tick, time_ns), found.collect(), shifts.collect(), looks)
+            .with_common(errors)
     }
-}
-
-fn whole((view, camera): (&SeenView, &Camera)) -> Option<Vec<other_boxes::Candidate>> {
-    let scored = |seen: &Candidate| -> Scored {
-        let candidate = other_boxes::Candidate {
-            pixel_box: seen.pixel_box,
-            track: seen.track,
-        };
-        (seen.score, candidate)
-    };
-    let found = view.boxes.iter().map(scored);
-    (!view.boxes.is_empty()).then(|| whole_of(found, camera))
 }

@@ -61,10 +61,11 @@ impl Encoded {
     }
 
     fn push(&mut self, observed: &Observation, normalisation: &Normalisation) {
-        for (view, pixel_box) in observed.boxes.iter().enumerate() {
-            self.seen.push(pixel_box.is_some());
+        for view in 0..observed.views() {
+            let best = observed.best(view);
+            self.seen.push(best.is_some());
             self.features
-                .push(pixel_box.map_or([0.0; BOX_FEATURES], |b| normalisation.features(view, &b)));
+                .push(best.map_or([0.0; BOX_FEATURES], |b| normalisation.features(view, b)));
         }
     }
 

@@ -43,7 +43,7 @@ impl Normalisation {
         let statistics = |view: usize| {
             let rows: Vec<_> = learned
                 .iter()
-                .filter_map(|s| s.boxes[view].map(|b| features_px(&b)))
+                .filter_map(|s| s.best(view).map(features_px))
                 .collect();
             let mut offset = [0.0; BOX_FEATURES];
             let mut scale = [1.0; BOX_FEATURES];
@@ -57,10 +57,10 @@ impl Normalisation {
             (offset, scale)
         };
         let range = |view: usize| {
-            let mut seen = true_boxes.iter().filter_map(|s| s.boxes[view]);
-            let first = features_px(&seen.next()?).map(|value| [value; 2]);
+            let mut seen = true_boxes.iter().filter_map(|s| s.best(view));
+            let first = features_px(seen.next()?).map(|value| [value; 2]);
             Some(seen.fold(first, |range, pixel_box| {
-                let features = features_px(&pixel_box);
+                let features = features_px(pixel_box);
                 std::array::from_fn(|i| {
                     [range[i][0].min(features[i]), range[i][1].max(features[i])]
                 })
@@ -213,7 +213,7 @@ mod tests {
             "another size"
         );
         let mut blind = sample(200.0, 20.0);
-        blind.observed.boxes.swap(0, 1);
+        blind.observed.candidates.swap(0, 1);
         assert_eq!(
             normalisation.without_outliers(&blind, false).detections(),
             0,
@@ -226,17 +226,17 @@ mod tests {
         let samples = [sample(100.0, 10.0), sample(300.0, 30.0)];
         let normalisation = fitted(&samples);
         assert_eq!(
-            normalisation.features(0, &samples[0].boxes[0].unwrap()),
+            normalisation.features(0, samples[0].best(0).unwrap()),
             [-1.0, 0.0, -1.0, 0.0]
         );
         assert_eq!(
-            normalisation.features(0, &samples[1].boxes[0].unwrap()),
+            normalisation.features(0, samples[1].best(0).unwrap()),
             [1.0, 0.0, 1.0, 0.0]
         );
         assert_eq!(normalisation.scale_px[1], [1.0; 4], "a blind view");
         let of_picture = normalisation.in_parts_of_pictures(&[[200.0, 100.0]; 2]);
         assert_eq!(
-            of_picture.features(0, &samples[0].boxes[0].unwrap()),
+            of_picture.features(0, samples[0].best(0).unwrap()),
             [0.5, 0.07, 0.05, 0.02]
         );
     }

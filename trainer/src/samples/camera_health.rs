@@ -154,11 +154,11 @@ impl<'a> CameraHealth<'a> {
     /// Maps a tick to the usual directions, and counts the changes.
     pub(crate) fn corrected(&self, observed: Observation, counts: &mut Corrections) -> Observation {
         let direction = |view: usize| self.directions.get(&(observed.tick, view));
-        if (0..observed.boxes.len()).all(|view| direction(view).is_none()) {
+        if (0..observed.views()).all(|view| direction(view).is_none()) {
             return observed;
         }
-        for (view, seen) in observed.boxes.iter().enumerate() {
-            match direction(view).filter(|of| seen.is_some() && of.is_ill) {
+        for (view, _) in observed.seen() {
+            match direction(view).filter(|of| of.is_ill) {
                 Some(of) if of.turned.is_none() => counts.withheld += 1,
                 Some(_) => counts.moved += 1,
                 None => {}
@@ -202,7 +202,6 @@ mod tests {
             state,
             motion: None,
             state_live: HealthState::Unknown,
-            lag: None,
         }
     }
 
@@ -242,10 +241,9 @@ mod tests {
         let rows: Vec<ViewHealth> = rows.collect();
         let column = |tick: u32| {
             let (observed, counts) = corrected(&rows, tick);
-            let seen = observed.boxes[1];
-            (seen.map(|seen| seen.cx_px), counts)
+            (observed.best(1).map(|seen| seen.cx_px), counts)
         };
-        let there_px = observed(3).boxes[1].unwrap().cx_px;
+        let there_px = observed(3).best(1).unwrap().cx_px;
         for (tick, expected_px) in [(3, there_px), (15, there_px - 20.0)] {
             let (seen_px, counts) = column(tick);
             assert!((seen_px.unwrap() - expected_px).abs() < 0.1, "{seen_px:?}");

@@ -78,19 +78,14 @@ impl PairedViews {
         views: usize,
         true_boxes: &[&Sample],
     ) -> Self {
-        let Self {
-            mut relations,
-            mut paths,
-        } = self.without(view);
-        let others = (0..views).filter(|&other| other != view);
-        relations.extend(others.filter_map(|other| {
-            let pair = [view.min(other), view.max(other)];
-            fitted(pair, true_boxes)
-        }));
-        relations.sort_by_key(|relation| relation.views);
-        paths.extend(fitted_path(view, true_boxes));
-        paths.sort_by_key(|path| path.view);
-        Self { relations, paths }
+        let mut all = self.without(view);
+        let pairs = pairs_among(views).filter(|pair| pair.contains(&view));
+        all.relations
+            .extend(pairs.filter_map(|pair| fitted(pair, true_boxes)));
+        all.relations.sort_by_key(|relation| relation.views);
+        all.paths.extend(fitted_path(view, true_boxes));
+        all.paths.sort_by_key(|path| path.view);
+        all
     }
 
     /// Copy without everything about one view.
@@ -144,14 +139,13 @@ impl PairedViews {
 
     /// The tick with an object's boxes; the followed one also gets the best box in each view without a relation.
     fn of_object(&self, observed: &Observation, object: Option<&ObjectBoxes>) -> Observation {
-        let kept = (0..observed.boxes.len()).map(|view| {
-            let index = if is_related(&self.relations, view) {
+        let kept = (0..observed.views()).map(|view| {
+            if is_related(&self.relations, view) {
                 object.and_then(|object| object.boxes[view])
             } else {
                 let is_followed = object.is_none_or(|object| object.is_followed);
-                observed.boxes[view].filter(|_| is_followed).map(|_| 0)
-            };
-            index.into_iter().collect()
+                (is_followed && observed.best(view).is_some()).then_some(0)
+            }
         });
         observed.with_candidates(&kept.collect::<Vec<_>>())
     }
@@ -189,15 +183,15 @@ fn pairs_of<'a>(
     [first, second]: [usize; 2],
     true_boxes: &[&'a Sample],
 ) -> impl Iterator<Item = [&'a PixelBox; 2]> {
-    let boxes = true_boxes.iter().map(|sample| &sample.boxes);
-    boxes.filter_map(move |boxes| Some([boxes[first].as_ref()?, boxes[second].as_ref()?]))
+    let samples = true_boxes.iter();
+    samples.filter_map(move |sample| Some([sample.best(first)?, sample.best(second)?]))
 }
 
 fn fitted_path(view: usize, true_boxes: &[&Sample]) -> Option<Path> {
     let sighting = |sample: &&Sample| {
         Some(Sighting {
             time_s: sample.time_s(),
-            pixel_box: sample.boxes[view]?,
+            pixel_box: *sample.best(view)?,
         })
     };
     let flights = true_boxes.chunk_by(|a, b| a.scenario == b.scenario);

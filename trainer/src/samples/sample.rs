@@ -8,7 +8,6 @@ use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use crate::samples::trusted_boxes::centre_and_size;
-use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes, Registered};
 use crate::samples::view_shift::ViewShift;
 
 /// Image usability at a tick.
@@ -42,6 +41,17 @@ pub(crate) struct CommonError {
     pub sd_px: DVec2,
 }
 
+/// A detected box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// The box.
+    pub pixel_box: PixelBox,
+    /// Confidence of the model.
+    pub score: f64,
+    /// Track number in that view.
+    pub track: Option<u32>,
+}
+
 /// Observation at one tick: the only input for estimators.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Observation {
@@ -50,13 +60,11 @@ pub(crate) struct Observation {
     pub tick: u32,
     /// Time since the scenario's first tick, nanoseconds.
     pub time_ns: i64,
-    /// Box per view, in the order of [`super::Samples::views`].
-    pub boxes: Vec<Option<PixelBox>>,
-    /// Track numbers of the boxes.
-    pub tracks: Vec<Option<u32>>,
-    /// Registered position of the aircraft per view.
+    /// Whole boxes per view, in the order of [`super::Samples::views`], sorted by score: the first one is not always the aircraft.
+    pub candidates: Vec<Vec<Candidate>>,
+    /// Registered shifts per view, between any boxes ([`Self::shift`]).
     pub shifts: Vec<Option<ViewShift>>,
-    /// Number of views with all boxes cut off by the image's edge; such boxes are excluded from `boxes`.
+    /// Number of views with all boxes cut off by the image's edge; such boxes are excluded from `candidates`.
     pub cut_off: usize,
     /// Image usability per view. A usable image without a box shows no aircraft.
     pub looks: Vec<Look>,
@@ -64,41 +72,39 @@ pub(crate) struct Observation {
     pub common_errors: Vec<CommonError>,
     /// True if earlier ticks tell nothing about this one: their views contradicted each other.
     pub restarts: bool,
-    /// Boxes with lower scores in the same images, if any.
-    pub others: Option<Box<OtherBoxes>>,
 }
 
 impl Observation {
     /// Observation at this scenario, tick and time in nanoseconds. `found`: whole boxes per view, sorted by score, empty if the image's
-    /// edge cuts all boxes off; `registered`, `looks`: per view.
+    /// edge cuts all boxes off; `shifts`, `looks`: per view.
     pub(crate) fn of(
         (scenario, tick, time_ns): (usize, u32, i64),
-        found: &[Option<Vec<Candidate>>],
-        registered: &[Option<Registered>],
+        found: Vec<Option<Vec<Candidate>>>,
+        shifts: Vec<Option<ViewShift>>,
         looks: Vec<Look>,
     ) -> Self {
-        let best: Vec<_> = found.iter().map(|found| found.as_ref()?.first()).collect();
-        let boxes: Vec<_> = best.iter().map(|best| Some((*best)?.pixel_box)).collect();
-        let shift = |(registered, seen): (&Option<Registered>, &Option<PixelBox>)| {
-            let (reference, shift) = registered.as_ref()?;
-            let in_reference = boxes[*reference].as_ref()?;
-            ViewShift::between((*reference, in_reference), seen.as_ref()?, shift)
-        };
+        let cut_off = found.iter().flatten().filter(|found| found.is_empty());
         Self {
-            shifts: registered.iter().zip(&boxes).map(shift).collect(),
             scenario,
             tick,
             time_ns,
-            cut_off: (found.iter().flatten())
-                .filter(|found| found.is_empty())
-                .count(),
-            tracks: best.iter().map(|best| (*best)?.track).collect(),
-            others: OtherBoxes::of(found, registered),
-            boxes,
+            cut_off: cut_off.count(),
+            candidates: found.into_iter().map(Option::unwrap_or_default).collect(),
+            shifts,
             looks,
             common_errors: Vec::new(),
             restarts: false,
         }
+    }
+
+    /// A tick without any box in this many views.
+    pub(crate) fn unseen(at: (usize, u32, i64), views: usize) -> Self {
+        Self::of(
+            at,
+            vec![None; views],
+            vec![None; views],
+            vec![Look::Placed; views],
+        )
     }
 
     /// Time since the scenario's first tick, s.
@@ -106,32 +112,60 @@ impl Observation {
         self.time_ns as f64 / 1e9
     }
 
-    /// The tick with some boxes removed. Their shifts and the further boxes in their views go as well.
-    pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
-        let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
-            seen.is_some() && boxes[shift.reference].is_some()
-        };
-        let shifts = self.shifts.iter().zip(&boxes);
+    pub(crate) fn views(&self) -> usize {
+        self.candidates.len()
+    }
+
+    /// The box with the highest score in a view.
+    pub(crate) fn best(&self, view: usize) -> Option<&PixelBox> {
+        Some(&self.candidates[view].first()?.pixel_box)
+    }
+
+    /// The views that have a box, with the best one.
+    pub(crate) fn seen(&self) -> impl Iterator<Item = (usize, &PixelBox)> {
+        (0..self.views()).filter_map(|view| Some((view, self.best(view)?)))
+    }
+
+    /// Track number of a view's best box.
+    pub(crate) fn track(&self, view: usize) -> Option<u32> {
+        self.candidates[view].first()?.track
+    }
+
+    /// Registered position in a view relative to another one, if the best boxes of both show what was registered.
+    pub(crate) fn shift(&self, view: usize) -> Option<ViewShift> {
+        let shift = self.shifts[view]?;
+        let joins = shift.joins([self.best(shift.reference)?, self.best(view)?]);
+        joins.then_some(shift)
+    }
+
+    /// The tick with only the boxes that fulfil a condition. The next box replaces a rejected best one.
+    pub(crate) fn with_boxes_that(&self, is_kept: impl Fn(usize, &PixelBox) -> bool) -> Self {
+        let mut kept = self.clone();
+        for (view, candidates) in kept.candidates.iter_mut().enumerate() {
+            candidates.retain(|candidate| is_kept(view, &candidate.pixel_box));
+        }
+        kept
+    }
+
+    /// The tick with at most one candidate per view, by its index.
+    pub(crate) fn with_candidates(&self, kept: &[Option<usize>]) -> Self {
+        let candidates = self.candidates.iter().zip(kept);
+        let candidates = candidates.map(|(of_view, kept)| kept.map(|index| of_view[index]));
         Self {
-            shifts: shifts
-                .map(|(shift, seen)| shift.filter(|shift| kept(shift, seen)))
-                .collect(),
-            others: OtherBoxes::of_views(self.others.as_deref(), &boxes),
-            boxes,
+            candidates: candidates.map(Vec::from_iter).collect(),
             ..self.clone()
         }
     }
 
     /// The tick without the images in some views.
     pub(crate) fn without_images(&self, is_lost: impl Fn(usize) -> bool) -> Self {
-        let boxes = self.boxes.iter().enumerate();
-        let boxes = boxes.map(|(view, seen)| seen.filter(|_| !is_lost(view)));
-        let looks = self.looks.iter().enumerate();
-        let looks = looks.map(|(view, look)| if is_lost(view) { Look::Blind } else { *look });
-        Self {
-            looks: looks.collect(),
-            ..self.with_boxes(boxes.collect())
+        let mut left = self.with_boxes_that(|view, _| !is_lost(view));
+        for (view, look) in left.looks.iter_mut().enumerate() {
+            if is_lost(view) {
+                *look = Look::Blind;
+            }
         }
+        left
     }
 
     /// The tick without the images in views that contradict each other. `restarts`: one of them did not until now.
@@ -148,40 +182,40 @@ impl Observation {
     /// The tick as seen by other cameras. `place` maps an image point in a view, pixels; boxes and shifts are dropped where it returns
     /// `None`.
     pub(crate) fn moved(&self, place: impl Fn(usize, DVec2) -> Option<DVec2>) -> Self {
-        let shift = |view: usize| {
-            let shift = self.shifts[view]?;
-            let followed_px = centre_and_size(self.boxes[shift.reference].as_ref()?).0;
-            let there_px = place(view, followed_px + shift.shift_px)?;
+        let candidate = |view: usize, of: &Candidate| {
+            let [cx_px, cy_px] = place(view, centre_and_size(&of.pixel_box).0)?.to_array();
+            let pixel_box = PixelBox {
+                cx_px,
+                cy_px,
+                ..of.pixel_box
+            };
+            Some(Candidate { pixel_box, ..*of })
+        };
+        let shift = |(view, shift): (usize, &Option<ViewShift>)| {
+            let shift = shift.as_ref()?;
+            let from_px = place(shift.reference, shift.from_px)?;
             Some(ViewShift {
-                shift_px: there_px - place(shift.reference, followed_px)?,
-                ..shift
+                from_px,
+                shift_px: place(view, shift.from_px + shift.shift_px)? - from_px,
+                ..*shift
             })
         };
-        let pixel_box =
-            |(view, seen): (usize, &Option<PixelBox>)| moved_box(seen.as_ref()?, view, &place);
-        let moved = Self {
-            shifts: (0..self.shifts.len()).map(shift).collect(),
-            others: (self.others.as_ref()).map(|others| Box::new(others.moved(&place))),
+        let views = self.candidates.iter().enumerate();
+        Self {
+            candidates: views
+                .map(|(view, all)| all.iter().filter_map(|of| candidate(view, of)).collect())
+                .collect(),
+            shifts: self.shifts.iter().enumerate().map(shift).collect(),
             ..self.clone()
-        };
-        moved.with_boxes(self.boxes.iter().enumerate().map(pixel_box).collect())
+        }
     }
 
     /// The tick with less certain shifts: `sd_px` returns a view's additional standard deviation.
     pub(crate) fn widened(mut self, sd_px: impl Fn(usize) -> DVec2) -> Self {
-        let added = |own_px: DVec2, views: [usize; 2]| {
-            in_quadrature([own_px, sd_px(views[0]), sd_px(views[1])])
-        };
         for (view, shift) in self.shifts.iter_mut().enumerate() {
             if let Some(shift) = shift {
-                shift.sd_px = added(shift.sd_px, [view, shift.reference]);
-            }
-        }
-        let others = self.others.iter_mut().flat_map(|of| &mut of.registered);
-        for (view, registered) in others.enumerate() {
-            if let Some((reference, shift)) = registered {
-                let own_px = DVec2::new(shift.sd_x_px, shift.sd_y_px);
-                [shift.sd_x_px, shift.sd_y_px] = added(own_px, [view, *reference]).to_array();
+                let of_views = [view, shift.reference].map(&sd_px);
+                shift.sd_px = in_quadrature(of_views.into_iter().chain([shift.sd_px]));
             }
         }
         self
@@ -208,7 +242,7 @@ impl Observation {
 
     /// Number of views that saw the aircraft.
     pub(crate) fn detections(&self) -> usize {
-        self.boxes.iter().flatten().count()
+        self.seen().count()
     }
 }
 
@@ -216,20 +250,6 @@ impl Observation {
 fn in_quadrature(sds: impl IntoIterator<Item = DVec2>) -> DVec2 {
     let squares: DVec2 = sds.into_iter().map(|sd| sd * sd).sum();
     DVec2::new(squares.x.sqrt(), squares.y.sqrt())
-}
-
-/// A box moved with its centre; `None` if the centre cannot be mapped.
-pub(super) fn moved_box(
-    seen: &PixelBox,
-    view: usize,
-    place: impl Fn(usize, DVec2) -> Option<DVec2>,
-) -> Option<PixelBox> {
-    let [cx_px, cy_px] = place(view, centre_and_size(seen).0)?.to_array();
-    Some(PixelBox {
-        cx_px,
-        cy_px,
-        ..*seen
-    })
 }
 
 /// An observation with its ground truth. It dereferences to the observation: code that takes an [`Observation`] cannot see the truth.
@@ -260,14 +280,5 @@ impl Deref for Sample {
 impl Sample {
     pub(crate) fn with(&self, observed: Observation) -> Self {
         Self { observed, ..*self }
-    }
-}
-
-impl Observation {
-    /// A tick without any box in this many views.
-    pub(crate) fn unseen((scenario, tick, time_ns): (usize, u32, i64), views: usize) -> Self {
-        let looks = vec![Look::Placed; views];
-        let at = (scenario, tick, time_ns);
-        Self::of(at, &vec![None; views], &vec![None; views], looks)
     }
 }

@@ -14,6 +14,7 @@ use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use super::*;
+use crate::samples::trusted_boxes::centre_and_size;
 use fixtures::registered_corpus;
 use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};
 
@@ -51,14 +52,15 @@ fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
     // Empty views now contain a false box.
     let mut added = 0;
     for sample in &mut samples.samples {
-        for seen in sample
-            .observed
-            .boxes
-            .iter_mut()
-            .filter(|seen| seen.is_none())
-        {
-            *seen = Some(detection(0.9, 60.0).pixel_box);
-            added += 1;
+        for candidates in &mut sample.observed.candidates {
+            if candidates.is_empty() {
+                candidates.push(Candidate {
+                    pixel_box: detection(0.9, 60.0).pixel_box,
+                    score: 0.9,
+                    track: None,
+                });
+                added += 1;
+            }
         }
     }
     assert!(added > 10, "{added}");
@@ -398,7 +400,6 @@ fn with_health(corpus: &Corpus, of: impl Fn(u32) -> Vec<(HealthState, Option<Cam
                 state,
                 motion,
                 state_live: state,
-                lag: None,
             })
         });
         let health: Vec<_> = rows.collect();
@@ -444,25 +445,23 @@ fn boxes_and_shifts_of_cameras_that_moved_are_where_the_usual_direction_would_se
     });
     let after = Samples::read(&corpus, None).unwrap();
     // Nearer to the edge, the turn decides whether a box is whole.
-    let is_inside = |seen: &Option<PixelBox>| {
-        seen.is_none_or(|seen| {
-            let [left, top, right, bottom] = seen.edges();
-            left > 20.0 && top > 20.0 && right < 1_900.0 && bottom < 1_260.0
-        })
+    let is_inside = |(_, seen): (usize, &PixelBox)| {
+        let [left, top, right, bottom] = seen.edges();
+        left > 20.0 && top > 20.0 && right < 1_900.0 && bottom < 1_260.0
     };
     let pairs = before.samples.iter().zip(&after.samples);
     let mut compared = 0;
-    for (one, other) in pairs.filter(|(one, _)| one.boxes.iter().all(is_inside)) {
+    for (one, other) in pairs.filter(|(one, _)| one.seen().all(is_inside)) {
         compared += 1;
-        for (one, other) in one.boxes.iter().zip(&other.boxes) {
-            let centre = |seen: &Option<PixelBox>| seen.map(|b| DVec2::new(b.cx_px, b.cy_px));
+        for view in 0..2 {
+            let centre = |of: &Sample| Some(centre_and_size(of.best(view)?).0);
             match (centre(one), centre(other)) {
                 (Some(one), Some(other)) => assert!(one.distance(other) < 1e-3),
                 (one, other) => assert_eq!(one, other),
             }
         }
-        for (one, other) in one.shifts.iter().zip(&other.shifts) {
-            match (one, other) {
+        for view in 0..2 {
+            match (one.shift(view), other.shift(view)) {
                 (Some(one), Some(other)) => {
                     assert!(
                         one.shift_px.distance(other.shift_px) < 0.02,
@@ -502,9 +501,9 @@ fn a_view_that_is_frozen_or_off_by_an_unknown_amount_does_not_count() {
     for (one, other) in before.samples.iter().zip(&after.samples) {
         let gone = [Some(0), Some(1), Some(0), None][one.tick as usize % 4];
         for view in 0..2 {
-            let is_gone = gone == Some(view) || one.boxes[view].is_none();
-            assert_eq!(other.boxes[view].is_none(), is_gone, "tick {}", one.tick);
+            let is_gone = gone == Some(view) || one.best(view).is_none();
+            assert_eq!(other.best(view).is_none(), is_gone, "tick {}", one.tick);
         }
-        assert!(gone.is_none() || other.shifts.iter().all(Option::is_none));
+        assert!(gone.is_none() || other.shift(1).is_none());
     }
 }

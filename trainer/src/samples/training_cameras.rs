@@ -48,7 +48,7 @@ impl TrainingCameras {
             .collect();
         let fit = |view: usize| {
             let boxes = training.iter().filter_map(|sample| {
-                let (centre_px, _) = centre_and_size(sample.boxes[view].as_ref()?);
+                let (centre_px, _) = centre_and_size(sample.best(view)?);
                 let camera = stated[sample.scenario][view];
                 let at_m = sample.position.to_ecef();
                 Some(LabelledBox::new(sample.scenario, camera, at_m, centre_px))
@@ -72,7 +72,7 @@ impl TrainingCameras {
     /// True if most boxes in a view agree with its fitted camera: a minority may show any stationary object near distant aircraft.
     fn is_of_most(&self, view: usize, training: &[&Sample]) -> bool {
         let boxes = training.iter().filter_map(|sample| {
-            let seen = sample.boxes[view].as_ref()?;
+            let seen = sample.best(view)?;
             Some(self.is_true(view, sample, seen))
         });
         let (agreeing, others): (Vec<bool>, Vec<bool>) = boxes.partition(|is_true| *is_true);
@@ -106,9 +106,9 @@ impl TrainingCameras {
     }
 
     fn with_true_boxes(&self, sample: &Sample) -> Sample {
-        let boxes = sample.boxes.iter().enumerate();
-        let boxes = boxes.map(|(view, seen)| seen.filter(|seen| self.is_true(view, sample, seen)));
-        sample.with(sample.with_boxes(boxes.collect()))
+        let is_true = |(view, seen)| self.is_true(view, sample, seen).then_some(view);
+        let views: Vec<usize> = sample.seen().filter_map(is_true).collect();
+        sample.with(sample.with_boxes_that(|view, _| views.contains(&view)))
     }
 
     fn is_true(&self, view: usize, sample: &Sample, seen: &PixelBox) -> bool {

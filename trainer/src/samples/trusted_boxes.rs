@@ -12,8 +12,6 @@
 //!
 //! A tick without any remaining box has no estimate.
 
-pub(crate) mod other_boxes;
-
 use dataset::geometry::camera::Camera;
 use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
@@ -74,9 +72,8 @@ mod tests {
         let samples = tiny();
         for sample in &samples.samples {
             let cameras = &samples.scenarios[sample.scenario].cameras;
-            for (seen, camera) in sample.boxes.iter().zip(cameras) {
-                let Some(seen) = seen else { continue };
-                let place_px = camera.project(sample.position.to_ecef()).unwrap();
+            for (view, seen) in sample.seen() {
+                let place_px = cameras[view].project(sample.position.to_ecef()).unwrap();
                 assert!(is_at(seen, place_px), "{seen:?}");
                 let elsewhere = PixelBox {
                     cy_px: seen.cy_px + 1.5 * seen.height_px,

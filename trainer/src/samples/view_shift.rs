@@ -17,6 +17,8 @@ pub(crate) const MIN_SD_PX: f64 = 0.05;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewShift {
     pub reference: usize,
+    /// The point in the reference view that is followed, pixels.
+    pub from_px: DVec2,
     /// Right and down, pixels.
     pub shift_px: DVec2,
     /// Standard deviation, pixels.
@@ -29,25 +31,23 @@ impl ViewShift {
         self.sd_px.length_squared() / 2.0
     }
 
-    /// A registered shift between two boxes; `None` if the tracked point is outside the box in the reference view, or its match is outside
-    /// the box in the other view.
-    pub(crate) fn between(
-        (reference, in_reference): (usize, &PixelBox),
-        in_view: &PixelBox,
-        shift: &Shift,
-    ) -> Option<Self> {
-        let followed_px = DVec2::new(shift.x_px, shift.y_px);
-        let shift_px = DVec2::new(shift.dx_px, shift.dy_px);
+    /// A shift of a table, by the index of its reference view.
+    pub(crate) fn of(reference: usize, shift: &Shift) -> Self {
+        Self {
+            reference,
+            from_px: DVec2::new(shift.x_px, shift.y_px),
+            shift_px: DVec2::new(shift.dx_px, shift.dy_px),
+            sd_px: DVec2::new(shift.sd_x_px, shift.sd_y_px),
+        }
+    }
+
+    /// True if the followed point is in a box of the reference view, and its match in a box of the other one.
+    pub(crate) fn joins(&self, [in_reference, in_view]: [&PixelBox; 2]) -> bool {
         let holds = |seen: &PixelBox, point_px: DVec2| {
             let (centre, size) = centre_and_size(seen);
             (point_px - centre).abs().cmple(size / 2.0).all()
         };
-        let same = holds(in_reference, followed_px) && holds(in_view, followed_px + shift_px);
-        same.then_some(Self {
-            reference,
-            shift_px,
-            sd_px: DVec2::new(shift.sd_x_px, shift.sd_y_px),
-        })
+        holds(in_reference, self.from_px) && holds(in_view, self.from_px + self.shift_px)
     }
 }
 
@@ -63,7 +63,7 @@ pub(crate) struct Places {
 impl Places {
     /// Box centres; `None` if a view has no box.
     pub(crate) fn of_boxes(observed: &Observation, views: &[usize]) -> Option<Self> {
-        let centre = |&view: &usize| Some(centre_and_size(observed.boxes[view].as_ref()?).0);
+        let centre = |&view: &usize| Some(centre_and_size(observed.best(view)?).0);
         Some(Self {
             centres_px: views.iter().map(centre).collect::<Option<_>>()?,
             sd_px: None,
@@ -76,7 +76,7 @@ impl Places {
         let boxes = Self::of_boxes(observed, views)?;
         let reference = views
             .iter()
-            .find_map(|&v| Some(observed.shifts[v]?.reference))?;
+            .find_map(|&view| Some(observed.shift(view)?.reference))?;
         if !views.contains(&reference) {
             return None;
         }
@@ -84,7 +84,8 @@ impl Places {
             if view == reference {
                 Some((DVec2::ZERO, None))
             } else {
-                observed.shifts[view]
+                observed
+                    .shift(view)
                     .filter(|shift| shift.reference == reference)
                     .map(|shift| (shift.shift_px, Some(shift.variance_px2())))
             }
@@ -129,9 +130,8 @@ mod tests {
 
     #[test]
     fn registered_places_differ_by_the_shift_and_have_the_mean_of_the_boxes() {
-        let (left, right) = (box_at(500.0, 600.0), box_at(401.0, 603.0));
-        let shift = ViewShift::between((0, &left), &right, &shift(500.0, -100.0));
-        let sample = sample(vec![None, shift, None]);
+        let shift = ViewShift::of(0, &shift(500.0, -100.0));
+        let sample = sample(vec![None, Some(shift), None]);
         let places = Places::registered(&sample, &[0, 1]).unwrap();
         assert_eq!(
             places.centres_px,
@@ -150,9 +150,9 @@ mod tests {
     #[test]
     fn a_shift_of_something_else_than_the_two_boxes_is_none() {
         let (left, right) = (box_at(500.0, 600.0), box_at(401.0, 603.0));
-        let between = |shift: &Shift| ViewShift::between((0, &left), &right, shift);
-        assert!(between(&shift(510.0, -100.0)).is_some());
-        assert_eq!(between(&shift(560.0, -100.0)), None, "another box");
-        assert_eq!(between(&shift(500.0, -160.0)), None, "led elsewhere");
+        let joins = |x_px, dx_px| ViewShift::of(0, &shift(x_px, dx_px)).joins([&left, &right]);
+        assert!(joins(510.0, -100.0));
+        assert!(!joins(560.0, -100.0), "another box");
+        assert!(!joins(500.0, -160.0), "led elsewhere");
     }
 }

@@ -180,26 +180,19 @@ fn side_with_samples<'a>(
 
 #[cfg(test)]
 mod tests {
-    use sight::lag::Lag;
     use testkit::synthetic::SyntheticCorpus;
 
     use super::*;
+    use crate::samples::tests::fixtures::registered_corpus;
 
     #[test]
     fn late_images_at_the_limits_of_the_distances_are_corrected_by_the_path_beyond() {
         let corpus = SyntheticCorpus {
             miss_ratio: 0.0,
-            ..SyntheticCorpus::tiny()
+            late_ticks: 1,
+            ..registered_corpus(0.01)
         };
         let mut samples = Samples::synthetic(&corpus, 0.0);
-        let late = Lag {
-            from_s: f64::NEG_INFINITY,
-            seconds: 5.0,
-            sd_s: 0.03,
-        };
-        for scenario in &mut samples.scenarios {
-            scenario.lags = vec![Vec::new(), vec![late]];
-        }
         let config = TrainConfig {
             min_dtd_nm: 3.0,
             ..TrainConfig::default()
@@ -207,7 +200,9 @@ mod tests {
         put_in_time_and_range(&mut samples, &[Side::Train], &config);
         for flight in samples.flights_of_side(Side::Train) {
             let nearest = flight.last().unwrap();
-            assert!(nearest.dtd_m > 5_556.0 && nearest.boxes[1].is_some());
+            assert!(nearest.dtd_m > 5_556.0 && nearest.best(1).is_some());
+            let corrections = samples.scenarios[nearest.scenario].corrections;
+            assert!(corrections.late > 30, "{corrections:?}");
         }
     }
 }

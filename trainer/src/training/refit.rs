@@ -174,7 +174,7 @@ fn approaches(
         .take(config.approaches)
         .collect();
     let ticks = of_scenarios(samples, &chosen)
-        .filter(|sample| sample.boxes[view].is_some())
+        .filter(|sample| sample.best(view).is_some())
         .count();
     if ticks >= MIN_TICKS {
         return Ok(chosen);

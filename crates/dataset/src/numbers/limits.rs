@@ -364,17 +364,6 @@ pub const FEATURE_SCALE_PX: Limits = Limits::new(1e-9, 16_384.0, "a standard dev
 pub(crate) const SHIFT_PX: Limits = Limits::new(-16_384.0, 16_384.0, "a shift in pixels");
 /// A less certain shift carries no information.
 pub(crate) const SHIFT_SD_PX: Limits = Limits::new(0.0, 100.0, "a standard deviation in pixels");
-/// Lag between two views.
-pub(crate) const VIEW_LAG_MS: Limits = Limits::new(-1e6, 1e6, "a lag in milliseconds");
-/// Standard deviation of such a lag.
-pub(crate) const VIEW_LAG_SD_MS: Limits =
-    Limits::new(0.0, 1e6, "a standard deviation in milliseconds");
-/// Of an aircraft between two views.
-pub(crate) const VIEW_SCALE: Limits = Limits::new(0.01, 100.0, "a ratio of two sizes");
-/// Of an aircraft between two views.
-pub(crate) const VIEW_GAIN: Limits = Limits::new(0.01, 100.0, "a ratio of two contrasts");
-/// Correlation between two images.
-pub(crate) const CORRELATION: Limits = Limits::new(-1.0, 1.0, "a correlation");
 /// Second passes in one image.
 pub const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
 

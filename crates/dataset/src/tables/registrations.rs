@@ -40,12 +40,6 @@ pub struct Shift {
     pub sd_x_px: f64,
     /// Standard deviation of `dy_px`, pixels.
     pub sd_y_px: f64,
-    /// Size of the aircraft in the view over that in the reference view.
-    pub scale: f64,
-    /// Contrast of the aircraft in the view over that in the reference view.
-    pub gain: f64,
-    /// Correlation of the two images of the aircraft.
-    pub correlation: f64,
 }
 
 /// Reasons why a view has no shift at a tick.
@@ -75,16 +69,13 @@ words!(NoShift, 6, {
     Vague: "vague",
 });
 
-numbers!(Shift, 9, {
+numbers!(Shift, 6, {
     x_px: limits::BOX_PLACE_PX,
     y_px: limits::BOX_PLACE_PX,
     dx_px: limits::SHIFT_PX,
     dy_px: limits::SHIFT_PX,
     sd_x_px: limits::SHIFT_SD_PX,
     sd_y_px: limits::SHIFT_SD_PX,
-    scale: limits::VIEW_SCALE,
-    gain: limits::VIEW_GAIN,
-    correlation: limits::CORRELATION,
 });
 
 /// True if all numbers can be stored.
@@ -155,9 +146,6 @@ mod tests {
             dy_px: 0.5,
             sd_x_px: 0.05,
             sd_y_px: 0.04,
-            scale: 1.01,
-            gain: 0.9,
-            correlation: 0.97,
         }
     }
 
@@ -189,7 +177,7 @@ mod tests {
     fn a_row_with_half_a_shift_an_unknown_reason_or_neither_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("abc.parquet");
-        let read = |numbers: [Option<f64>; 9], reason: Option<&str>| {
+        let read = |numbers: [Option<f64>; 6], reason: Option<&str>| {
             let table = TableWriter::new()
                 .u32("tick", [0])
                 .text("view", ["right"])
@@ -209,24 +197,24 @@ mod tests {
                 .unwrap_err()
                 .to_string()
         };
-        let whole = [Some(1.0); 9];
+        let whole = [Some(1.0); 6];
         let mut half = whole;
         half[4] = None;
         for (numbers, reason, words) in [
-            (half, None, "row 0 has 8 of 9 numbers and no reason"),
+            (half, None, "row 0 has 5 of 6 numbers and no reason"),
             (
                 half,
                 Some("faint"),
-                "row 0 has 8 of 9 numbers and reason \"faint\"",
+                "row 0 has 5 of 6 numbers and reason \"faint\"",
             ),
-            (whole, Some("faint"), "row 0 has 9 of 9 numbers"),
-            ([None; 9], None, "row 0 has 0 of 9 numbers and no reason"),
+            (whole, Some("faint"), "row 0 has 6 of 6 numbers"),
+            ([None; 6], None, "row 0 has 0 of 6 numbers and no reason"),
             (
-                [None; 9],
+                [None; 6],
                 Some("odd"),
                 "reason is \"odd\", expected one of no-box, edge",
             ),
-            ([Some(f64::NAN); 9], None, "row 0: x_px NaN"),
+            ([Some(f64::NAN); 6], None, "row 0: x_px NaN"),
         ] {
             let message = read(numbers, reason);
             assert!(message.contains(words), "{message}");

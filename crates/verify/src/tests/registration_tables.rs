@@ -87,7 +87,6 @@ fn damaged_and_foreign_health_and_two_states_of_a_picture_are_found() {
         state: HealthState::Steady,
         motion: None,
         state_live: HealthState::Steady,
-        lag: None,
     };
     let watched = |rows: &[ViewHealth]| {
         let nothing_found = Detections::default();

@@ -89,7 +89,7 @@ impl SelfCalibrated {
         config: &SelfCalibrationConfig,
     ) -> Option<Self> {
         let ticks_of = |view: usize| {
-            let seen = training.iter().filter(|s| s.boxes[view].is_some());
+            let seen = training.iter().filter(|s| s.best(view).is_some());
             seen.count()
         };
         let ticks: Vec<usize> = (0..rig.len()).map(ticks_of).collect();
@@ -139,7 +139,7 @@ impl SelfCalibrated {
     ) -> Option<Self> {
         let old = self.cameras[view].as_ref();
         let entry = planned.or(old.map(|old| &old.rig))?.clone();
-        let ticks = flights.iter().filter(|s| s.boxes[view].is_some()).count();
+        let ticks = flights.iter().filter(|s| s.best(view).is_some()).count();
         if ticks < MIN_TICKS {
             return None;
         }
@@ -284,12 +284,11 @@ impl Locator<'_> {
     }
 
     fn seen_point_m(&self, observed: &Observation) -> Option<(DVec3, NormalEquations)> {
-        let ray = |(view, seen): (usize, &Option<PixelBox>)| {
-            let (centre, _) = centre_and_size(seen.as_ref()?);
+        let ray = |(view, seen): (usize, &PixelBox)| {
+            let (centre, _) = centre_and_size(seen);
             Some((view, Ray::through(self.cameras[view].as_ref()?, centre)))
         };
-        let (views, rays): (Vec<usize>, Vec<Ray>) =
-            observed.boxes.iter().enumerate().filter_map(ray).unzip();
+        let (views, rays): (Vec<usize>, Vec<Ray>) = observed.seen().filter_map(ray).unzip();
         let agreeing = of_one_aircraft(&rays)?;
         let (views, rays): (Vec<usize>, Vec<Ray>) =
             agreeing.iter().map(|&i| (views[i], rays[i])).unzip();

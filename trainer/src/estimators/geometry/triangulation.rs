@@ -38,11 +38,11 @@ impl CentreOffset {
         for axis in 0..2 {
             let mut line = NormalEquations::new(2);
             for sample in training {
-                let Some(seen) = sample.boxes[view] else {
+                let Some(seen) = sample.best(view) else {
                     continue;
                 };
                 let camera = &scenarios[sample.scenario].cameras[view];
-                let (centre, size) = centre_and_size(&seen);
+                let (centre, size) = centre_and_size(seen);
                 if let Some(truth) = camera.project(sample.position.to_ecef())
                     && size[axis] > 0.0
                 {
@@ -104,12 +104,8 @@ pub(crate) fn predict(
     touchdown: Geodetic,
 ) -> Option<f64> {
     let mut seen: Vec<(&Camera, DVec2)> = observed
-        .boxes
-        .iter()
-        .zip(cameras.iter().zip(offsets))
-        .filter_map(|(seen, (camera, offset))| {
-            Some((camera, offset.centre_of_gravity_px(seen.as_ref()?)))
-        })
+        .seen()
+        .map(|(view, seen)| (&cameras[view], offsets[view].centre_of_gravity_px(seen)))
         .collect();
     let mut rays: Vec<Ray> = seen
         .iter()
@@ -252,7 +248,7 @@ mod tests {
                 .collect()
         };
         let undisturbed = fit(&samples);
-        let both = |sample: &Sample| sample.boxes.iter().all(Option::is_some);
+        let both = |sample: &Sample| sample.detections() == 2;
         let index = samples.samples.iter().position(both).unwrap();
         let answer = |samples: &Samples| {
             let sample = &samples.samples[index];
@@ -266,7 +262,7 @@ mod tests {
             .filter(|sample| both(sample))
             .take(3)
         {
-            let elsewhere = sample.observed.boxes[1].as_mut().unwrap();
+            let elsewhere = sample.observed.best_mut(1).unwrap();
             elsewhere.cx_px += 300.0;
             elsewhere.cy_px += 200.0;
         }

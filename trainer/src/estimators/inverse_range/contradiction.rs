@@ -147,9 +147,7 @@ impl ContradictionWatch {
         }
         if let Some(best) = tick.best() {
             let views = fits.views_of(best.fit);
-            let seen = views
-                .iter()
-                .filter_map(|&view| observed.boxes[view].as_ref());
+            let seen = views.iter().filter_map(|&view| observed.best(view));
             let log_widths: f64 = seen.clone().map(|seen| seen.width_px.ln()).sum();
             let place_px = seen.map(|seen| centre_and_size(seen).0).next();
             let next = SizedTick {

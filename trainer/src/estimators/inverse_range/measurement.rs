@@ -58,7 +58,7 @@ impl InverseRange {
     pub(super) fn measurement(&self, number: usize, observed: &Observation) -> Option<Measurement> {
         let fit = &self.fits[number];
         let places = fit.set.places(observed)?;
-        let terms = fit.terms(&places);
+        let terms = fit.scales.terms(&places);
         let distance_m = fit.distance_m(&terms)?;
         let best = precision(&places);
         let leverage = fit.leverage(&terms, distance_m);
@@ -79,8 +79,7 @@ impl InverseRange {
     /// The same fits in the same order with coefficients from other samples. A fit that these samples do not determine stays.
     pub(crate) fn refitted(&self, training: &[&Sample]) -> Self {
         let refitted = |fit: &Fit| {
-            let (rows, scales) = fit.set.rows(training);
-            let refitted = Fit::at(fit.set.clone(), fit.setback_m, &rows, scales);
+            let refitted = Fit::at(fit.set.clone(), fit.setback_m, fit.set.rows(training));
             refitted.unwrap_or_else(|| fit.clone())
         };
         let views = self.rows.iter().flat_map(|row| row.views).max();
@@ -100,7 +99,7 @@ impl Fit {
             let moved_m = [1.0, -1.0].into_iter().find_map(|direction| {
                 let mut moved = places.clone();
                 moved.centres_px[number] += direction * error.sd_px / steps;
-                self.distance_m(&self.terms(&moved))
+                self.distance_m(&self.scales.terms(&moved))
             });
             let slope_m = moved_m.map_or(f64::INFINITY, |moved_m| moved_m - distance_m);
             Some((steps * slope_m).powi(2))

@@ -67,10 +67,10 @@ impl Fit {
     /// Distance at these coordinates, `[batch, 1]`; NaN where the formula has none.
     fn distance_to_onnx(&self, graph: &mut EstimatorGraph, places: &str) -> String {
         let graph = &mut graph.graph;
-        let count = self.offset_px.len();
+        let count = self.scales.offset_px.len();
         let length = count as i64;
-        let offset = graph.doubles(&[length], &self.offset_px);
-        let scale = graph.doubles(&[length], &self.scale_px);
+        let offset = graph.doubles(&[length], &self.scales.offset_px);
+        let scale = graph.doubles(&[length], &self.scales.scale_px);
         let moved = graph.plain("Sub", &[places, &offset]);
         let scaled = graph.plain("Div", &[&moved, &scale]);
 

@@ -59,14 +59,16 @@ fn lag_sd_s(views: [usize; 2], training: &[&Sample]) -> Option<f64> {
 
 /// Registered places in both views, pixels.
 fn places_px([reference, view]: [usize; 2], observed: &Observation) -> Option<[DVec2; 2]> {
-    let shift = observed.shifts[view].filter(|shift| shift.reference == reference)?;
-    let (place_px, _) = centre_and_size(observed.boxes[reference].as_ref()?);
+    let shift = observed
+        .shift(view)
+        .filter(|shift| shift.reference == reference)?;
+    let (place_px, _) = centre_and_size(observed.best(reference)?);
     Some([place_px, place_px + shift.shift_px])
 }
 
 /// Standard deviation of that row, including common errors, pixels.
 fn row_sd_px([reference, view]: [usize; 2], observed: &Observation) -> Option<f64> {
-    let own_px = observed.shifts[view]?.sd_px.y;
+    let own_px = observed.shift(view)?.sd_px.y;
     let common = observed.common_errors.iter();
     let common = common.filter(|error| [reference, view].contains(&error.view));
     Some(common.fold(own_px, |sd_px, error| sd_px.hypot(error.sd_px.y)))
@@ -159,7 +161,7 @@ mod tests {
         let boxes = [box_at(x, y), box_at(x + apart, y + down)];
         let shift = shift_of([x, y], [apart, down]);
         let mut sample = Sample::of_boxes(1.0, boxes.map(Some).to_vec());
-        sample.observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
+        sample.observed.shifts[1] = Some(ViewShift::of(0, &shift));
         sample
     }
 

@@ -32,9 +32,7 @@ fn errors_pct<'a>(
 }
 
 fn seen_by(sample: &Sample, views: &[usize]) -> Sample {
-    let boxes = sample.boxes.iter().enumerate();
-    let kept = boxes.map(|(view, seen)| seen.filter(|_| views.contains(&view)));
-    sample.with(sample.observed.with_boxes(kept.collect()))
+    sample.with(sample.with_boxes_that(|view, _| views.contains(&view)))
 }
 
 #[test]
@@ -178,8 +176,8 @@ fn places_that_no_distance_fits_have_no_answer() {
         .clone();
     sample.observed.shifts = vec![None; 2];
     // Closer, the left view has it further left and the right view further right. This would be beyond infinity.
-    sample.observed.boxes[0].as_mut().unwrap().cx_px += 900.0;
-    sample.observed.boxes[1].as_mut().unwrap().cx_px -= 900.0;
+    sample.observed.best_mut(0).unwrap().cx_px += 900.0;
+    sample.observed.best_mut(1).unwrap().cx_px -= 900.0;
     assert_eq!(fitted.predict(&sample), None);
 }
 
@@ -221,17 +219,8 @@ fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_an
     let test = samples.of_side(Side::Test);
     // At a distance where flights have long joined the usual path.
     let sample = test.iter().find(|sample| sample.dtd_m < 6_000.0).unwrap();
-    let moved = |right_px: f64| {
-        let boxes = sample.boxes.iter().map(|seen| {
-            seen.map(|seen| dataset::tables::pixel_box::PixelBox {
-                cx_px: seen.cx_px + right_px,
-                ..seen
-            })
-        });
-        let mut moved = sample.observed.clone();
-        moved.boxes = boxes.collect();
-        moved
-    };
+    let moved =
+        |right_px: f64| sample.moved(|_, place_px| Some(place_px + DVec2::new(right_px, 0.0)));
     let [usual, beside] = [0.0, 150.0].map(|right_px| fitted.measurements(&moved(right_px)));
     let mut alone = 0;
     for (usual, beside) in usual.iter().zip(&beside) {

@@ -2,7 +2,6 @@
 
 use dataset::corpus::Corpus;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
-use dataset::tables::pixel_box::PixelBox;
 use minijinja::{Value, context};
 use report_page::crop::Crop;
 use report_page::page::value;
@@ -57,8 +56,8 @@ fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Valu
     let scenario = &samples.scenarios[sample.scenario].id;
     let tick = sample.tick;
     let opened = unless_of_disk(corpus.scenario(scenario).open())?;
-    let shown = |(view, seen): (&String, &Option<PixelBox>)| {
-        let Some(seen) = seen else {
+    let shown = |(index, view): (usize, &String)| {
+        let Some(seen) = sample.best(index) else {
             return Ok(context! { view, absent => "no box" });
         };
         let picture = match &opened {
@@ -79,7 +78,7 @@ fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Result<Vec<Valu
             }
         }
     };
-    samples.views.iter().zip(&sample.boxes).map(shown).collect()
+    samples.views.iter().enumerate().map(shown).collect()
 }
 
 /// The result, or the fault in words if a file is missing or damaged.

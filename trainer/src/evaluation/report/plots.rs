@@ -220,7 +220,7 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
 mod tests {
     use super::*;
     use crate::estimators::paper_lstm::EstimatorLogEntry;
-    use crate::evaluation::metrics::{EstimatorMetrics, WithoutViews};
+    use crate::evaluation::metrics::EstimatorMetrics;
     use crate::evaluation::rules::EvaluationRules;
 
     /// A plot with extreme values must still open: finite numbers, and not too many.
@@ -265,8 +265,8 @@ mod tests {
                 let outcomes: Vec<_> = ticks.iter().map(|t| outcome(t.1, Some(answer))).collect();
                 let rules = EvaluationRules::current();
                 let common = vec![true; outcomes.len()];
-                let without = WithoutViews::default();
-                let metrics = EstimatorMetrics::of(&outcomes, &common, without, &rules);
+                let removed = std::collections::BTreeMap::new();
+                let metrics = EstimatorMetrics::of(&outcomes, &common, removed, &rules);
                 let bins = &metrics.by_distance_nm[..];
                 let shown: Vec<_> = (0..Estimator::ALL.len())
                     .map(|which| (which, bins))

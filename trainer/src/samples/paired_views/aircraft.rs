@@ -7,8 +7,8 @@ use dataset::tables::pixel_box::PixelBox;
 use glam::DVec2;
 
 use super::sighting::{MEMORY_S, RECENT_S, STEP_S, STILL_GROWTH, Sighting};
+use crate::samples::Candidate;
 use crate::samples::trusted_boxes::centre_and_size;
-use crate::samples::trusted_boxes::other_boxes::Candidate;
 
 /// Minimum time for a motion estimate, seconds.
 const MIN_MOTION_S: f64 = 2.0;

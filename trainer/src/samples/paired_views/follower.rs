@@ -11,8 +11,7 @@ use super::path::Path;
 use super::relation::Relation;
 use super::sighting::{MEMORY_S, RECENT_S, Sighting};
 use super::{PairedViews, is_related};
-use crate::samples::trusted_boxes::other_boxes::Candidate;
-use crate::samples::{Look, Observation};
+use crate::samples::{Candidate, Look, Observation};
 
 /// Maximum number of considered boxes per view and tick, by score.
 const MAX_BOXES: usize = 16;
@@ -60,12 +59,12 @@ impl Follower {
         // Never zero, so that an object paired once differs from an unpaired one.
         let step_s = step_s.clamp(1e-3, MAX_STEP_S);
         self.last_s = Some(time_s);
-        let views = 0..observed.boxes.len();
+        let views = observed.candidates.iter().enumerate();
         let boxes: Vec<Vec<Candidate>> = views
-            .map(|view| {
+            .map(|(view, candidates)| {
                 let is_followed = is_related(&learned.relations, view);
                 let most = if is_followed { MAX_BOXES } else { 0 };
-                observed.candidates(view).take(most).collect()
+                candidates.iter().take(most).copied().collect()
             })
             .collect();
         self.looked_s.resize(boxes.len(), None);

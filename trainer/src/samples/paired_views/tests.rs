@@ -8,11 +8,7 @@ use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
-use crate::samples::trusted_boxes::other_boxes::{Candidate, OtherBoxes};
-use crate::samples::{Look, Samples};
-
-/// The second view has no image.
-const ONE_LOOKS: [Look; 2] = [Look::Placed, Look::Blind];
+use crate::samples::{Candidate, Look, Samples};
 
 /// Relations from the training side, and test flights beyond 1 NM.
 fn learned(corpus: &SyntheticCorpus) -> (PairedViews, Vec<Vec<Observation>>) {
@@ -42,27 +38,22 @@ fn each_second() -> (PairedViews, Vec<Vec<Observation>>) {
 fn tracked(flight: &[Observation]) -> Vec<Observation> {
     let mut flight = flight.to_vec();
     for observed in &mut flight {
-        let tracks = observed.boxes.iter().zip([3, 7]);
-        observed.tracks = tracks.map(|(seen, track)| seen.map(|_| track)).collect();
+        for (candidates, track) in observed.candidates.iter_mut().zip([3, 7]) {
+            candidates.iter_mut().for_each(|of| of.track = Some(track));
+        }
     }
     flight
 }
 
 /// Adds a box with the highest score in a view.
 fn add(observed: &mut Observation, view: usize, pixel_box: PixelBox, track: Option<u32>) {
-    let below: Vec<Vec<Candidate>> = (0..observed.boxes.len())
-        .map(|of| {
-            let skipped = usize::from(of != view);
-            observed.candidates(of).skip(skipped).collect()
-        })
-        .collect();
-    observed.boxes[view] = Some(pixel_box);
-    observed.tracks[view] = track;
+    let added = Candidate {
+        pixel_box,
+        score: 1.0,
+        track,
+    };
+    observed.candidates[view].insert(0, added);
     observed.shifts.fill(None);
-    observed.others = Some(Box::new(OtherBoxes {
-        registered: vec![None; below.len()],
-        boxes: below,
-    }));
 }
 
 fn still(cx_px: f64, cy_px: f64) -> PixelBox {
@@ -78,10 +69,8 @@ fn still(cx_px: f64, cy_px: f64) -> PixelBox {
 fn answered_and_false(chosen: &[Observation], truth: &[Observation]) -> (usize, usize) {
     let ticks = || chosen.iter().zip(truth);
     let is_false = |(chosen, truth): &(&Observation, &Observation)| {
-        let boxes = chosen.boxes.iter().zip(&truth.boxes);
-        boxes
-            .into_iter()
-            .any(|(seen, aircraft)| seen.is_some() && seen != aircraft)
+        let mut seen = chosen.seen();
+        seen.any(|(view, seen)| Some(seen) != truth.best(view))
     };
     let answered = ticks()
         .filter(|(chosen, _)| chosen.detections() > 0)
@@ -150,8 +139,7 @@ fn while_one_view_sees_something_else_the_other_answers_alone() {
     for flight in flights.iter().map(|flight| tracked(flight)) {
         let mut disturbed = flight.clone();
         for observed in &mut disturbed[60..120] {
-            observed.boxes[1] = Some(still(900.0, 441.0));
-            observed.tracks[1] = Some(50);
+            observed.show_in(1, Some(still(900.0, 441.0)), Some(50));
             observed.shifts.fill(None);
         }
         let chosen = paired.of_one_aircraft(&disturbed);
@@ -159,7 +147,7 @@ fn while_one_view_sees_something_else_the_other_answers_alone() {
         assert_eq!(wrong, 0);
         let alone = flight.iter().enumerate().filter(|(tick, observed)| {
             let is_disturbed = (60..120).contains(tick);
-            observed.boxes[0].is_some() || (!is_disturbed && observed.boxes[1].is_some())
+            observed.best(0).is_some() || (!is_disturbed && observed.best(1).is_some())
         });
         assert_eq!(answered, alone.count());
     }
@@ -178,31 +166,21 @@ fn of_two_arrivals_one_is_followed_to_the_end_also_where_one_view_loses_it() {
                 continue;
             };
             for view in 0..2 {
-                if let Some(seen) = other.boxes[view] {
-                    add(observed, view, seen, Some(90));
+                if let Some(seen) = other.best(view) {
+                    add(observed, view, *seen, Some(90));
                 }
             }
         }
         for observed in &mut both[20..30] {
             // The followed aircraft is lost in one view, where the other remains.
-            let kept: Vec<usize> = observed
-                .candidates(1)
-                .enumerate()
-                .skip(1)
-                .map(|(i, _)| i)
-                .collect();
-            let all = observed.candidates(0).enumerate().map(|(i, _)| i).collect();
-            *observed = observed.with_candidates(&[all, kept]);
+            observed.candidates[1].remove(0);
         }
         let chosen = paired.of_one_aircraft(&both);
         let in_sight = ahead.len() - apart;
         let first = &chosen[..in_sight];
         for (tick, observed) in first.iter().enumerate() {
-            for (view, seen) in observed.boxes.iter().enumerate() {
-                assert!(
-                    seen.is_none() || *seen == ahead[tick + apart].boxes[view],
-                    "tick {tick}"
-                );
+            for (view, seen) in observed.seen() {
+                assert_eq!(Some(seen), ahead[tick + apart].best(view), "tick {tick}");
             }
         }
         assert!(
@@ -230,7 +208,7 @@ fn of_three_views_the_one_that_contradicts_the_others_is_left_out() {
     assert_eq!(&paired.of_one_aircraft(flight), flight);
     let mut disturbed = flight.clone();
     for observed in &mut disturbed[40..100] {
-        observed.boxes[1] = Some(still(900.0, 741.0));
+        observed.show_in(1, Some(still(900.0, 741.0)), None);
     }
     let chosen = paired.of_one_aircraft(&disturbed);
     let (answered, wrong) = answered_and_false(&chosen, flight);
@@ -258,13 +236,10 @@ fn what_one_view_alone_sees_counts_only_if_it_is_as_fast_as_an_approach() {
     let flight = &flights[0];
     for (times_as_fast, counts) in [(1, true), (8, false)] {
         let ticks = flight.iter().zip(flight.iter().step_by(times_as_fast));
-        let alone = ticks.map(|(observed, shown)| Observation {
-            boxes: vec![shown.boxes[0], None],
-            tracks: vec![Some(3), None],
-            shifts: vec![None; 2],
-            looks: ONE_LOOKS.to_vec(),
-            others: None,
-            ..observed.clone()
+        let alone = ticks.map(|(observed, shown)| {
+            let mut alone = observed.without_images(|view| view == 1);
+            alone.show_in(0, shown.best(0).copied(), Some(3));
+            alone
         });
         let chosen = paired.of_one_aircraft(&alone.collect::<Vec<_>>());
         assert_eq!(seen(&chosen) > 0, counts, "{times_as_fast} times as fast");
@@ -275,7 +250,7 @@ fn what_one_view_alone_sees_counts_only_if_it_is_as_fast_as_an_approach() {
 fn what_one_view_sees_and_another_one_that_looks_there_does_not_gives_no_answer() {
     let (paired, flights) = each_second();
     let flight = tracked(&flights[0]);
-    let one_sees = |observed: &Observation| observed.with_boxes(vec![observed.boxes[0], None]);
+    let one_sees = |observed: &Observation| observed.with_boxes_that(|view, _| view == 0);
     let unseen: Vec<Observation> = flight.iter().map(one_sees).collect();
     assert_eq!(seen(&paired.of_one_aircraft(&unseen)), 0);
     // Where the second view never saw an aircraft, it need not see this one.
@@ -315,10 +290,9 @@ fn alone(
     boxes: impl IntoIterator<Item = PixelBox>,
 ) -> Vec<Observation> {
     let image = |(image, pixel_box): (i64, PixelBox)| {
-        let mut observed = like.with_boxes(vec![Some(pixel_box), None]);
-        observed.looks = ONE_LOOKS.to_vec();
+        let mut observed = like.without_images(|view| view == 1);
+        observed.show_in(0, Some(pixel_box), Some(3));
         observed.time_ns = step_ns * image;
-        observed.tracks = vec![Some(3), None];
         observed
     };
     (0..).zip(boxes).map(image).collect()
@@ -327,8 +301,8 @@ fn alone(
 #[test]
 fn what_stands_still_in_one_view_gives_no_answer_although_its_boxes_err() {
     let (paired, flights) = each_second();
-    let seen_first = flights[0].iter().find(|of| of.boxes[0].is_some()).unwrap();
-    let place = seen_first.boxes[0].unwrap();
+    let seen_first = flights[0].iter().find(|of| of.best(0).is_some()).unwrap();
+    let place = *seen_first.best(0).unwrap();
     let (mut answered, mut all) = (0, 0);
     for seed in 0..100 {
         let mut random = ChaCha12Rng::seed_from_u64(seed);
@@ -345,8 +319,8 @@ fn what_stands_still_in_one_view_gives_no_answer_although_its_boxes_err() {
 #[test]
 fn a_far_arrival_that_comes_straight_at_the_only_camera_that_sees_it_counts_within_a_minute() {
     let (mut paired, flights) = each_second();
-    let seen_first = flights[0].iter().find(|of| of.boxes[0].is_some()).unwrap();
-    let usual = seen_first.boxes[0].unwrap();
+    let seen_first = flights[0].iter().find(|of| of.best(0).is_some()).unwrap();
+    let usual = *seen_first.best(0).unwrap();
     // 20 pixels wide at 10 NM, 70 m/s, always at the same position.
     let straight = |distance_m: f64| PixelBox {
         width_px: 20.0 * 18_520.0 / distance_m,
@@ -384,8 +358,7 @@ fn views_that_see_different_things_from_the_start_give_no_answer() {
     let (paired, flights) = each_second();
     let mut disturbed = tracked(&flights[0]);
     for observed in &mut disturbed {
-        observed.boxes[1] = Some(still(900.0, 441.0));
-        observed.tracks[1] = Some(50);
+        observed.show_in(1, Some(still(900.0, 441.0)), Some(50));
     }
     let both = disturbed
         .iter()
@@ -402,8 +375,8 @@ fn views_that_begin_to_show_different_arrivals_give_no_answer_until_they_have_ag
     let mut disturbed = tracked(&flights[0]);
     let truth = disturbed.clone();
     for (tick, observed) in disturbed.iter_mut().enumerate().take(100).skip(30) {
-        observed.boxes[1] = flights[1].get(tick + 90).and_then(|of| of.boxes[1]);
-        observed.tracks[1] = Some(50);
+        let other = flights[1].get(tick + 90).and_then(|of| of.best(1));
+        observed.show_in(1, other.copied(), Some(50));
         observed.shifts.fill(None);
     }
     let chosen = paired.of_one_aircraft(&disturbed);
@@ -445,7 +418,7 @@ fn boxes_of_two_views_are_of_one_aircraft_in_one_row_and_size_and_with_the_paral
         .iter()
         .find(|observed| observed.detections() == 2)
         .unwrap();
-    let [left, right] = [far.boxes[0].unwrap(), far.boxes[1].unwrap()];
+    let [left, right] = [0, 1].map(|view| *far.best(view).unwrap());
     let misfit = |right: PixelBox| relation.misfit([&left, &right]);
     assert!(misfit(right).unwrap() < 10.0, "{:?}", misfit(right));
     let lower = PixelBox {
@@ -478,7 +451,7 @@ fn relations_of_a_view_are_learned_again_without_touching_the_others() {
 fn views_that_see_the_aircraft_together_too_seldom_are_named_with_what_follows() {
     let samples = Samples::synthetic(&every(1), 1.0);
     let true_boxes = samples.with_true_boxes();
-    let sees_both = |sample: &&Sample| sample.boxes.iter().all(Option::is_some);
+    let sees_both = |sample: &&Sample| sample.detections() == 2;
     let common: Vec<&Sample> = true_boxes.iter().filter(sees_both).collect();
     let lines = |learned_from: &[&Sample]| {
         let paired = PairedViews::fit(samples.views.len(), learned_from);

@@ -9,7 +9,7 @@ use testkit::synthetic::SyntheticCorpus;
 
 use crate::samples::training_cameras::TrainingCameras;
 use crate::samples::view_shift::ViewShift;
-use crate::samples::{DistanceRange, Observation, Sample, Samples};
+use crate::samples::{Candidate, DistanceRange, Observation, Sample, Samples};
 
 impl Samples {
     /// Samples from a synthetic corpus, beyond a minimum distance in nautical miles.
@@ -54,19 +54,42 @@ impl Observation {
         let [first_px, second_px] = places_px;
         let shift = shift_of(first_px.into(), (second_px - first_px).into());
         let mut observed = Sample::of_boxes(1.0, boxes.map(Some).to_vec()).observed;
-        observed.shifts[1] = ViewShift::between((0, &boxes[0]), &boxes[1], &shift);
+        observed.shifts[1] = Some(ViewShift::of(0, &shift));
         observed.tick = tick;
         observed.time_ns = i64::from(tick) * 1_000_000_000;
         observed
+    }
+
+    /// The best box in a view.
+    pub(crate) fn best_mut(&mut self, view: usize) -> Option<&mut PixelBox> {
+        Some(&mut self.candidates[view].first_mut()?.pixel_box)
+    }
+
+    /// Replaces the boxes in all views.
+    pub(crate) fn show(&mut self, boxes: impl IntoIterator<Item = Option<PixelBox>>) {
+        for (view, seen) in boxes.into_iter().enumerate() {
+            self.show_in(view, seen, None);
+        }
+    }
+
+    /// Replaces the boxes in a view.
+    pub(crate) fn show_in(&mut self, view: usize, seen: Option<PixelBox>, track: Option<u32>) {
+        let candidate = seen.map(|pixel_box| Candidate {
+            pixel_box,
+            score: 0.9,
+            track,
+        });
+        self.candidates[view] = Vec::from_iter(candidate);
     }
 }
 
 impl Sample {
     /// A sample with only boxes, for tests that need no more.
     pub(crate) fn of_boxes(dtd_m: f64, boxes: Vec<Option<PixelBox>>) -> Self {
-        let unseen = Observation::unseen((0, 0, 0), boxes.len());
+        let mut observed = Observation::unseen((0, 0, 0), boxes.len());
+        observed.show(boxes);
         Self {
-            observed: Observation { boxes, ..unseen },
+            observed,
             dtd_m,
             along_track_m: dtd_m,
             cross_track_m: 0.0,
@@ -98,8 +121,5 @@ pub(crate) fn shift_of([x_px, y_px]: [f64; 2], [dx_px, dy_px]: [f64; 2]) -> Shif
         dy_px,
         sd_x_px: 0.03,
         sd_y_px: 0.04,
-        scale: 1.0,
-        gain: 1.0,
-        correlation: 0.9,
     }
 }

@@ -50,7 +50,7 @@ impl TrainingDrops {
             let mut of_view = [0, 0];
             for flight in training.chunk_by(|a, b| a.scenario == b.scenario) {
                 let seen = flight.iter().filter_map(|sample| {
-                    let seen = sample.boxes[view].as_ref()?;
+                    let seen = sample.best(view)?;
                     Some(cameras.is_true(view, sample, seen))
                 });
                 let (kept, off): (Vec<bool>, Vec<bool>) = seen.partition(|is_true| *is_true);

@@ -24,14 +24,16 @@ fn state_wrongly(samples: &mut Samples, error: Adjustment) {
 fn add_lamps(samples: &mut Samples) -> usize {
     let mut replaced = 0;
     for (at, sample) in samples.samples.iter_mut().enumerate() {
-        for (view, seen) in sample.observed.boxes.iter_mut().enumerate() {
-            if (at + view).is_multiple_of(3) && seen.is_some() {
-                *seen = Some(PixelBox {
+        for view in 0..2 {
+            if (at + view).is_multiple_of(3)
+                && let Some(seen) = sample.observed.best_mut(view)
+            {
+                *seen = PixelBox {
                     cx_px: 700.0,
                     cy_px: 900.0,
                     width_px: 12.0,
                     height_px: 12.0,
-                });
+                };
                 replaced += 1;
             }
         }
@@ -125,7 +127,7 @@ fn the_flight_in_which_a_camera_was_moved_is_named() {
         .iter_mut()
         .filter(|s| s.observed.scenario == 1)
     {
-        if let Some(seen) = &mut sample.observed.boxes[0] {
+        if let Some(seen) = sample.observed.best_mut(0) {
             seen.cx_px -= 250.0;
         }
     }
@@ -160,7 +162,7 @@ fn a_lamp_that_outnumbers_the_aircraft_in_one_flight_moves_no_camera() {
     {
         of_flight += 1;
         if !of_flight.is_multiple_of(5)
-            && let Some(seen) = &mut sample.observed.boxes[0]
+            && let Some(seen) = sample.observed.best_mut(0)
         {
             (seen.cx_px, seen.cy_px) = (300.0, 1_000.0);
         }
@@ -171,7 +173,7 @@ fn a_lamp_that_outnumbers_the_aircraft_in_one_flight_moves_no_camera() {
     };
     let found = kept(&samples);
     let mut of_lamp = found.iter().filter(|s| s.scenario == 0);
-    assert!(of_lamp.all(|s| s.boxes[0].is_none_or(|seen| seen.cx_px != 300.0)));
+    assert!(of_lamp.all(|s| s.best(0).is_none_or(|seen| seen.cx_px != 300.0)));
     assert_eq!(others(found), others(truly));
 }
 

@@ -38,9 +38,9 @@ pub(crate) struct Deviations {
 impl Measured {
     /// Measurements at a tick in the used views.
     pub(super) fn in_tick(observed: &Observation, is_used: impl Fn(usize) -> bool) -> Vec<Self> {
-        let used = || (0..observed.boxes.len()).filter(|&view| is_used(view));
+        let used = || (0..observed.views()).filter(|&view| is_used(view));
         let centres = used().filter_map(|view| {
-            let (px, _) = centre_and_size(observed.boxes[view].as_ref()?);
+            let (px, _) = centre_and_size(observed.best(view)?);
             Some(Self {
                 view,
                 reference: None,
@@ -49,7 +49,9 @@ impl Measured {
             })
         });
         let shifts = used().filter_map(|view| {
-            let shift = observed.shifts[view].filter(|shift| is_used(shift.reference))?;
+            let shift = observed
+                .shift(view)
+                .filter(|shift| is_used(shift.reference))?;
             let variance = shift.sd_px * shift.sd_px + DVec2::splat(MIN_SD_PX.powi(2));
             Some(Self {
                 view,

@@ -134,7 +134,7 @@ fn boxes_of_other_things_hardly_move_it() {
     for seen in training
         .iter_mut()
         .step_by(15)
-        .filter_map(|s| s.observed.boxes[1].as_mut())
+        .filter_map(|s| s.observed.best_mut(1))
     {
         seen.cx_px += 300.0;
         seen.cy_px -= 150.0;
@@ -152,7 +152,7 @@ fn a_view_that_saw_nothing_is_not_fitted_and_two_views_are_needed_to_fit_and_to_
     let one_eyed: Vec<Sample> = samples
         .of_side(Side::Train)
         .into_iter()
-        .map(|sample| sample.with(sample.with_boxes(vec![sample.boxes[0], None])))
+        .map(|sample| sample.with(sample.with_boxes_that(|view, _| view == 0)))
         .collect();
     let rig = &samples.rig.cameras;
     assert_eq!(
@@ -167,10 +167,10 @@ fn a_view_that_saw_nothing_is_not_fitted_and_two_views_are_needed_to_fit_and_to_
     for sample in both {
         let scenario = &samples.scenarios[sample.scenario];
         assert!(locator.distance_m(sample, scenario).is_some());
-        let alone = sample.with_boxes(vec![None, sample.boxes[1]]);
+        let alone = sample.with_boxes_that(|view, _| view == 1);
         assert_eq!(locator.distance_m(&alone, scenario), None);
         let mut elsewhere = sample.clone();
-        let seen = elsewhere.observed.boxes[0].as_mut().unwrap();
+        let seen = elsewhere.observed.best_mut(0).unwrap();
         seen.cy_px -= 300.0;
         assert_eq!(locator.distance_m(&elsewhere, scenario), None);
     }
@@ -183,7 +183,7 @@ fn a_third_view_without_boxes_leaves_the_other_two_as_they_are() {
     let third = rig["right"].clone();
     rig.insert("third".into(), third);
     for sample in &mut samples.samples {
-        sample.observed.boxes.push(None);
+        sample.observed.candidates.push(Vec::new());
         sample.observed.shifts.push(None);
     }
     let fitted = fit(&rig, &samples, &samples.of_side(Side::Train)).unwrap();

@@ -32,7 +32,9 @@ impl PastLags {
     pub(crate) fn corrected(&mut self, pairs: &[Pair], observed: Observation) -> Observation {
         let now_s = observed.time_s();
         let is_next = |last: &Observation| now_s >= last.time_s() + LAG_STEP_S;
-        if observed.shifts.iter().any(Option::is_some) && self.seen.back().is_none_or(is_next) {
+        if (0..observed.views()).any(|view| observed.shift(view).is_some())
+            && self.seen.back().is_none_or(is_next)
+        {
             self.seen.push_back(observed.clone());
             if self.seen.len() > MAX_TICKS {
                 self.seen.pop_front();
@@ -43,7 +45,7 @@ impl PastLags {
             self.new_ticks = 0;
             let seen: Vec<&Observation> = self.seen.iter().collect();
             // Otherwise nothing new is known.
-            if let Some(lags) = lags_by(pairs, &[], observed.boxes.len(), &seen) {
+            if let Some(lags) = lags_by(pairs, &[], &seen) {
                 self.lags = lags;
             }
         }
@@ -61,7 +63,7 @@ impl PastLags {
         let corrected = flight.swap_remove(flight.len() - 1);
         let late = self.lags.iter().enumerate();
         for (view, _) in late.filter(|(_, lags)| lags.iter().any(is_corrected)) {
-            match (observed.boxes[view], corrected.boxes[view]) {
+            match (observed.best(view), corrected.best(view)) {
                 (Some(_), Some(_)) => self.counts.late += 1,
                 (Some(_), None) => self.counts.late_withheld += 1,
                 (None, _) => {}
@@ -94,7 +96,7 @@ mod tests {
                 if late_s == 0.0 {
                     assert_eq!(corrected, observed);
                 }
-                let shift_px = |of: &Observation| of.shifts[1].unwrap().shift_px;
+                let shift_px = |of: &Observation| of.shift(1).unwrap().shift_px;
                 off_px.push((shift_px(&corrected) - shift_px(&expected)).length());
             }
             assert!(

@@ -49,11 +49,12 @@ fn whole(flight: &[Observation]) -> Vec<Observation> {
 fn joined(sources: [(&[Observation], usize); 2]) -> Vec<Observation> {
     let [(first, _), (second, _)] = sources;
     let ticks = first.iter().zip(second).filter_map(|(one, other)| {
-        let boxes = [one.boxes[sources[0].1]?, other.boxes[sources[1].1]?];
+        let boxes = [*one.best(sources[0].1)?, *other.best(sources[1].1)?];
         let [from_px, to_px] = [0, 1].map(|view| centre_and_size(&boxes[view]).0);
         let shift = shift_of(from_px.to_array(), (to_px - from_px).to_array());
-        let mut observed = one.with_boxes(boxes.map(Some).to_vec());
-        observed.shifts = vec![None, ViewShift::between((0, &boxes[0]), &boxes[1], &shift)];
+        let mut observed = one.clone();
+        observed.show(boxes.map(Some));
+        observed.shifts = vec![None, Some(ViewShift::of(0, &shift))];
         Some(observed)
     });
     ticks.collect()
