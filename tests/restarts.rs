@@ -1,6 +1,8 @@
-//! `dtd generate --restart-simulator`: simulators in separate processes that are ended during a run and started again by its command.
+//! `dtd generate --restart-simulator`: simulators in separate processes that are ended during a run and started again by its command, also
+//! by the documented one, `scripts/restart-x-plane.sh`.
 
 use std::fs;
+use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
@@ -80,8 +82,19 @@ impl Scripted {
     }
 
     fn kill(&self) {
+        self.signal("-9");
+    }
+
+    fn signal(&self, signal: &str) {
         let pid = fs::read_to_string(self.file("pid")).unwrap_or_default();
-        let _ = Command::new("kill").args(["-9", pid.trim()]).output();
+        let _ = Command::new("kill").args([signal, pid.trim()]).output();
+    }
+
+    /// X-Plane's own command to end.
+    fn quit(&self) {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let packet = b"CMND\0sim/operation/quit\0";
+        socket.send_to(packet, self.address()).unwrap();
     }
 
     /// The simulators that were named when one was started, the first by this test.
@@ -90,9 +103,19 @@ impl Scripted {
         text.lines().map(str::to_owned).collect()
     }
 
-    /// A run that gives up waiting after a second.
+    /// A run whose patience is eight seconds: a quarter until the first restart, and for each try.
     fn generate(&self, sweep: &Path, corpus: &Path, more: &[&str]) -> Command {
-        let mut command = DTD.command(&["generate", "--json", "--timeout", "1"]);
+        self.generate_within("8", sweep, corpus, more)
+    }
+
+    fn generate_within(
+        &self,
+        seconds: &str,
+        sweep: &Path,
+        corpus: &Path,
+        more: &[&str],
+    ) -> Command {
+        let mut command = DTD.command(&["generate", "--json", "--timeout", seconds]);
         command
             .arg(sweep)
             .arg("--out")
@@ -182,6 +205,71 @@ fn a_simulator_that_is_ended_at_each_third_of_a_run_is_restarted_and_the_corpus_
 
     simulator.generate(&sweep, &undisturbed, &[]).succeeds();
     assert_same_contents(&corpus, &undisturbed);
+}
+
+/// The documented script starts a simulator that is in its main menu after a slow start, holds its ports after its end, and asks for safe
+/// mode after an unclean one.
+#[test]
+fn the_documented_script_restarts_a_simulator_however_it_ended_and_however_it_starts() {
+    let folder = tempdir().unwrap();
+    let sweep = sweep(folder.path(), 4);
+    let corpus = folder.path().join("corpus");
+    let simulator = Scripted::start();
+    let web_port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let faults = format!(
+        "cold=1,held=1.5,menu=yes,asks={}",
+        simulator.file("runs").display()
+    );
+    let start = format!(
+        "echo $DTD_SIMULATOR >>{starts}; exec {dtd} mock-xplane --port {port} --no-beacon --web-port {web_port} --quirks=none --faults {faults}",
+        starts = simulator.file("starts").display(),
+        dtd = DTD.program(),
+        port = simulator.port,
+    );
+    let script = testkit::repository().join("scripts/restart-x-plane.sh");
+    let mut run = simulator.generate_within("24", &sweep, &corpus, &["--restart-simulator"]);
+    run.arg(script)
+        .env("DTD_WEB_API", format!("127.0.0.1:{web_port}"))
+        .env("X_PLANE", start)
+        .env("X_PLANE_PID_FILE", simulator.file("pid"))
+        .envs([("QUIT_S", "3"), ("TERM_S", "3"), ("PORT_S", "5")]);
+    let quit = || simulator.quit();
+    let term = || simulator.signal("-TERM");
+    let kill = || simulator.kill();
+    let output = run_with(run, &corpus, &[(4, &quit), (8, &term), (11, &kill)]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(count(&json(&output), "committed"), 12);
+    // The last start asked for safe mode, and was ended and followed by another one.
+    assert_eq!(simulator.starts().len(), 5, "{}", said(&output));
+    assert!(said(&output).contains("safe mode"), "{}", said(&output));
+
+    let verified = DTD.command(&["verify"]).arg(&corpus).output().unwrap();
+    assert!(verified.status.success(), "{}", said(&verified));
+}
+
+#[test]
+fn a_simulator_that_is_starting_when_the_run_begins_is_waited_for() {
+    let folder = tempdir().unwrap();
+    let sweep = sweep(folder.path(), 1);
+    let corpus = folder.path().join("corpus");
+    let simulator = Scripted::start();
+    simulator.kill();
+    let started = Command::new("sh")
+        .args(["-c", &simulator.script("--faults cold=6")])
+        .status();
+    assert!(started.unwrap().success());
+    // The port is taken before anything answers.
+    sleep(Duration::from_millis(500));
+    let output = simulator
+        .generate_within("30", &sweep, &corpus, &[])
+        .output();
+    let output = output.unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("is starting"), "{}", said(&output));
 }
 
 #[test]

@@ -155,7 +155,8 @@ pub fn generate<'a>(
             encoder_trial::pass(&plan.common, encoder, &reporter).await?;
         }
         // A missing simulator is detected before anything is written.
-        let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
+        let needed = !to_make.is_empty();
+        let sessions = open_sessions(options, sweep.picture, needed, cancel, &reporter).await?;
         let corpus = Corpus::create(corpus_root)?;
         if let Some(remote) = &options.remote {
             remote::stage::mark(&corpus, remote.store.name())?;
@@ -271,12 +272,13 @@ fn warn_of_little_space(
     }
 }
 
-/// Connects to or starts all simulators. Missing ones are retried later, as long as one works.
+/// Connects to or starts all simulators. Missing ones are retried later, as long as one works, is starting or can be restarted.
 async fn open_sessions(
     options: &GenerateOptions,
     picture: Picture,
     needed: bool,
     cancel: &Cancel,
+    reporter: &Reporter<'_>,
 ) -> Result<Vec<(Session, Option<ScenarioError>)>, GenerateError> {
     if !needed {
         return Ok(Vec::new());
@@ -295,7 +297,27 @@ async fn open_sessions(
     if cancel.is_cancelled() {
         return Err(GenerateError::Cancelled);
     }
-    if sessions.iter().all(|(_, trouble)| trouble.is_some()) {
+    for (session, trouble) in &mut sessions {
+        if let Some(error) = trouble
+            && options.restart.is_none()
+            && session.may_be_starting(error)
+        {
+            let name = session.name();
+            let wait_s = options.patience.simulator.as_secs();
+            reporter.say(&format!(
+                "simulator {name} is starting: waiting for it, for {wait_s} s at most"
+            ));
+            let back = session.come_back(options.patience.simulator);
+            *trouble = unless_cancelled(cancel, back).await.err();
+        }
+    }
+    let can_restart = |session: &Session| options.restart.is_some() && session.runs_already();
+    let is_hopeless = |(session, trouble): &(Session, Option<ScenarioError>)| {
+        trouble
+            .as_ref()
+            .is_some_and(|error| error.is_bad_setup() || !can_restart(session))
+    };
+    if sessions.iter().all(is_hopeless) {
         return Err(match sessions.swap_remove(0).1 {
             Some(ScenarioError::Cancelled) | None => GenerateError::Cancelled,
             Some(error) => GenerateError::Simulator(Box::new(error)),

@@ -91,9 +91,9 @@ pub(crate) struct GenerateArgs {
     /// Longest wait for a simulator or an object store that does not answer
     ///
     /// Recording then continues without that simulator; without the store it ends.
-    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 300)]
+    #[arg(long = "timeout", value_name = "SECONDS", default_value_t = 1600)]
     pub(crate) timeout_s: u64,
-    /// Shell command that restarts an X-Plane that is away for longer than --timeout
+    /// Shell command that restarts an X-Plane that is away for a quarter of --timeout
     ///
     /// It gets --sim's name of the X-Plane in DTD_SIMULATOR, ends the old X-Plane if it is still there, starts a new one in the background,
     /// and ends with status 0 (docs/x-plane.md has an example). Then the X-Plane's version, window and profile are checked again.

@@ -57,13 +57,17 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
                 None => serve(options, ready).await,
             }
         };
+        tokio::pin!(serving);
         tokio::select! {
-            result = serving => result.map_err(|error| match error {
+            result = &mut serving => result.map_err(|error| match error {
                 MockError::Tape(error) if error.is_bad_input() => Failure::bad_input(error),
                 error @ MockError::NoToken { .. } => Failure::bad_input(error),
                 error => error.into(),
             })?,
-            () = stop.switch().cancelled() => {}
+            () = stop.switch().cancelled() => {
+                // Answers nothing any more, and keeps its ports.
+                tokio::time::sleep(args.faults.life.held).await;
+            }
             () = stdin_ended(), if args.until_stdin_ends => {}
         }
         Ok(Ending::Done)
@@ -83,6 +87,12 @@ fn link(args: &MockXplaneArgs) -> Result<LinkServer, Failure> {
     if (has_no_plugin || args.plugin.is_some()) && !args.faults.cameras.is_empty() {
         return Err(Failure::bad_input_message(format!(
             "--faults {}: only the built-in capture link has faults of cameras; leave out --plugin and --state no-plugin",
+            args.faults
+        )));
+    }
+    if args.plugin.is_none() && args.faults.are_of_a_window() {
+        return Err(Failure::bad_input_message(format!(
+            "--faults {}: only a hosted plugin numbers its frames, and only its images have things that swing; add --plugin and --window",
             args.faults
         )));
     }

@@ -172,6 +172,13 @@ impl Simulator {
                 _ => false,
             };
             let mut values = udp.read_until(&names, began + waited, has_plugin).await?;
+            if let (false, Some(version), Some(place)) = (has_plugin(&values), values[0], web_api)
+                && Generation::of_version(version) == Generation::XPlane12
+                && connect_options::main_menu::leave(place).await
+            {
+                let until = Instant::now() + STARTING;
+                values = udp.read_until(&names, until, has_plugin).await?;
+            }
             if let (false, Some(running_s)) = (has_plugin(&values), values[3]) {
                 let running = Duration::try_from_secs_f32(running_s).unwrap_or(STARTING);
                 let until = Instant::now() + STARTING.saturating_sub(running);

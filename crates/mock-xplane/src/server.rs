@@ -22,12 +22,14 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use doorway::Doorway;
 use futures_util::future::BoxFuture;
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
+use tokio::time::sleep;
 use xplane_bridge::datarefs::{self as names, Generation};
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
@@ -35,7 +37,8 @@ use xplane_tape::TapeError;
 
 pub use engine::{BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting};
 pub use faults::{
-    AimChange, CameraFault, CameraFaultKind, Faults, FaultsError, Moment, Outage, OutageKind,
+    AimChange, CameraFault, CameraFaultKind, CodeFaults, Faults, FaultsError, LifeFaults, Moment,
+    Outage, OutageKind, Swing,
 };
 pub use plugin_host::{FramesDrawn, PluginOptions, SceneBehind, WindowCovers, WindowForm};
 pub use seat::LinkPatience;
@@ -54,6 +57,8 @@ pub(crate) const DEFAULT_WEB_PORT: u16 = 8086;
 /// The capture link listens this much above the UDP port.
 const CAPTURE_PORT_OFFSET: u16 = 10;
 
+/// Interval at which the main menu is looked at.
+const MENU_LOOK: Duration = Duration::from_millis(20);
 /// The settling time of weather that our plugin announces by default, seconds.
 const WEATHER_SETTLE_S: f64 = 15.0;
 
@@ -182,6 +187,14 @@ pub enum MockError {
         /// Symptom.
         what: String,
     },
+    /// The file of an unclean end cannot be written.
+    #[error("--faults asks={}: cannot write the file that marks a run: {source}", file.display())]
+    NoMark {
+        /// The file.
+        file: PathBuf,
+        /// Underlying error.
+        r#source: io::Error,
+    },
     /// A socket failed while running.
     #[error("{what} failed: {source}")]
     Socket {
@@ -198,7 +211,8 @@ pub enum MockError {
     Stopped(String),
 }
 
-/// Runs the stand-in with its built-in flight model and renderer until the future is dropped; calls `ready` once it listens.
+/// Runs the stand-in with its built-in flight model and renderer until it is told to quit or the future is dropped; calls `ready` once it
+/// listens.
 ///
 /// # Errors
 /// [`MockError::Bind`] if a port is taken, [`MockError::NoToken`] if it would be open to everybody, [`MockError::Socket`] if a
@@ -369,14 +383,32 @@ impl Server {
     }
 
     async fn run(&self) -> Result<(), MockError> {
+        let life = &self.options.faults.life;
+        let begun = life.begin().map_err(|source| MockError::NoMark {
+            file: life.asks.clone().unwrap_or_default(),
+            source,
+        });
+        let (_running, was_unclean) = begun?;
+        if was_unclean {
+            tracing::warn!(
+                "the last end was unclean: asks whether to start in safe mode, and waits"
+            );
+            return self.swallow().await;
+        }
+        self.swallow_for(life.cold).await?;
         for number in 1.. {
             let mut session = self.begin_session(number);
             let restart = tokio::select! {
-                ended = session.join_next() => return match ended {
-                    Some(Ok(ended)) => ended,
-                    Some(Err(panicked)) => Err(MockError::Stopped(panicked.to_string())),
-                    None => Ok(()),
-                },
+                ended = session.join_next() => {
+                    session.shutdown().await;
+                    // A simulator that was told to quit.
+                    self.swallow_for(life.held).await?;
+                    return match ended {
+                        Some(Ok(ended)) => ended,
+                        Some(Err(panicked)) => Err(MockError::Stopped(panicked.to_string())),
+                        None => Ok(()),
+                    };
+                }
                 restart = self.outages.next_restart() => restart,
             };
             session.shutdown().await;
@@ -391,9 +423,10 @@ impl Server {
     /// A freshly started simulator: its state, and the tasks that answer clients. Dropping the set ends them.
     fn begin_session(&self, number: u64) -> JoinSet<Result<(), MockError>> {
         let options = &self.options;
-        let mut world =
-            world::World::new(options.generation, options.flight_loaded, options.quirks);
-        if matches!(options.link, LinkServer::BuiltIn) {
+        let life = &options.faults.life;
+        let flight_loaded = options.flight_loaded && !life.menu;
+        let mut world = world::World::new(options.generation, flight_loaded, options.quirks);
+        if matches!(options.link, LinkServer::BuiltIn) && !life.menu {
             let port = self.addresses.capture_link.port();
             world.set_own(names::CAPTURE_PORT, f64::from(port));
             let settle_s = WEATHER_SETTLE_S * world.quirks.pace(options.clock_rate);
@@ -416,17 +449,28 @@ impl Server {
                     port: self.addresses.capture_link.port(),
                     token: options.token.clone(),
                     clock_rate: options.clock_rate,
+                    faults: options.faults.clone(),
                 };
-                session.spawn(plugin_host::run(
+                let hosted = plugin_host::run(
                     plugin,
                     host,
                     world.clone(),
                     self.engine.clone(),
                     outages(),
                     options.stage.clone(),
-                ));
+                );
+                session.spawn(after_menu(world.clone(), hosted));
             }
             LinkServer::BuiltIn => {
+                if life.menu {
+                    let (published, port) = (world.clone(), self.addresses.capture_link.port());
+                    session.spawn(after_menu(world.clone(), async move {
+                        published
+                            .lock()
+                            .set_own(names::CAPTURE_PORT, f64::from(port));
+                        std::future::pending().await
+                    }));
+                }
                 session.spawn(capture_link::run(
                     self.capture_link.clone(),
                     world.clone(),
@@ -464,6 +508,14 @@ impl Server {
         session
     }
 
+    /// [`Self::swallow`] for some time.
+    async fn swallow_for(&self, time: Duration) -> Result<(), MockError> {
+        tokio::select! {
+            () = sleep(time) => Ok(()),
+            failed = self.swallow() => failed,
+        }
+    }
+
     /// Handles input while no simulator runs. The ports stay ours, so that no other program takes them in the meantime.
     async fn swallow(&self) -> Result<(), MockError> {
         let failed = |what| move |source| MockError::Socket { what, source };
@@ -482,6 +534,17 @@ impl Server {
             }
         }
     }
+}
+
+/// A part of the simulator that begins with its first flight.
+async fn after_menu(
+    world: Shared,
+    part: impl Future<Output = Result<(), MockError>>,
+) -> Result<(), MockError> {
+    while !world.lock().flight_loaded {
+        sleep(MENU_LOOK).await;
+    }
+    part.await
 }
 
 /// The next connection, if there is a listener.

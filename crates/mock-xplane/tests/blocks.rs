@@ -40,7 +40,11 @@ struct HostedPlugin {
 }
 
 /// The stand-in's screen and address.
-async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
+async fn serve(
+    options: PluginOptions,
+    clock_rate: f64,
+    faults: &str,
+) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
     let xvfb = Xvfb::start("200x160x24");
     let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
     let address = serving(ServerOptions {
@@ -48,6 +52,7 @@ async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen
         link: LinkServer::Plugin(options),
         stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
         clock_rate,
+        faults: faults.parse().unwrap(),
         ..quiet()
     })
     .await;
@@ -56,8 +61,12 @@ async fn serve(options: PluginOptions, clock_rate: f64) -> (Xvfb, Arc<dyn Screen
 }
 
 async fn shown(options: PluginOptions) -> HostedPlugin {
+    shown_with(options, "").await
+}
+
+async fn shown_with(options: PluginOptions, faults: &str) -> HostedPlugin {
     let frames = options.frames_drawn.clone();
-    let (xvfb, screen, address) = serve(options, 1.0).await;
+    let (xvfb, screen, address) = serve(options, 1.0, faults).await;
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
     let pixels = simulator.use_pixels(PixelChoice::Auto, SIZE_PX, &screen);
     pixels.await.unwrap();
@@ -82,21 +91,28 @@ fn camera(view: u32) -> CameraPose {
     camera_beside_runway(if view == 0 { -60.0 } else { 60.0 })
 }
 
+fn first_view(states: &[FlightState]) -> BlockOfTicks<'_> {
+    BlockOfTicks {
+        first_tick: 0,
+        states,
+        frame_rate: RATE,
+        view: 0,
+        camera: camera(0),
+        size_px: SIZE_PX,
+    }
+}
+
 async fn block(
     simulator: &mut Simulator,
     states: &[FlightState],
     view: u32,
 ) -> (Vec<CapturedFrame>, BlockReport) {
-    let mut recording = simulator
-        .begin_block(BlockOfTicks {
-            first_tick: 0,
-            states,
-            frame_rate: RATE,
-            view,
-            camera: camera(view),
-            size_px: SIZE_PX,
-        })
-        .unwrap();
+    let ticks = BlockOfTicks {
+        view,
+        camera: camera(view),
+        ..first_view(states)
+    };
+    let mut recording = simulator.begin_block(ticks).unwrap();
     let mut frames = Vec::new();
     while let Some(frame) = recording.next_picture().await.unwrap() {
         frames.push(frame);
@@ -216,6 +232,94 @@ async fn a_camera_that_is_taken_away_costs_frames_and_no_picture() {
     for tick in (0..90).step_by(9) {
         let expected = settled(&mut simulator, &states, tick, 0).await;
         assert!(*frames[tick as usize].rgb == *expected.rgb, "tick {tick}");
+    }
+}
+
+/// Recordings of both views with each fault of the numbers; `DTD_CODE_ROUNDS=17` gives 2,000 images of each.
+fn code_rounds() -> usize {
+    match std::env::var("DTD_CODE_ROUNDS") {
+        Ok(rounds) => rounds.parse().expect("DTD_CODE_ROUNDS is a number"),
+        Err(_) => 1,
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn numbers_that_are_repeated_missing_or_half_give_no_picture_of_another_tick() {
+    let states = down_the_glide_path(1_200.0, 60, RATE);
+    let mut expected: Option<Vec<Vec<CapturedFrame>>> = None;
+    for faults in [
+        "",
+        "repeat=0.01",
+        "repeat=0.05",
+        "repeat=0.2",
+        "vanish=0.05",
+        "half=0.05",
+        "repeat=0.05,vanish=0.02,half=0.02",
+    ] {
+        let HostedPlugin {
+            mut simulator,
+            frames: drawn,
+            _xvfb,
+        } = shown_with(plugin(SceneBehind::Constant(1)), faults).await;
+        simulator.set_conditions(&noon(30_000.0)).await.unwrap();
+        simulator.freeze(&runway()).await.unwrap();
+        let (mut wrong, before, mut found) = (0, drawn.get(), Vec::new());
+        for number in 0..2 * code_rounds() {
+            let view = number as u32 % 2;
+            let (frames, report) = block(&mut simulator, &states, view).await;
+            println!("{faults:?}, view {view}: {report:?}");
+            assert_eq!(report.held, 0, "{faults}");
+            if let Some(expected) = &expected {
+                let pairs = frames.iter().zip(&expected[view as usize]);
+                wrong += pairs
+                    .filter(|(found, expected)| *found.rgb != *expected.rgb)
+                    .count();
+            }
+            if found.len() < 2 {
+                found.push(frames);
+            }
+        }
+        let pictures = 2 * code_rounds() * states.len();
+        let frames_a_picture = (drawn.get() - before) as f64 / pictures as f64;
+        println!(
+            "{faults:?}: {wrong} of {pictures} images wrong, {frames_a_picture:.2} frames drawn per image"
+        );
+        assert_eq!(wrong, 0, "{faults}");
+        simulator.confirm_pixels().await.unwrap();
+        simulator.release().await.unwrap();
+        expected.get_or_insert(found);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scene_that_moves_slowly_in_a_pause_is_recorded_in_blocks_and_one_that_moves_all_over_tick_by_tick()
+ {
+    let states = down_the_glide_path(1_200.0, 60, RATE);
+    for (faults, is_held) in [("swing=40:3:6:20", false), ("swing=3000:3:6:150", true)] {
+        let HostedPlugin {
+            mut simulator,
+            _xvfb,
+            ..
+        } = shown_with(plugin(SceneBehind::Constant(1)), faults).await;
+        simulator.set_conditions(&noon(30_000.0)).await.unwrap();
+        simulator.freeze(&runway()).await.unwrap();
+        let (frames, report) = block(&mut simulator, &states, 0).await;
+        println!("{faults}: {report:?}");
+        assert_eq!(frames.len(), states.len());
+        assert_eq!(report.held > 0, is_held, "{report:?}");
+        if is_held {
+            continue;
+        }
+        let frame = settled(&mut simulator, &states, 30, 0).await;
+        let parts = Parts::of(&camera(0), &states[30].pose);
+        let differing = differing(&frames[30].rgb, &frame.rgb, AIRCRAFT_LEVELS, |at| {
+            parts.has_aircraft(at)
+        });
+        assert!(
+            differing <= MORE_PIXELS,
+            "{differing} pixels of the aircraft differ"
+        );
+        simulator.release().await.unwrap();
     }
 }
 
@@ -355,7 +459,7 @@ async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_d
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_doctor_measures_the_pace_in_blocks_where_the_window_has_margins_around_the_pictures() {
-    let (_xvfb, screen, address) = serve(plugin(SceneBehind::Constant(1)), 20.0).await;
+    let (_xvfb, screen, address) = serve(plugin(SceneBehind::Constant(1)), 20.0, "").await;
     let pictures = PictureSize {
         width_px: SIZE_PX.0,
         height_px: SIZE_PX.1,

@@ -61,7 +61,7 @@ pub(crate) async fn covers(
     file: Option<&Path>,
 ) -> Result<(), Box<dyn Error>> {
     tracing::subscriber::set_global_default(CountAlarms)?;
-    let recording = Recording::start(SIZE_PX, Some(FRAMES_PER_S), 0).await?;
+    let recording = Recording::start(SIZE_PX, MARGIN_PX, Some(FRAMES_PER_S), 0, "").await?;
     let toml = SmallSweep {
         name: "covers",
         seed,

@@ -9,6 +9,9 @@
 //! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:
 //! scenarios of each weather (25), a seed (0), and a JSON file to which the figures are added, else they are printed.
 //!
+//! `-- moving` records scenes that move slowly in a pause: 40 and 80 things of 6 pixels that swing in one to three seconds, of 8, 20 and 60
+//! levels, in windows with margins and without. Arguments: width and height (480 320).
+//!
 //! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of an image,
 //! each measured alone. Arguments: width and height (1920 1280), and a weather (clear and stormy). On a larger machine: `taskset -c 0,1`
 //! before it.
@@ -84,17 +87,18 @@ async fn main() -> Result<(), Box<dyn Error>> {
             };
             speed((number(0, 1_920)?, number(1, 1_280)?), &weathers).await
         }
+        "moving" => moving((number(0, 480)?, number(1, 320)?)).await,
         "covers" => {
             let file = arguments.get(3).map(Path::new);
             covers::covers(number(0, 25)?, number(1, 0)?, file).await
         }
-        _ => Err("expected `frames`, `speed` or `covers`".into()),
+        _ => Err("expected `frames`, `moving`, `speed` or `covers`".into()),
     }
 }
 
 async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), Box<dyn Error>> {
     for lag in lags {
-        let recording = Recording::start(size_px, Some(FRAMES_PER_S), lag).await?;
+        let recording = Recording::start(size_px, MARGIN_PX, Some(FRAMES_PER_S), lag, "").await?;
         for recorded in recording.record(0.5, &WEATHERS).await? {
             let pictures = recorded.pictures as f64;
             println!(
@@ -111,8 +115,32 @@ async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), 
     Ok(())
 }
 
+async fn moving(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
+    for (margin_px, things, levels) in [MARGIN_PX, 0]
+        .into_iter()
+        .flat_map(|margin_px| [40, 80].map(|things| (margin_px, things)))
+        .flat_map(|(margin_px, things)| [8, 20, 60].map(|levels| (margin_px, things, levels)))
+    {
+        let faults = format!("swing={things}:3:6:{levels}");
+        let rate = Some(FRAMES_PER_S);
+        let recording = Recording::start(size_px, margin_px, rate, 0, &faults).await?;
+        for recorded in recording.record(0.5, &WEATHERS[..1]).await? {
+            println!(
+                "{}",
+                json!({
+                    "things": things, "levels": levels, "margin_px": margin_px,
+                    "pictures": recorded.pictures,
+                    "frames_per_picture": recorded.frames as f64 / recorded.pictures as f64,
+                    "blocks": recorded.blocks,
+                })
+            );
+        }
+    }
+    Ok(())
+}
+
 async fn speed(size_px: (u32, u32), weathers: &[&str]) -> Result<(), Box<dyn Error>> {
-    let recording = Recording::start(size_px, None, 0).await?;
+    let recording = Recording::start(size_px, MARGIN_PX, None, 0, "").await?;
     for recorded in recording.record(1.0, weathers).await? {
         let alone = alone::measure(&recording, &recorded.id)?;
         let pictures_per_s = recorded.pictures as f64 / recorded.seconds;
@@ -168,10 +196,12 @@ struct Recorded {
 impl Recording {
     async fn start(
         size_px: (u32, u32),
+        margin_px: u32,
         most_frames_per_s: Option<f64>,
         lag: usize,
+        faults: &str,
     ) -> Result<Self, Box<dyn Error>> {
-        let window_px = (size_px.0 + 2 * MARGIN_PX, size_px.1 + 2 * MARGIN_PX);
+        let window_px = (size_px.0 + 2 * margin_px, size_px.1 + 2 * margin_px);
         let xvfb = Xvfb::start(&format!("{}x{}x24", window_px.0, window_px.1));
         let window = X11Window::open(Some(xvfb.display()), window_px)?;
         let window: Arc<dyn DisplayWindow> = Arc::new(window);
@@ -186,6 +216,7 @@ impl Recording {
                 ..testkit_simulator::plugin::options(window_px)
             }),
             stage: Some(window.clone()),
+            faults: faults.parse()?,
             ..quiet()
         })
         .await;

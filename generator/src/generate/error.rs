@@ -288,6 +288,11 @@ impl ScenarioError {
         }
     }
 
+    /// [`Self::is_setup`], and the simulator is there: one that is starting, or in a menu, has no plugin yet.
+    pub(super) fn is_bad_setup(&self) -> bool {
+        self.is_setup() && !matches!(self, Self::Bridge(BridgeError::NoPlugin { .. }))
+    }
+
     /// Difference of the weather at the aircraft, if that is the reason.
     pub(super) fn weather_difference(&self) -> Option<WeatherDifference> {
         match self {

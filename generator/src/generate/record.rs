@@ -24,8 +24,9 @@ use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
 use xplane_bridge::fly::FlightStart;
 use xplane_bridge::link::{FrameHeader, LINK_VERSION, PictureSize};
+use xplane_bridge::pixels::PixelError;
 use xplane_bridge::profile::RecordedPace;
-use xplane_bridge::{Simulator, pictures_waiting};
+use xplane_bridge::{BridgeError, Simulator, pictures_waiting};
 
 use super::error::ScenarioError;
 use super::event::Event;
@@ -34,7 +35,7 @@ use super::session::Session;
 use crate::plan::fly_request;
 use crate::sweep::Sweep;
 use crate::trajectory::Trajectory;
-use blocks::{capture_blocks, may_use_blocks};
+use blocks::{capture_blocks, do_without_blocks, may_use_blocks};
 use encoders::Encoders;
 use lockstep::capture;
 use steps::{Steps, Stopwatch};
@@ -216,33 +217,48 @@ async fn record_into(
     attempt
         .unless_cancelled(simulator.freeze_with_imaging(&common.runway, &imaging))
         .await?;
-    let uses_blocks = may_use_blocks(&mut simulator, (&states, &views, picture), attempt).await?;
-    session.known_blocks = simulator.known_blocks();
     let ids: Vec<String> = views.iter().map(|(id, _)| id.clone()).collect();
-    let mut encoders = Encoders::start(
-        folder,
-        ids.iter().map(String::as_str).zip(streams),
-        picture,
-        &common.video,
-        work.encoder,
-        if uses_blocks {
-            pictures_waiting((picture.width_px, picture.height_px))
-        } else {
-            WAITING_PICTURES * views.len()
-        },
-    );
     let flight = (&states[..], &views[..], picture);
     let weather = &parameters.conditions.weather;
-    let captured = if uses_blocks {
-        capture_blocks(&mut simulator, flight, weather, &mut encoders, attempt).await
-    } else {
-        let drawn = capture(&mut simulator, flight, weather, &mut encoders, attempt).await;
-        drawn.map(|drawn| (drawn, None))
-    };
-    let (drawn, blocks) = match captured {
-        Ok(captured) => captured,
-        // If an encoder failed, that is the reason, and `error` only its consequence.
-        Err(error) => return Err(encoders.abandon().await.unwrap_or(error)),
+    let (drawn, blocks, encoders) = loop {
+        let uses_blocks = may_use_blocks(&mut simulator, flight, attempt).await?;
+        session.known_blocks = simulator.known_blocks();
+        let mut encoders = Encoders::start(
+            folder,
+            ids.iter().map(String::as_str).zip(streams.iter().copied()),
+            picture,
+            &common.video,
+            work.encoder,
+            if uses_blocks {
+                pictures_waiting((picture.width_px, picture.height_px))
+            } else {
+                WAITING_PICTURES * views.len()
+            },
+        );
+        let captured = if uses_blocks {
+            capture_blocks(&mut simulator, flight, weather, &mut encoders, attempt).await
+        } else {
+            let drawn = capture(&mut simulator, flight, weather, &mut encoders, attempt).await;
+            drawn.map(|drawn| (drawn, None))
+        };
+        session.known_blocks = simulator.known_blocks();
+        match captured {
+            Ok((drawn, blocks)) => break (drawn, blocks, encoders),
+            Err(error) => {
+                // If an encoder failed, that is the reason, and `error` only its consequence.
+                if let Some(failed) = encoders.abandon().await {
+                    return Err(failed);
+                }
+                match &error {
+                    ScenarioError::Bridge(why @ BridgeError::Pixels(PixelError::NoBlocks(_))) => {
+                        do_without_blocks(&mut simulator, why, attempt);
+                        // Its images take longer than what was kept before.
+                        session.pace_changes();
+                    }
+                    _ => return Err(error),
+                }
+            }
+        }
     };
     session.known_blocks = simulator.known_blocks();
     let pts = encoders.finish().await?;

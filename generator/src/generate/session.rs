@@ -3,6 +3,7 @@
 pub(super) mod followed;
 pub(crate) mod restart;
 pub(crate) mod simulators;
+mod starting;
 
 use std::fmt;
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -13,7 +14,9 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::profile::{KnownProfile, RecordedPace};
 use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
-use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, KnownBlocks, LocalUdp, Simulator};
+use xplane_bridge::{
+    BridgeError, CONNECT_TIMEOUT, ConnectOptions, KnownBlocks, LocalUdp, Simulator,
+};
 use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
@@ -187,6 +190,11 @@ impl Session {
         }
     }
 
+    /// The simulator records in another way from now on: the next scenario's duration replaces the one that was kept.
+    pub(super) fn pace_changes(&mut self) {
+        self.pace_kept = false;
+    }
+
     /// Disconnects before a restart. The profile is read anew afterwards.
     pub(super) async fn leave_to_restart(&mut self) {
         self.live_flights = 0;
@@ -219,6 +227,25 @@ impl Session {
     /// True if the simulator was not started by this run.
     pub(super) fn runs_already(&self) -> bool {
         self.target.runs_already()
+    }
+
+    /// True if a simulator that cannot be used yet is starting on this computer: something holds its port, or a process has X-Plane's name.
+    pub(super) fn may_be_starting(&self, trouble: &ScenarioError) -> bool {
+        let is_silent = matches!(
+            trouble,
+            ScenarioError::Bridge(BridgeError::NobodyAnswers { .. } | BridgeError::NoPlugin { .. })
+        );
+        is_silent
+            && match &self.target {
+                SimulatorTarget::Address(address) => {
+                    let is_here = address.ip().is_loopback();
+                    is_here && (starting::holds_port(*address) || starting::has_process())
+                }
+                SimulatorTarget::Announced => starting::has_process(),
+                SimulatorTarget::StandIn
+                | SimulatorTarget::AwkwardStandIn
+                | SimulatorTarget::Tape(_) => false,
+            }
     }
 
     /// The tape that acts as the simulator, if any.

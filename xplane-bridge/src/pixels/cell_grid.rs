@@ -94,6 +94,40 @@ impl Grid {
         changed
     }
 
+    /// The number of values of each cell that are beyond a range of values, `low` to `high`, by more than `level`.
+    pub(super) fn beyond(&self, rgb: &[u8], (low, high): (&[u8], &[u8]), level: u8) -> Vec<u32> {
+        let mut beyond = Vec::with_capacity(self.cells());
+        let mut columns = vec![0_u8; self.row_bytes()];
+        let ranges = self.bands(low).zip(self.bands(high));
+        for (rgb, (low, high)) in self.bands(rgb).zip(ranges) {
+            columns.fill(0);
+            let ranges = self.lines(low).zip(self.lines(high));
+            for (rgb, (low, high)) in self.lines(rgb).zip(ranges) {
+                // The usual case.
+                if rgb != low {
+                    let values = rgb.iter().zip(low.iter().zip(high));
+                    for (count, (value, (low, high))) in columns.iter_mut().zip(values) {
+                        let is_below = low.saturating_sub(*value) > level;
+                        *count += u8::from(is_below || value.saturating_sub(*high) > level);
+                    }
+                }
+            }
+            beyond.extend(sums(&columns));
+        }
+        beyond
+    }
+
+    /// Widens the range of a cell's values to an image.
+    pub(super) fn widen_cell(&self, at: usize, rgb: &[u8], low: &mut [u8], high: &mut [u8]) {
+        for row in self.rows_of_cell(at) {
+            let range = low[row.clone()].iter_mut().zip(&mut high[row.clone()]);
+            for (value, (low, high)) in rgb[row].iter().zip(range) {
+                *low = (*low).min(*value);
+                *high = (*high).max(*value);
+            }
+        }
+    }
+
     /// Changed values for a level and for half that level, and whether a cell differs at all.
     pub(super) fn changes(&self, a: &[u8], b: &[u8], level: u8) -> Changes {
         let mut changes = Changes::default();

@@ -48,6 +48,9 @@ pub enum PixelError {
         /// Covered rectangle, from the images' top left.
         rectangle: Rectangle,
     },
+    /// Images cannot be recorded in blocks, only settled.
+    #[error("images cannot be taken one per drawn frame: {0}")]
+    NoBlocks(String),
     /// The simulator's window has the wrong size.
     #[error(
         "images of {wanted} pixels are wanted, and the simulator's window has {window}. {}, or change [picture] in the sweep",

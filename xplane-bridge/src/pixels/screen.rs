@@ -101,6 +101,12 @@ pub struct Lag {
     pub time: Duration,
 }
 
+impl fmt::Display for Lag {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} grabs, {:.1?}", self.grabs, self.time)
+    }
+}
+
 impl Lag {
     fn or_longer(self, other: Self) -> Self {
         Self {
@@ -110,6 +116,8 @@ impl Lag {
     }
 }
 
+/// Highest level of a black screen: codecs and screens round.
+const BLACK_LEVEL: u8 = 1;
 /// An image that still equals the previous one after this many more grabs shows no change; before that, it may be late.
 const STALE_GRABS: u32 = 10;
 
@@ -353,9 +361,8 @@ impl ScreenSource {
             let (lag, allowed) = (self.measure(display).await?, self.allowed());
             if lag.grabs > allowed.grabs || lag.time > allowed.time {
                 return Err(PixelError::Unusable(format!(
-                    "frames took {:.1?} to appear on the screen after the recording, more than the {:.1?} waited for during it: its images \
-                     may show earlier ticks. Close what else draws on this machine",
-                    lag.time, allowed.time
+                    "frames took {lag} to appear on the screen after the recording, more than the {allowed} waited for during it: its \
+                     images may show earlier ticks. Close what else draws on this machine"
                 ))
                 .into());
             }
@@ -547,10 +554,12 @@ async fn wait_for(
                 )),
                 Err(found) => match cover_over_pattern(grabber, size_px, code, found).await? {
                     Some(cover) => cover,
-                    None => PixelError::Unusable(format!(
-                        "{says} after {waited:.1?} the screen {screen} shows {found}. Is its window open on this screen, in front of all \
-                         others, not minimised and not reaching over the edge?"
-                    )),
+                    None => {
+                        let why = why_absent(grabber).await?;
+                        PixelError::Unusable(format!(
+                            "{says} after {waited:.1?} the screen {screen} shows {found}. {why}"
+                        ))
+                    }
                 },
             });
         }
@@ -559,6 +568,18 @@ async fn wait_for(
             time: waited,
         };
     }
+}
+
+/// Likely cause of a pattern that is nowhere.
+async fn why_absent(grabber: &Grabber) -> Result<&'static str, PixelError> {
+    let picture = grabber.grab(RgbPicture::default(), 0).await?;
+    Ok(if picture.rgb.iter().all(|level| *level <= BLACK_LEVEL) {
+        "All of it is black: under Wayland a program cannot grab the desktop (X-Plane's Log.txt says \"Desktop session type\"). Log in to an \
+         X11 session, or take --pixels screenshot"
+    } else {
+        "Is its window open on this screen, in front of all others, not minimised and not reaching over the edge? If so, the drawing of \
+         plugins is missing: switch on Settings > Graphics > \"Use Zink\" in X-Plane 12"
+    })
 }
 
 /// Names the cover over an unreadable pattern.

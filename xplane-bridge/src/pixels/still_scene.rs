@@ -1,21 +1,22 @@
 //! Detects covers over the scene in images of a resting camera.
 //!
 //! Input: the images in a block, and in each the rectangles that may move (aircraft, shadow, lights). Output: the rectangle of a new cover
-//! over the scene: a message, a window, a notification, a pointer.
+//! over the scene: a message, a window, a notification, a pointer. The image is divided into cells of 16 x 16 pixels. A cell that a moving
+//! rectangle touches is not judged.
 //!
-//! The image is divided into cells of 16 x 16 pixels, and the first seven images in which no moving object touches a cell give its noise:
-//! water ripples change many values in their cells from image to image, other cells do not change. From then on a cell is covered
+//! In a pause the scene is watched first ([`PausedScene`]), and later images may show nothing else. Where time runs ([`RunningScene`]),
+//! clouds drift slowly, so an image of some seconds ago is no reference: the first seven images in which no moving object touches a cell
+//! give its noise, and from then on it is covered
 //!
-//! - in a paused world, if it differs from its first image by more than its noise ([`CoverKind::Appeared`]);
-//! - where time runs, if it differs from the image just before by more than its noise, and until it looks again like before the cover:
-//!   clouds drift slowly, so an image of some seconds ago is no reference;
-//! - where time runs, also if rain or clouds changed it again and again, and suddenly it and its neighbours stand still to the last bit
+//! - if it differs from the image just before by more than its noise, and until it looks again like before the cover;
+//! - if rain or clouds changed it again and again, and suddenly it and its neighbours stand still to the last bit
 //!   ([`CoverKind::StandsStill`]): something opaque that came in too gradually to be noticed.
 //!
-//! A cell that a moving rectangle touches is not judged. An object that lay over the scene from the first image on counts as part of it;
-//! when it goes, the scene differs from the beginning and is called covered. The two cases cannot be distinguished here, so the caller
-//! shows a check pattern: in a paused world after the first image, the reference for all later ones; where time runs after the last.
+//! An object that lay over the scene from the first image on counts as part of it; when it goes, the scene differs from the beginning and
+//! is called covered. The two cases cannot be distinguished here, so the caller shows a check pattern: in a paused world after the scene
+//! was watched; where time runs after the last image.
 
+mod paused;
 mod standing_still;
 #[cfg(test)]
 mod tests;
@@ -25,6 +26,7 @@ use standing_still::StandingStill;
 
 use super::Rectangle;
 use super::cell_grid::Grid;
+pub(crate) use paused::PausedScene;
 pub(crate) use watch::{CoverWatch, Covered, Verdict};
 
 /// Motion of the world between two images.
@@ -69,12 +71,8 @@ struct Cell {
     /// or darker they are in the mean.
     changes: [(u32, u32); LEARNT],
     shifts: [f64; LEARNT],
-    /// Darkest and brightest mean in these images.
-    means: (f64, f64),
     /// Number of comparisons.
     learnt: usize,
-    /// True if no value changed in the typical comparison.
-    still: bool,
     /// True if the scene itself changes too many values, so that only their mean is meaningful.
     restless: bool,
     /// Changed values, and shift of their mean, from image to image: as learnt, or recent where time runs.
@@ -92,12 +90,8 @@ impl Cell {
 
     /// Learns from a comparison with the image before: values that changed, and those that changed at least half as much.
     fn learn(&mut self, changed: (u32, u32), before: f64, now: f64) {
-        if self.learnt == 0 {
-            self.means = (before, before);
-        }
         self.changes[self.learnt] = changed;
         self.shifts[self.learnt] = (now - before).abs();
-        self.means = (self.means.0.min(now), self.means.1.max(now));
         self.learnt += 1;
     }
 
@@ -108,7 +102,6 @@ impl Cell {
         let mut shifts = self.shifts;
         shifts.sort_by(f64::total_cmp);
         (self.noise, self.shift) = (f64::from(changes[TYPICAL]), shifts[TYPICAL]);
-        self.still = changes[TYPICAL] == 0;
         self.restless = self.noise > f64::from(values) * limits.restless;
         // For a restless cell single comparisons are no evidence.
         !self.restless && self.jumped_while_learning(limits, values)
@@ -138,13 +131,6 @@ impl Cell {
         self.noise = changed.max(FADING * self.noise);
         self.shift = shift.max(FADING * self.shift);
     }
-
-    /// True if the mean of moving water is outside its previous range.
-    fn is_out_of_range(&self, mean: f64) -> bool {
-        let (darkest, brightest) = self.means;
-        let beyond = (brightest - darkest) / 2.0 + SHIFT_LEVELS;
-        mean < darkest - beyond || mean > brightest + beyond
-    }
 }
 
 /// Accepted shift of a cell's mean beyond the scene's own changes, levels.
@@ -158,7 +144,7 @@ const MAX_HIDDEN_LOOKS: u32 = 120;
 /// Share of changed values below which the shift of the mean is not worth its computation.
 const MIN_CHANGED_SHARE: f64 = 0.1;
 
-/// Limits for a kind of world.
+/// Limits where time runs.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
     /// Minimum difference of a changed value (a pixel's byte).
@@ -175,31 +161,21 @@ impl Limits {
         1.5 * noise + f64::from(values) * self.share
     }
 
-    const fn of(time: WorldTime) -> Self {
-        match time {
-            WorldTime::Paused => Self {
-                level: 2,
-                share: 0.125,
-                restless: 0.02,
-            },
-            // Streaks of rain change a few pixels per cell by up to a tenth of the way to their own grey.
-            WorldTime::Runs => Self {
-                level: 8,
-                share: 0.33,
-                restless: 0.25,
-            },
-        }
-    }
+    // Streaks of rain change a few pixels per cell by up to a tenth of the way to their own grey.
+    const RUNNING: Self = Self {
+        level: 8,
+        share: 0.33,
+        restless: 0.25,
+    };
 }
 
-/// The scene before a resting camera.
+/// The scene before a resting camera while time runs.
 #[derive(Debug)]
-pub(crate) struct StillScene {
+pub(crate) struct RunningScene {
     grid: Grid,
-    time: WorldTime,
     limits: Limits,
     cells: Vec<Cell>,
-    /// The scene uncovered: the first image in a paused world, or else the last one before the cover.
+    /// The scene uncovered: the last image before the cover.
     uncovered: Vec<u8>,
     /// The last image, where it is needed.
     latest: Vec<u8>,
@@ -210,9 +186,9 @@ pub(crate) struct StillScene {
     standing_still: StandingStill,
 }
 
-impl StillScene {
+impl RunningScene {
     /// A scene of images of this size, before its first image.
-    pub(crate) fn new(width_px: u32, height_px: u32, time: WorldTime) -> Self {
+    pub(crate) fn new(width_px: u32, height_px: u32) -> Self {
         let grid = Grid::new(width_px, height_px);
         Self {
             cells: vec![Cell::default(); grid.cells()],
@@ -221,9 +197,8 @@ impl StillScene {
             is_new: true,
             hidden_looks: 0,
             standing_still: StandingStill::new(grid.cells()),
-            limits: Limits::of(time),
+            limits: Limits::RUNNING,
             grid,
-            time,
         }
     }
 
@@ -245,13 +220,11 @@ impl StillScene {
         self.is_new = false;
     }
 
-    /// The next image comes later than its neighbours usually do. Where time runs, clouds have drifted by an unknown amount: each cell
-    /// is compared anew, and a cover that came meanwhile is noticed when it goes.
+    /// The next image comes later than its neighbours usually do, and clouds have drifted by an unknown amount: each cell is compared anew,
+    /// and a cover that came meanwhile is noticed when it goes.
     pub(crate) fn after_gap(&mut self) {
-        if self.time == WorldTime::Runs {
-            for cell in &mut self.cells {
-                cell.outdated = true;
-            }
+        for cell in &mut self.cells {
+            cell.outdated = true;
         }
     }
 
@@ -268,74 +241,11 @@ impl StillScene {
             return Ok(());
         }
         let touched = self.grid.touched(moving);
-        match self.time {
-            WorldTime::Paused => self.look_at_pause(rgb, &touched),
-            WorldTime::Runs => self.look_at_running_time(rgb, &touched),
-        }
-    }
-
-    fn look_at_pause(&mut self, rgb: &[u8], touched: &[bool]) -> Result<(), Cover> {
-        let level = self.limits.level;
-        let was_covered = self.is_covered();
-        let changed = self.grid.changed(rgb, &self.uncovered, level);
-        // Only what follows the images can stop doing so.
-        let mut differs = vec![false; self.cells.len()];
-        let (mut came_while_learning, mut learning) = (Vec::new(), Vec::new());
-        let mut released = false;
-        let mut hidden = Vec::new();
-        for (at, is_touched) in touched.iter().enumerate() {
-            let cell = self.cells[at];
-            if *is_touched && cell.covered {
-                hidden.push(at);
-                continue;
-            }
-            if *is_touched || !cell.known {
-                self.set_aside(at, cell.known);
-                continue;
-            }
-            let mut since_latest = changed[at];
-            if cell.is_learning() || !cell.still {
-                if std::mem::take(&mut self.cells[at].outdated) {
-                    self.grid.copy_cell(at, rgb, &mut self.latest);
-                    continue;
-                }
-                since_latest = self.grid.changed_in_cell(at, rgb, &self.latest, level);
-                differs[at] = since_latest > 0;
-            }
-            if self.judge(at, rgb, since_latest, changed[at]) {
-                came_while_learning.push(at);
-            }
-            if cell.is_learning() {
-                learning.push(at);
-            }
-            released |= cell.covered && !self.cells[at].covered;
-            if cell.is_learning() || !cell.still {
-                self.grid.copy_cell(at, rgb, &mut self.latest);
-            }
-        }
-        self.decide_on_hidden(&hidden, released);
-        let standing = self.standing_still.look(&self.grid, &differs, touched);
-        if was_covered || self.is_covered() {
-            self.learn_nothing(&learning, &[]);
-        } else {
-            for (at, is_touched) in touched.iter().enumerate() {
-                if !is_touched && !self.cells[at].known {
-                    self.grid.copy_cell(at, rgb, &mut self.uncovered);
-                    self.grid.copy_cell(at, rgb, &mut self.latest);
-                    self.cells[at].known = true;
-                    self.cells[at].outdated = false;
-                }
-            }
-        }
-        self.verdict(&came_while_learning, standing)
-    }
-
-    fn look_at_running_time(&mut self, rgb: &[u8], touched: &[bool]) -> Result<(), Cover> {
         let level = self.limits.level;
         let changes = self.grid.changes(rgb, &self.latest, level);
         let standing = self
             .standing_still
-            .look(&self.grid, &changes.differs, touched);
+            .look(&self.grid, &changes.differs, &touched);
         if !changes.differs.contains(&true) {
             // The same frame once more: it adds no information.
             return self.verdict(&[], standing);
@@ -350,7 +260,7 @@ impl StillScene {
                 continue;
             }
             if *is_touched || self.standing_still.is_near_cover(&self.grid, at) {
-                self.set_aside(at, false);
+                self.set_aside(at);
                 continue;
             }
             if !self.cells[at].known {
@@ -377,7 +287,7 @@ impl StillScene {
         self.grow(newly_covered, &changes.beyond_level);
         if 2 * jumped_again > still_covered.len() && self.is_as_before(rgb, &still_covered) {
             for at in still_covered {
-                self.set_aside(at, false);
+                self.set_aside(at);
             }
             released = true;
         }
@@ -396,7 +306,7 @@ impl StillScene {
         self.verdict(&came_while_learning, standing)
     }
 
-    /// True if a cell changed suddenly, where time runs: in this image, or while its noise was learnt.
+    /// True if a cell changed suddenly: in this image, or while its noise was learnt.
     fn jumps(&mut self, at: usize, rgb: &[u8], (changed, at_least_half): (u32, u32)) -> bool {
         let (limits, values) = (self.limits, self.grid.values(at));
         let is_learning = self.cells[at].is_learning();
@@ -473,9 +383,8 @@ impl StillScene {
         self.hidden_looks += 1;
         if released || self.hidden_looks > MAX_HIDDEN_LOOKS {
             self.hidden_looks = 0;
-            let known = self.time == WorldTime::Paused;
             for at in hidden {
-                self.set_aside(*at, known);
+                self.set_aside(*at);
             }
         }
     }
@@ -499,41 +408,16 @@ impl StillScene {
             }
         }
         for at in renewed {
-            self.set_aside(*at, false);
+            self.set_aside(*at);
         }
     }
 
-    /// Marks a cell as not judged; `known` if the kept images still show the scene there.
-    fn set_aside(&mut self, at: usize, known: bool) {
+    /// Marks a cell as not judged: the kept images do not show the scene there any more.
+    fn set_aside(&mut self, at: usize) {
         let cell = &mut self.cells[at];
         cell.covered = false;
-        cell.known = known;
+        cell.known = false;
         cell.outdated = true;
-    }
-
-    /// Decides, in a paused world, if a cell is covered, from its numbers of changed values since the image before and since the scene was
-    /// last uncovered. Returns true if something came, and perhaps went, while its noise was learnt.
-    fn judge(&mut self, at: usize, rgb: &[u8], since_latest: u32, since_uncovered: u32) -> bool {
-        let (limits, values) = (self.limits, self.grid.values(at));
-        let mut came_while_learning = false;
-        let cell = &mut self.cells[at];
-        if cell.is_learning() {
-            let [before, now] = [&self.latest[..], rgb].map(|rgb| self.grid.mean(at, rgb));
-            cell.learn((since_latest, since_latest), before, now);
-            if cell.is_learning() {
-                return false;
-            }
-            came_while_learning = cell.has_learnt(limits, values);
-        }
-        let allowed = cell.allowed(limits, values);
-        cell.covered = if cell.restless {
-            cell.is_out_of_range(self.grid.mean(at, rgb))
-        } else if cell.still || cell.covered {
-            f64::from(since_uncovered) > allowed
-        } else {
-            f64::from(since_latest) > allowed
-        };
-        came_while_learning
     }
 
     fn is_covered(&self) -> bool {

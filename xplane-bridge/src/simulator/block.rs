@@ -29,6 +29,7 @@ use crate::link::{
 };
 use crate::pixels::still_scene::{CoverWatch, Covered, Verdict, WorldTime};
 use crate::pixels::{CodedPicture, PixelError, Rectangle};
+use crate::profile::Profile;
 use aircraft_place::{aircraft_place, displaced};
 use sequence::{Scene, Sequence, Show, Taken};
 use shadow::shadow_place;
@@ -46,8 +47,12 @@ const NO_CODE_TIMEOUT: Duration = FRAME_TIMEOUT;
 const MAX_BEHIND: u64 = 8;
 /// Maximum turns in a row without a request and without an expected or delivered image: more would never end.
 const MAX_IDLE: u32 = 8;
-/// If the first images have been covered for longer, their reference image may show something that has gone since.
-const LONG_COVERED: Duration = Duration::from_secs(3);
+/// What covers the images for longer is looked for with the check pattern: it may be the scene that moves.
+const LONG_COVERED: Duration = Duration::from_secs(2);
+/// Time for which a scene that moves in a pause is watched: longer than trees, flags and lights take to swing.
+const WATCH_TIME: Duration = Duration::from_millis(3_200);
+/// How often a scene is watched in the middle of a block, because it moves as it did not before.
+const MAX_WATCHES: u32 = 2;
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
 const SETTLED_LEVELS: f64 = 0.25;
 
@@ -94,6 +99,12 @@ pub struct BlockRecording<'a> {
     covered: Covered,
     /// Ticks that were shown again before that.
     repeated: u32,
+    /// Since when the scene is watched while it settles.
+    watched_since: Option<Instant>,
+    /// How often it was watched in the middle of the block.
+    watches: u32,
+    /// The last frame whose image was looked at.
+    last_look: Option<u64>,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
     drawn: BTreeMap<u64, FrameHeader>,
@@ -126,7 +137,7 @@ fn pictures_at_once((width_px, height_px): (u32, u32)) -> usize {
 impl Simulator {
     /// True if blocks can be recorded: the plugin numbers its frames, the window has margins for the numbers, and no trial has failed.
     pub fn can_record_blocks(&self) -> bool {
-        let is_refused = matches!(self.known_blocks.trial, Some(BlockTrial::Different { .. }));
+        let is_refused = self.known_blocks.is_refused();
         self.description.frame_codes && self.pixels.coded_window().is_some() && !is_refused
     }
 
@@ -145,6 +156,15 @@ impl Simulator {
         );
         if is_measured {
             sequence.begin_with_known_lag();
+        }
+        if self.known_blocks.numbers_repeat {
+            sequence.begin_with_two_frames();
+        }
+        let profile = self.profile.current();
+        if !self.time_runs()
+            && (self.known_blocks.scene_moves || profile.is_some_and(Profile::pictures_move))
+        {
+            sequence.expect_motion();
         }
         sequence
     }
@@ -198,6 +218,9 @@ impl Simulator {
             is_proven: false,
             covered: Covered::default(),
             repeated: 0,
+            watched_since: None,
+            watches: 0,
+            last_look: None,
             asked: VecDeque::new(),
             drawn: BTreeMap::new(),
         })
@@ -218,7 +241,18 @@ impl BlockRecording<'_> {
     ///
     /// # Errors
     /// The simulator rejects a request, its conditions have changed, the link is broken, or no code can be read off the screen.
+    /// [`PixelError::NoBlocks`] leaves the simulator as it is: images can be settled instead.
     pub fn next_picture(&mut self) -> BoxFuture<'_, Result<Option<CapturedFrame>, BridgeError>> {
+        Box::pin(async move {
+            let next = self.next_proven().await;
+            if let Err(BridgeError::Pixels(PixelError::NoBlocks(_))) = next {
+                self.take_answers().await?;
+            }
+            next
+        })
+    }
+
+    fn next_proven(&mut self) -> BoxFuture<'_, Result<Option<CapturedFrame>, BridgeError>> {
         Box::pin(async move {
             let mut idle = 0;
             loop {
@@ -235,11 +269,7 @@ impl BlockRecording<'_> {
                     return Ok(None);
                 }
                 if let Some(rectangle) = self.long_covered() {
-                    self.covered.note(rectangle, Instant::now())?;
-                    self.take_answers().await?;
-                    self.simulator.grabs.rest(true);
-                    self.simulator.wait_until_uncovered().await?;
-                    self.begin_again()?;
+                    self.look_under(rectangle).await?;
                 }
                 self.ask().await?;
                 let expects_grabs = self.sequence.expects_grabs();
@@ -309,10 +339,75 @@ impl BlockRecording<'_> {
         }
     }
 
-    /// A cover that has lasted [`LONG_COVERED`] before any image was delivered.
+    /// A cover that has lasted [`LONG_COVERED`]; where time runs, only before any image was delivered.
     fn long_covered(&self) -> Option<Rectangle> {
         let covered = self.covers.covered_for(LONG_COVERED, Instant::now());
-        covered.filter(|_| self.sequence.waits_for_tick() == 0)
+        let is_paused = self.simulator.world_time() == WorldTime::Paused;
+        covered.filter(|_| is_paused || self.sequence.waits_for_tick() == 0)
+    }
+
+    /// Decides whether something covers the scene, which is waited for, or the scene moves, which is watched.
+    async fn look_under(&mut self, rectangle: Rectangle) -> Result<(), BridgeError> {
+        self.take_answers().await?;
+        self.simulator.grabs.rest(true);
+        let cover = self.simulator.wait_until_uncovered().await?;
+        if self.simulator.world_time() == WorldTime::Runs {
+            self.covered.note(rectangle, Instant::now())?;
+            return Ok(self.begin_again()?);
+        }
+        if cover.is_some() {
+            self.covers.uncovered();
+            return Ok(self.forget_grabs()?);
+        }
+        self.watches += 1;
+        if self.watches > MAX_WATCHES {
+            return Err(PixelError::NoBlocks(format!(
+                "{rectangle} of the scene changes by itself in a pause, otherwise than it did in the {WATCH_TIME:.1?} for which it was watched"
+            ))
+            .into());
+        }
+        self.watch_scene().await
+    }
+
+    /// Watches how the scene moves while the last tick stays on the screen, and proves that nothing covered it.
+    async fn watch_scene(&mut self) -> Result<(), BridgeError> {
+        loop {
+            self.forget_grabs()?;
+            self.covers.forget();
+            self.simulator.grabs.rest(false);
+            let until = Instant::now() + WATCH_TIME;
+            while Instant::now() < until {
+                let grabbed = timeout(NO_CODE_TIMEOUT, self.simulator.grabs.next()).await;
+                let CodedPicture { code, rgb } =
+                    grabbed.map_err(|_| self.no_code(NO_CODE_TIMEOUT))??;
+                let near = self.drawn.keys().next_back();
+                if let (Some(near), Some(rgb)) = (near, rgb) {
+                    let number = code.number_near(*near);
+                    self.covers.watch(number, &rgb, &self.moving(number));
+                }
+            }
+            self.check_motion()?;
+            self.simulator.grabs.rest(true);
+            if self.simulator.wait_until_uncovered().await?.is_none() {
+                return Ok(self.forget_grabs()?);
+            }
+        }
+    }
+
+    /// The scene was watched in a pause, because it did not come to rest.
+    fn check_motion(&mut self) -> Result<(), PixelError> {
+        if self.covers.moves() && !self.simulator.known_blocks.scene_moves {
+            self.simulator.known_blocks.scene_moves = true;
+            tracing::info!(
+                "the scene moves by itself in a pause (water, trees, flags, lights): each view is watched for {WATCH_TIME:.1?} first"
+            );
+        }
+        if self.covers.moves_too_much() {
+            return Err(PixelError::NoBlocks(
+                "so much of the scene moves by itself in a pause that nothing that covers it could be found".into(),
+            ));
+        }
+        Ok(())
     }
 
     /// Begins as if no image had been seen yet. No request is unanswered.
@@ -321,6 +416,7 @@ impl BlockRecording<'_> {
         self.repeated += self.sequence.tally().repeated;
         self.sequence = self.simulator.sequence(&self.block);
         self.covers = CoverWatch::new(width_px, height_px, self.simulator.world_time());
+        self.watched_since = None;
         self.is_proven = false;
         self.forget_grabs()
     }
@@ -412,25 +508,63 @@ impl BlockRecording<'_> {
             None => {}
             Some(near) => {
                 let number = code.number_near(near);
-                if let Some(from_frame) = self.covered_from(number, &rgb)? {
-                    return self.take_again(from_frame);
+                let is_later = self.last_look.is_none_or(|last| number > last);
+                if let (Some(rgb), true) = (&rgb, is_later) {
+                    self.last_look = Some(number);
+                    if let Some(from_frame) = self.covered_from(number, rgb)? {
+                        return self.take_again(from_frame);
+                    }
                 }
-                let picture = Grabbed {
+                let picture = rgb.map(|rgb| Grabbed {
                     rgb,
                     width_px: self.block.size_px.0,
                     time_runs: self.simulator.time_runs(),
-                };
-                self.sequence.grabbed(number, code.steady, picture);
+                });
+                self.let_settle(number);
+                let was_settling = self.sequence.is_settling();
+                self.sequence.seen(number, code.steady, picture);
+                if was_settling && !self.sequence.is_settling() {
+                    self.has_settled()?;
+                }
             }
+        }
+        if self.sequence.is_hopeless() {
+            return Err(PixelError::NoBlocks(
+                "hardly any frame's number is followed by the next one: they are repeated, missing or drawn too fast to be seen".into(),
+            )
+            .into());
         }
         Ok(())
     }
 
-    /// First covered frame, if the grab shows a cover. While the scene settles, each grab becomes the reference for later ones.
+    /// Notes for how long the scene is watched while it settles.
+    fn let_settle(&mut self, number: u64) {
+        if self.sequence.is_settling() && self.sequence.has_had_its_time(number) {
+            let since = *self.watched_since.get_or_insert_with(Instant::now);
+            self.sequence.set_has_watched(since.elapsed() >= WATCH_TIME);
+        }
+    }
+
+    /// The scene has come to rest, or it moves by itself and was watched.
+    fn has_settled(&mut self) -> Result<(), PixelError> {
+        if self.sequence.came_to_rest() {
+            self.covers.keep_latest();
+            Ok(())
+        } else if self.simulator.world_time() == WorldTime::Paused {
+            self.check_motion()
+        } else {
+            Ok(())
+        }
+    }
+
+    /// First covered frame, if the grab shows a cover. While the scene settles, it is watched.
     fn covered_from(&mut self, number: u64, rgb: &[u8]) -> Result<Option<u64>, PixelError> {
         let moving = self.moving(number);
         if self.sequence.is_settling() {
-            self.covers.begin_with(number, rgb, &moving);
+            if !self.sequence.has_had_its_time(number) {
+                self.covers.forget();
+            }
+            self.covers.watch(number, rgb, &moving);
             return Ok(None);
         }
         match self.covers.look(number, rgb, &moving, Instant::now())? {
@@ -502,6 +636,12 @@ impl BlockRecording<'_> {
         let is_measured = self.sequence.tally().seen > 0;
         let known = &mut self.simulator.known_blocks;
         known.note(self.block.view, self.sequence.lag(), is_measured);
+        if self.sequence.shows_two_frames() && !known.numbers_repeat {
+            known.numbers_repeat = true;
+            tracing::info!(
+                "numbers of frames are repeated or missing: every tick is shown in two frames"
+            );
+        }
         Ok(())
     }
 }
@@ -533,6 +673,10 @@ impl Scene for Grabbed {
             part.extend_from_slice(self.rgb.get(row + from..row + to).unwrap_or_default());
         }
         part
+    }
+
+    fn is_same_as(&self, other: &Self) -> bool {
+        *self.rgb == *other.rgb
     }
 
     fn is_settled_after(&self, before: &Self) -> bool {

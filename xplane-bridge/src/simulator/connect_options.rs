@@ -3,6 +3,7 @@
 //! An invalid variable is an error that names it. Ignoring it would record scenarios in an unintended way.
 
 pub(crate) mod find_web_api;
+pub(crate) mod main_menu;
 
 use std::env::{self, VarError};
 use std::net::{SocketAddr, ToSocketAddrs};

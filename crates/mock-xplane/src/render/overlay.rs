@@ -47,6 +47,25 @@ impl Canvas<'_> {
         }
     }
 
+    /// Makes an area brighter, its edges in proportion to the part of each pixel that it covers. Left, top, right, bottom in pixels.
+    pub(crate) fn brighten_px(&mut self, [left, top, right, bottom]: Area, levels: f64) {
+        let share = |pixel: usize, from: f64, to: f64| {
+            let pixel = pixel as f64;
+            (to.min(pixel + 1.0) - from.max(pixel)).clamp(0.0, 1.0)
+        };
+        for row in top.max(0.0) as usize..(bottom.ceil().max(0.0) as usize).min(self.height_px) {
+            for column in
+                left.max(0.0) as usize..(right.ceil().max(0.0) as usize).min(self.width_px)
+            {
+                let more = levels * share(row, top, bottom) * share(column, left, right);
+                let first = (row * self.width_px + column) * 3;
+                for value in &mut self.rgb[first..first + 3] {
+                    *value = (f64::from(*value) + more).round().min(255.0) as u8;
+                }
+            }
+        }
+    }
+
     /// A window with a title and lines of text over the middle.
     pub(crate) fn draw_pop_up(&mut self) {
         self.fill([0.30, 0.22, 0.70, 0.70], WINDOW);

@@ -1,11 +1,14 @@
 //! Fault injection for testing clients: a lossy network, a simulator that hangs, a simulator that restarts at any moment.
 //!
 //! Input: a text such as `loss=0.1,dup=0.05,restart=captures:20:2.5` or a [`Faults`]. The network's faults are in [`disorder`], the
-//! simulator's in [`outages`], the cameras' in [`cameras`]. All randomness comes from a seed, and outages can be counted in
-//! frames or captures instead of seconds, so that a test meets the same fault at the same point every time.
+//! simulator's in [`outages`], those of its start and end in [`life`], the cameras' in [`cameras`], and those of what a hosted plugin's
+//! window shows in [`drawing`]. All randomness comes from a seed, and outages can be counted in frames or captures instead of seconds, so
+//! that a test meets the same fault at the same point every time.
 
 pub(super) mod cameras;
 pub(super) mod disorder;
+pub(super) mod drawing;
+pub(super) mod life;
 pub(super) mod outages;
 
 use std::fmt;
@@ -13,17 +16,20 @@ use std::str::FromStr;
 use std::time::Duration;
 
 pub use cameras::{AimChange, CameraFault, CameraFaultKind};
+pub use drawing::{CodeFaults, Swing};
+pub use life::LifeFaults;
 
 /// Default downtime for restarts: slightly more than clients need to notice.
 const DEFAULT_DOWN: Duration = Duration::from_secs(3);
 /// The syntax of the text form, for messages.
 const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S], restart=WHEN[:DOWN_S], \
                         late=VIEW:MS[:AFTER_S], shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S, \
-                        zoom=VIEW:PERCENT:AFTER_S, drift=VIEW:RIGHT_DEG:OVER_S or source=VIEW:OTHER, where WHEN is seconds, frames:N or \
+                        zoom=VIEW:PERCENT:AFTER_S, drift=VIEW:RIGHT_DEG:OVER_S, source=VIEW:OTHER, swing=THINGS:PERIOD_S:PX:LEVELS, \
+                        repeat=0..1, vanish=0..1, half=0..1, cold=SECONDS, held=SECONDS, menu=yes or asks=FILE, where WHEN is seconds, frames:N or \
                         captures:N and views count from 0";
 
 /// The faults' words, and the form of each one's value.
-const FORMS: [(&str, &str); 14] = [
+const FORMS: [(&str, &str); 22] = [
     ("loss", "a ratio, 0 to 1"),
     ("dup", "a ratio, 0 to 1"),
     ("reorder", "a ratio, 0 to 1"),
@@ -44,6 +50,14 @@ const FORMS: [(&str, &str); 14] = [
     ("zoom", "VIEW:PERCENT:AFTER_S, more than -100 percent"),
     ("drift", "VIEW:RIGHT_DEG:OVER_S, more than 0 seconds"),
     ("source", "VIEW:OTHER"),
+    ("swing", "THINGS:PERIOD_S:PX:LEVELS, more than 0 each"),
+    ("repeat", "a ratio, 0 to 1"),
+    ("vanish", "a ratio, 0 to 1"),
+    ("half", "a ratio, 0 to 1"),
+    ("cold", "a number of seconds"),
+    ("held", "a number of seconds"),
+    ("menu", "yes"),
+    ("asks", "the path of a file"),
 ];
 
 /// The faults. The default is none.
@@ -61,6 +75,12 @@ pub struct Faults {
     pub outages: Vec<Outage>,
     /// Faults of the cameras; a view can have several. Only the built-in capture link has them.
     pub cameras: Vec<CameraFault>,
+    /// Things that move slowly, even in a pause. Only a hosted plugin's images have them.
+    pub swing: Option<Swing>,
+    /// Faults of the numbers that a hosted plugin draws around its images.
+    pub codes: CodeFaults,
+    /// Faults of the process: how it starts and ends.
+    pub life: LifeFaults,
 }
 
 /// A period without answers.
@@ -106,6 +126,11 @@ impl Faults {
         *self == Self::default()
     }
 
+    /// True if there are faults that only a hosted plugin's window shows.
+    pub fn are_of_a_window(&self) -> bool {
+        self.swing.is_some() || self.codes != CodeFaults::default()
+    }
+
     /// Adds a fault; `None` if its value does not have the form of [`FORMS`].
     fn add(&mut self, key: &str, value: &str) -> Option<()> {
         let parts: Vec<&str> = value.split(':').collect();
@@ -119,6 +144,15 @@ impl Faults {
                 let outage = outage(OutageKind::Restart, when, Some(DEFAULT_DOWN))?;
                 self.outages.push(outage);
             }
+            ("swing", _) => self.swing = Some(value.parse().ok()?),
+            ("repeat", [share]) => self.codes.repeated = ratio(share)?,
+            ("vanish", [share]) => self.codes.vanished = ratio(share)?,
+            ("half", [share]) => self.codes.half = ratio(share)?,
+            ("cold", [time]) => self.life.cold = seconds(time)?,
+            ("held", [time]) => self.life.held = seconds(time)?,
+            ("menu", ["yes"]) => self.life.menu = true,
+            ("asks", _) if !value.is_empty() => self.life.asks = Some(value.into()),
+            ("repeat" | "vanish" | "half" | "cold" | "held" | "menu" | "asks", _) => return None,
             (_, [view, values @ ..]) => self.cameras.push(CameraFault {
                 view: view.parse().ok()?,
                 kind: camera_fault(key, values)?,
@@ -164,6 +198,9 @@ impl fmt::Display for Faults {
             seed,
             outages,
             cameras,
+            swing,
+            codes,
+            life,
         } = self;
         write!(
             f,
@@ -188,7 +225,11 @@ impl fmt::Display for Faults {
                 write!(f, ":{}", lasts.as_secs_f64())?;
             }
         }
-        cameras.iter().try_for_each(|fault| write!(f, ",{fault}"))
+        cameras.iter().try_for_each(|fault| write!(f, ",{fault}"))?;
+        if let Some(swing) = swing {
+            write!(f, ",swing={swing}")?;
+        }
+        write!(f, "{codes}{life}")
     }
 }
 
@@ -287,7 +328,7 @@ mod tests {
 
     #[test]
     fn every_fault_has_a_word_and_what_is_printed_reads_back() {
-        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450:60,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120,tilt=1:0.01:0,zoom=1:0.02:60,drift=0:0.1:300,source=0:1";
+        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450:60,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120,tilt=1:0.01:0,zoom=1:0.02:60,drift=0:0.1:300,source=0:1,swing=40:3:6:20,repeat=0.05,vanish=0.01,half=0.02,cold=300,held=180,menu=yes,asks=/tmp/unclean";
         let faults = parse(text).unwrap();
         assert_eq!((faults.loss, faults.duplication), (0.1, 0.05));
         assert_eq!((faults.reordering, faults.seed), (0.02, 9));
@@ -314,6 +355,9 @@ mod tests {
             ]
         );
         assert_eq!(faults.cameras.len(), 8);
+        assert_eq!(faults.swing.map(|swing| swing.things), Some(40));
+        assert_eq!((faults.codes.repeated, faults.codes.half), (0.05, 0.02));
+        assert_eq!(faults.life.held, Duration::from_secs(180));
         assert_eq!(parse(&faults.to_string()).unwrap(), faults);
         assert!(parse("").unwrap().is_none());
     }
@@ -343,6 +387,10 @@ mod tests {
             ("zoom=0:-100:0", "more than -100 percent"),
             ("drift=0:0.1:0", "more than 0 seconds"),
             ("source=0", "VIEW:OTHER"),
+            ("swing=40:0:6:20", "THINGS:PERIOD_S:PX:LEVELS"),
+            ("repeat=2", "fault repeat is \"2\"; expected a ratio"),
+            ("cold=soon", "a number of seconds"),
+            ("asks=", "the path of a file"),
         ] {
             let message = parse(text).unwrap_err().to_string();
             assert!(message.contains(words), "{text}: {message}");

@@ -29,7 +29,7 @@ use self::scene::PluginScene;
 pub use self::window_covers::{WindowCovers, WindowForm};
 use super::engine::Engine;
 use super::faults::outages::Outages;
-use super::{MockError, Shared};
+use super::{Faults, MockError, Shared};
 use crate::quirks::Quirk;
 use crate::window::DisplayWindow;
 
@@ -117,6 +117,8 @@ pub(super) struct HostSettings {
     pub(super) port: u16,
     pub(super) token: Option<LinkToken>,
     pub(super) clock_rate: f64,
+    /// Faults of what the window shows.
+    pub(super) faults: Faults,
 }
 
 /// Runs the plugin until the future is dropped.
@@ -173,7 +175,7 @@ pub(super) async fn run(
     let mut line = settings.to_string();
     line.push('\n');
     answers.write_all(line.as_bytes()).await.map_err(broken)?;
-    let mut scene = PluginScene::new(world, engine, &options);
+    let mut scene = PluginScene::new(world, engine, &options, host.faults);
     loop {
         line.clear();
         if questions.read_line(&mut line).await.map_err(broken)? == 0 {

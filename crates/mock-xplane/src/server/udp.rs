@@ -20,7 +20,7 @@ const MAX_FRAME_S: f64 = 0.25;
 /// A datagram, with its source or destination.
 type Mail = (Vec<u8>, SocketAddr);
 
-/// Serves forever.
+/// Serves until the simulator is told to end.
 pub(super) async fn run(
     sockets: UdpSockets,
     world: Shared,
@@ -48,6 +48,9 @@ pub(super) async fn run(
             _ = frames.tick() => {
                 outages.count_frame();
                 outages.over().await;
+                if server.world.lock().quits {
+                    return Ok(());
+                }
                 if let Some(freeze_s) = server.frame().await {
                     outages.freeze_for(Duration::from_secs_f64(freeze_s));
                 }

@@ -39,6 +39,7 @@ const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
 /// Names that are remembered because a client looked them up: clients choose them.
 const MAX_FOREIGN_NAMES: usize = 10_000;
 const COMMAND_PAUSE_TOGGLE: &str = "sim/operation/pause_toggle";
+const COMMAND_QUIT: &str = "sim/operation/quit";
 
 /// All parts with a state.
 #[derive(Debug)]
@@ -64,6 +65,8 @@ pub(super) struct World {
     foreign_names: BTreeSet<String>,
     /// True if X-Plane's error about a deprecated dataref lies over the scene.
     pub(super) shows_alert: bool,
+    /// True once the simulator was told to end.
+    pub(super) quits: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -117,6 +120,7 @@ impl World {
             others_fly: quirks.has(Quirk::AiAircraft),
             foreign_names: BTreeSet::new(),
             shows_alert: false,
+            quits: false,
         }
     }
 
@@ -265,6 +269,7 @@ impl World {
                 datarefs.set(PAUSED, f64::from(u8::from(!paused)));
             }
             names::COMMAND_REGENERATE_WEATHER => sky.regenerate(datarefs),
+            COMMAND_QUIT => self.quits = true,
             _ => {
                 return autopilot::command(datarefs, path)
                     || view::command(datarefs, path)
@@ -280,6 +285,7 @@ impl World {
             names::COMMAND_PAUSE_OFF,
             COMMAND_PAUSE_TOGGLE,
             names::COMMAND_REGENERATE_WEATHER,
+            COMMAND_QUIT,
         ];
         own.into_iter()
             .chain(autopilot::commands())

@@ -10,7 +10,8 @@ use dataset::corpus::scenario::Blocks;
 use dataset::geometry::pose::FlightState;
 use dataset::plan::Picture;
 use xplane_bridge::link::FrameHeader;
-use xplane_bridge::{BlockOfTicks, BlockTrial, Simulator};
+use xplane_bridge::pixels::PixelError;
+use xplane_bridge::{BlockOfTicks, BlockTrial, BridgeError, Simulator};
 
 use super::encoders::Encoders;
 use super::lockstep::{check, check_content, request};
@@ -18,6 +19,8 @@ use crate::generate::error::ScenarioError;
 use crate::generate::event::Event;
 use crate::generate::run::attempt::Attempt;
 
+/// For a person, when blocks are given up.
+const SETTLED_INSTEAD: &str = "Every image is settled from now on, which takes several times as long; the time that is left is estimated anew";
 /// Maximum ticks per block where time runs: some seconds on the screen, at any tick rate. In longer blocks a tick's views are further apart
 /// in time, and in much shorter ones something that covers the scene may come before the first image and go after the last.
 const MAX_RUNNING_TICKS: usize = 150;
@@ -117,28 +120,34 @@ pub(crate) async fn may_use_blocks(
         camera: camera.placed,
         size_px: (picture.width_px, picture.height_px),
     };
-    match attempt
-        .unless_cancelled(simulator.try_blocks(flight))
-        .await?
+    let tried = attempt.unless_cancelled(simulator.try_blocks(flight)).await;
+    if let Err(ScenarioError::Bridge(error @ BridgeError::Pixels(PixelError::NoBlocks(_)))) = &tried
     {
+        do_without_blocks(simulator, error, attempt);
+        return Ok(false);
+    }
+    match tried? {
         BlockTrial::Equal => {
             tracing::info!("images from a resting camera are equal to settled ones, and are used");
             Ok(true)
         }
-        BlockTrial::Different {
-            tick,
-            pixels,
-            noise_pixels,
-        } => {
-            tracing::warn!(
-                tick,
-                pixels,
-                noise_pixels,
-                "images from a resting camera differ from settled ones: every image is settled, which takes several times as long"
-            );
+        BlockTrial::Different { tick, found } => {
+            attempt.reporter.warn(&format!(
+                "images of a resting camera show tick {found} where tick {tick} was asked for: {SETTLED_INSTEAD}"
+            ));
             Ok(false)
         }
     }
+}
+
+/// Records settled images from now on, and says so.
+pub(crate) fn do_without_blocks(
+    simulator: &mut Simulator,
+    why: &BridgeError,
+    attempt: &Attempt<'_, '_>,
+) {
+    simulator.refuse_blocks();
+    attempt.reporter.warn(&format!("{why}. {SETTLED_INSTEAD}"));
 }
 
 /// Blocks of nearly the same length, so that none is short.

@@ -1,6 +1,6 @@
 //! Simulators that are away: waited for, restarted by the user's command, given up.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::attempt::unless_cancelled;
 use super::{Run, Then};
@@ -12,6 +12,11 @@ use crate::plan::counted;
 
 /// A simulator that was restarted this often without recording a scenario is given up.
 const MAX_RESTARTS_IN_VAIN: u32 = 3;
+/// Parts of the time limit: one before the first restart, and the others for the tries of it. X-Plane was seen to take five minutes to
+/// start (PilotsDeck 167), and the default limit gives each try more.
+const PARTS: u32 = 4;
+/// Pause after a command that failed.
+const FAILED_PAUSE: Duration = Duration::from_secs(10);
 
 impl Run<'_> {
     /// Decides about a simulator that had trouble when the run began.
@@ -20,7 +25,7 @@ impl Run<'_> {
         session: &mut Session,
         trouble: &ScenarioError,
     ) -> Then {
-        if trouble.is_setup() {
+        if trouble.is_bad_setup() {
             self.give_up_on(session, trouble);
             return Then::Leave;
         }
@@ -38,7 +43,11 @@ impl Run<'_> {
         self.reporter.warn(&format!(
             "simulator {name} does not answer, waiting for it: {trouble}"
         ));
-        match self.until_back(session, self.patience.simulator).await {
+        let limit = match self.restart.filter(|_| session.runs_already()) {
+            Some(_) => self.patience.simulator / PARTS,
+            None => self.patience.simulator,
+        };
+        match self.until_back(session, limit).await {
             Ok(()) => {
                 self.reporter.say(&format!("simulator {name} is back"));
                 Then::GoOn
@@ -90,7 +99,8 @@ impl Run<'_> {
         }
     }
 
-    /// Runs the user's command and waits until the simulator can be used. A command that failed may have left the old one running.
+    /// Runs the user's command and waits until the simulator can be used, again and again until the time is up: the old simulator may
+    /// hold its port for minutes, and a new one may ask something that only its end answers.
     async fn restart(
         &self,
         session: &mut Session,
@@ -103,39 +113,60 @@ impl Run<'_> {
             counted(session.live_flights as usize, "live flight")
         ));
         session.leave_to_restart().await;
+        let part = self.patience.simulator / PARTS;
+        let until = Instant::now() + part * (PARTS - 1);
+        loop {
+            let last = match self.try_restart(session, restart, part).await {
+                Ok(()) => {
+                    self.reporter.say(&format!("simulator {name} is back"));
+                    return Then::GoOn;
+                }
+                Err(ScenarioError::Cancelled) => return Then::Leave,
+                Err(last) => last,
+            };
+            let is_other = matches!(last, ScenarioError::OtherSimulator { .. });
+            if is_other || Instant::now() >= until {
+                let trouble = trouble.filter(|_| !last.is_setup()).unwrap_or(&last);
+                self.give_up_on(session, trouble);
+                return Then::Leave;
+            }
+            self.reporter.warn(&format!(
+                "simulator {name} is not back, restarting it again: {last}. If it runs, it may show a question (after an unclean end X-Plane \
+                 asks whether to start in safe mode), or its start menu"
+            ));
+        }
+    }
+
+    /// Runs the command once; the error is [`ScenarioError::Cancelled`], or why the simulator cannot be used.
+    async fn try_restart(
+        &self,
+        session: &mut Session,
+        restart: &Restart,
+        part: Duration,
+    ) -> Result<(), ScenarioError> {
+        let name = session.name().to_owned();
         let mut running = None;
         let commanded = async {
             let command = running.insert(restart.start(&name)?);
-            command.ended(self.patience.simulator).await
+            command.ended(part).await
         };
         let restarted = async { Ok::<_, ScenarioError>(commanded.await) };
-        let limit = match unless_cancelled(&self.tally.halt, restarted).await {
-            // The command goes on: half a restart would be worse.
-            Err(_) => return Then::Leave,
-            Ok(Ok(())) => self.patience.simulator,
-            Ok(Err(error)) => {
+        // If the run is cancelled, the command goes on: half a restart would be worse.
+        let limit = match unless_cancelled(&self.tally.halt, restarted).await? {
+            Ok(()) => part,
+            Err(error) => {
                 let line = format!("simulator {name} was not restarted: {error}");
                 self.reporter.warn(&line);
-                Duration::ZERO
+                part.min(FAILED_PAUSE)
             }
         };
-        match self.until_back(session, limit).await {
-            Ok(()) => {
-                self.reporter.say(&format!("simulator {name} is back"));
-                Then::GoOn
-            }
-            Err(ScenarioError::Cancelled) => Then::Leave,
-            Err(last) => {
-                if let Some(running) = running {
-                    running.kill();
-                }
-                self.give_up_on(
-                    session,
-                    trouble.filter(|_| !last.is_setup()).unwrap_or(&last),
-                );
-                Then::Leave
-            }
+        let back = self.until_back(session, limit).await;
+        if let (Err(error), Some(running)) = (&back, running)
+            && !matches!(error, ScenarioError::Cancelled)
+        {
+            running.kill_if_it_runs();
         }
+        back
     }
 
     /// Giving up the last simulator ends the run: the workers have left, and scenarios remain.

@@ -14,7 +14,7 @@ pub struct Patience {
     pub first_pause: Duration,
     /// Simulator's answer timeout while images are taken: longer means frozen.
     pub answer: Duration,
-    /// Timeout for a simulator that does not answer: it may be restarting.
+    /// Timeout for a simulator that does not answer: it may be starting. A restart takes a part of it for each try.
     pub simulator: Duration,
 }
 
@@ -25,7 +25,7 @@ impl Default for Patience {
             attempts: 3,
             first_pause: Duration::from_secs(2),
             answer: Duration::from_secs(60),
-            simulator: Duration::from_secs(300),
+            simulator: Duration::from_secs(1_600),
         }
     }
 }

@@ -122,8 +122,14 @@ impl Running {
         }
     }
 
-    /// Kills a command that does not end, with all processes that it started.
-    pub(crate) fn kill(&self) {
+    /// Kills a command that does not end, with all processes that it started. The simulator that an ended one has started goes on.
+    pub(crate) fn kill_if_it_runs(mut self) {
+        if matches!(self.child.try_wait(), Ok(None)) {
+            self.kill();
+        }
+    }
+
+    fn kill(&self) {
         let group = self.child.id().and_then(|id| Pid::from_raw(id as i32));
         if let Some(group) = group
             && let Err(error) = kill_process_group(group, Signal::KILL)

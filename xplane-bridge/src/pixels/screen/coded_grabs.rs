@@ -1,14 +1,15 @@
 //! A thread that grabs each numbered frame once, while the caller waits for other things.
 //!
-//! It looks at a strip of the code many times per second, which is cheap, and grabs the whole image when the number has changed. Images
-//! that are torn or carry no code are dropped here. Memory is bounded by the number of images that exist at a time. Thread and memory
+//! It looks at a strip of the code many times per second, which is cheap, and grabs the whole image when the number has changed. Of images
+//! that are torn or carry only half a code it reports the number. A number that stays longer than usual is grabbed once more: a different
+//! image under it belongs to a later frame. Memory is bounded by the number of images that exist at a time. Thread and memory
 //! stay from block to block, since opening the screen and getting the memory takes as long as several frames.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
@@ -20,14 +21,19 @@ use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
 /// Time between two looks at the strip, which cost two context switches each. A frame lasts 16 ms at 60 frames per second.
 const LOOK_EVERY: Duration = Duration::from_micros(1_500);
+/// A number that stays this many times as long as usual may be shown again by a later frame.
+const OVERDUE: f64 = 1.5;
+/// Weight of the last frame in the usual time of a number.
+const NEWEST_WEIGHT: f64 = 0.2;
 /// Rows of the strip that are looked at, in the middle of the code.
 const STRIP_PX: u32 = 2;
 
-/// An image with its code, without the margins.
+/// A code that was seen.
 #[derive(Debug)]
 pub(crate) struct CodedPicture {
     pub(crate) code: FrameCode,
-    pub(crate) rgb: PooledPicture,
+    /// The image, without the margins; none if no grab caught all of it.
+    pub(crate) rgb: Option<PooledPicture>,
 }
 
 /// Window grabs, block after block. The thread ends when this is dropped.
@@ -134,31 +140,93 @@ fn grab_all(
     };
     let (mut strips, mut pictures) = (screen.open(Some(strip))?, screen.open(Some(region))?);
     let (mut strip, mut margins) = (RgbPicture::default(), RgbPicture::default());
-    let (mut last, mut memory) = (None, None);
+    let (mut last, mut memory) = (LastCode::default(), None);
     while !tell.is_closed() {
-        let is_new = !rests.load(Ordering::Relaxed) && {
+        let seen = if rests.load(Ordering::Relaxed) {
+            last.since = None;
+            None
+        } else {
             strips.grab(&mut strip)?;
-            let code = read_strip(&strip, STRIP_PX / 2);
-            code.is_some() && code != last
+            read_strip(&strip, STRIP_PX / 2)
         };
-        if !is_new {
+        let is_new = seen.is_some() && seen != last.code;
+        let Some(seen) = seen.filter(|_| is_new || last.is_torn || last.is_overdue()) else {
             thread::sleep(LOOK_EVERY);
             continue;
-        }
+        };
         // Ours is a sender as well: it waits for an image that is dropped.
         let Some(mut rgb) = memory.take().or_else(|| free.recv().ok()) else {
             return Ok(());
         };
         pictures.grab_inside(MARGIN_PX, &mut margins, &mut rgb)?;
-        let Some(code) = read(&margins).filter(|code| Some(*code) != last) else {
+        let found = read(&margins);
+        if is_new && found != Some(seen) {
+            last.comes(seen);
+            last.is_torn = true;
+            let coded = CodedPicture {
+                code: seen,
+                rgb: None,
+            };
+            if tell.send(Ok(coded)).is_err() {
+                return Ok(());
+            }
+        }
+        let Some(code) = found else {
             memory = Some(rgb);
+            if !is_new {
+                last.since = None;
+                thread::sleep(LOOK_EVERY);
+            }
             continue;
         };
-        last = Some(code);
-        let rgb = PooledPicture::new(rgb, pool.clone());
+        last.comes(code);
+        let rgb = Some(PooledPicture::new(rgb, pool.clone()));
         if tell.send(Ok(CodedPicture { code, rgb })).is_err() {
             return Ok(());
         }
     }
     Ok(())
+}
+
+/// The last code that was seen, and for how long one usually stays.
+#[derive(Debug, Default)]
+struct LastCode {
+    code: Option<FrameCode>,
+    /// Since when it is there; `None` once it was grabbed again, and after a rest.
+    since: Option<Instant>,
+    usual: Option<Duration>,
+    /// True if no whole image of it was grabbed yet.
+    is_torn: bool,
+}
+
+impl LastCode {
+    /// True if a later frame may show it by now.
+    fn is_overdue(&self) -> bool {
+        let stays = self.since.zip(self.usual);
+        stays.is_some_and(|(since, usual)| since.elapsed() > usual.mul_f64(OVERDUE))
+    }
+
+    /// A code was grabbed.
+    fn comes(&mut self, code: FrameCode) {
+        let before = self.code.replace(code);
+        if std::mem::take(&mut self.is_torn) && before == Some(code) {
+            return;
+        }
+        if before == Some(code) {
+            // Once more is enough.
+            self.since = None;
+            return;
+        }
+        let now = Instant::now();
+        if let (Some(since), true) = (
+            self.since,
+            before.is_some_and(|before| code.follows(before)),
+        ) {
+            let stayed = now - since;
+            self.usual = Some(self.usual.map_or(stayed, |usual| {
+                usual.mul_f64(1.0 - NEWEST_WEIGHT) + stayed.mul_f64(NEWEST_WEIGHT)
+            }));
+        }
+        self.since = Some(now);
+    }
 }

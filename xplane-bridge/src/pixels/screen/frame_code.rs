@@ -40,6 +40,11 @@ impl FrameCode {
         }
     }
 
+    /// True if it is the number after another one.
+    pub(crate) fn follows(self, other: Self) -> bool {
+        u64::from(self.number) == (u64::from(other.number) + 1) % NUMBERS
+    }
+
     /// The frame's whole number: the one nearest to a number of about the same time.
     pub(crate) fn number_near(self, other: u64) -> u64 {
         let base = other - other % NUMBERS;

@@ -8,6 +8,7 @@ use super::*;
 
 const WIDTH_PX: u32 = 320;
 const HEIGHT_PX: u32 = 208;
+/// Images that are looked at, after those that are watched.
 const PICTURES: u32 = 120;
 
 /// Random runs of each test.
@@ -19,10 +20,12 @@ fn runs(few: u64) -> u64 {
 }
 
 /// Weathers in a paused world, and in one where time runs.
-const SKIES: [Sky; 6] = [
+const SKIES: [Sky; 8] = [
     Sky::Clear,
     Sky::Grainy,
     Sky::Rippling,
+    Sky::Swinging { levels: 8 },
+    Sky::Swinging { levels: 60 },
     Sky::Cloudy,
     Sky::Drizzle,
     Sky::Storm,
@@ -36,15 +39,26 @@ fn looked(
     covered: &dyn Fn(u32, &mut [u8], &mut Random),
 ) -> Vec<Option<Cover>> {
     let mut scenery = Scenery::new(seed, (WIDTH_PX, HEIGHT_PX), sky);
-    let mut scene = StillScene::new(WIDTH_PX, HEIGHT_PX, sky.time());
     let mut rgb = Vec::new();
-    (0..PICTURES)
-        .map(|picture| {
-            let aircraft = scenery.draw(picture, &mut rgb);
-            covered(picture, &mut rgb, &mut Random::new(seed));
-            scene.look(&rgb, &[aircraft]).err()
-        })
-        .collect()
+    let mut pictures = (0..sky.watched() + PICTURES).map(|picture| {
+        let aircraft = scenery.draw(picture, &mut rgb);
+        covered(picture, &mut rgb, &mut Random::new(seed));
+        (rgb.clone(), aircraft)
+    });
+    if sky.time() == WorldTime::Runs {
+        let mut scene = RunningScene::new(WIDTH_PX, HEIGHT_PX);
+        return pictures
+            .map(|(rgb, aircraft)| scene.look(&rgb, &[aircraft]).err())
+            .collect();
+    }
+    let mut scene = PausedScene::new(WIDTH_PX, HEIGHT_PX);
+    let watched = sky.watched() as usize;
+    for (rgb, aircraft) in pictures.by_ref().take(watched) {
+        scene.watch(&rgb, &[aircraft]);
+    }
+    assert!(!scene.moves_too_much());
+    let looked = pictures.map(|(rgb, aircraft)| scene.look(&rgb, &[aircraft]).err());
+    vec![None; watched].into_iter().chain(looked).collect()
 }
 
 /// Images that would be used: accepted, and not named afterwards.
@@ -81,7 +95,7 @@ fn covers_come_and_go(sky: Sky) -> (usize, usize) {
     for form in CoverForm::ALL {
         for seed in 0..runs(3) {
             let mut random = Random::new(seed ^ 0xC0FE);
-            let from = LEARNT as u32 + 2 + random.below(60);
+            let from = sky.watched().max(LEARNT as u32) + 2 + random.below(60);
             let to = from + 20 + random.below(30);
             let found = looked(seed, sky, &|picture, rgb, random| {
                 if (from..to).contains(&picture) {
@@ -111,7 +125,7 @@ fn covers_come_and_go(sky: Sky) -> (usize, usize) {
 
 #[test]
 fn in_a_pause_covers_of_two_percent_are_in_no_picture_that_is_used_and_are_seen_to_go() {
-    for sky in [Sky::Clear, Sky::Grainy] {
+    for sky in [Sky::Clear, Sky::Grainy, Sky::Swinging { levels: 20 }] {
         assert_eq!(covers_come_and_go(sky).1, 0, "{sky:?}");
     }
 }
@@ -130,7 +144,8 @@ fn over_moving_water_a_cover_is_found_by_its_brightness() {
         let mut random = Random::new(seed);
         let (x, y) = (random.below(WIDTH_PX - 64), 160 + random.below(18));
         let place = Rectangle::between(x, y, x + 64, y + 30);
-        let (from, to) = (20, 60);
+        let from = Sky::Rippling.watched() + 20;
+        let to = from + 40;
         let found = looked(seed, Sky::Rippling, &|picture, rgb, _| {
             if (from..to).contains(&picture) {
                 scenery::brighten(rgb, WIDTH_PX, place, 60);
@@ -180,7 +195,7 @@ fn a_cover_from_the_beginning_is_noticed_when_it_goes() {
 
 #[test]
 fn what_comes_and_goes_while_the_noise_is_learnt_is_found_at_its_end() {
-    for sky in [Sky::Clear, Sky::Drizzle, Sky::Storm] {
+    for sky in [Sky::Drizzle, Sky::Storm] {
         let found = looked(6, sky, &|picture, rgb, random| {
             if picture == 2 {
                 CoverForm::Message.draw(rgb, (WIDTH_PX, HEIGHT_PX), 0.02, random);
@@ -195,6 +210,29 @@ fn what_comes_and_goes_while_the_noise_is_learnt_is_found_at_its_end() {
             "{sky:?}, {late:?}"
         );
     }
+}
+
+#[test]
+fn a_scene_that_moves_otherwise_than_while_it_was_watched_is_noticed_and_one_that_moves_all_over_is_refused()
+ {
+    let sky = Sky::Swinging { levels: 20 };
+    let mut scenery = Scenery::new(2, (WIDTH_PX, HEIGHT_PX), sky);
+    let mut scene = PausedScene::new(WIDTH_PX, HEIGHT_PX);
+    let mut rgb = Vec::new();
+    let aircraft = scenery.draw(0, &mut rgb);
+    scene.watch(&rgb, &[aircraft]);
+    // Half a second is too short.
+    let noticed = (1..200).any(|picture| {
+        let aircraft = scenery.draw(picture, &mut rgb);
+        scene.look(&rgb, &[aircraft]).is_err()
+    });
+    assert!(noticed);
+    scene.forget();
+    for level in [60, 160] {
+        rgb.fill(level);
+        scene.watch(&rgb, &[]);
+    }
+    assert!(scene.moves_too_much());
 }
 
 #[test]

@@ -6,11 +6,16 @@
 //! A grab with number m shows the scene of frame m - lag. The lag is measured by probes (`probe.rs`) at both ends of a block and between
 //! its segments, and has to be the same each time: images count once the next probe has measured their lag. A view whose last block ended
 //! with a probe begins the next block with that lag, which the first probe has to confirm.
+//!
+//! A number may be shown again under a later frame's scene. That frame's own number then never appears, so a grab counts only if the number
+//! after its own was seen next. If a number was seen over two scenes, or many are missing, each tick is shown in two frames, and a grab
+//! counts only if both frames that it may show have the same tick.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::mem;
+use std::ops::RangeInclusive;
 
-use super::probe::{Outcome, Probe};
+use super::probe::{MAX_LAG, Outcome, Probe};
 use crate::pixels::Rectangle;
 
 /// Requests that are shown but not seen yet, at most: enough to use every drawn frame.
@@ -19,10 +24,15 @@ const MAX_UNSEEN: usize = 6;
 const WIDEN_AFTER: u32 = 32;
 /// Grabs in a row without a change before a scene counts as settled.
 const EQUAL_GRABS: u32 = 3;
+/// Numbers that were seen over two scenes before every tick is shown in two frames; one may be a cover that came during a frame.
+const REPEATED_NUMBERS: u32 = 2;
+/// Grabs over which missing numbers are counted, and the number of them at which every tick is shown in two frames.
+const COUNTED_GRABS: u32 = 60;
+const MANY_MISSING: u32 = 20;
+/// Grabs in a row without the number after theirs: none will come.
+const MAX_REFUSED: u32 = 240;
 /// The code counts steady frames up to this number.
 const MAX_STEADY: u64 = 7;
-/// Maximum frames until a scene settles; moving water never does.
-const RESTLESS_GRABS: u32 = 90;
 /// Probes in a row that are unclear, and changes of the lag in a block, before every tick is held.
 const MAX_UNCLEAR: u32 = 12;
 const MAX_CHANGES: u32 = 3;
@@ -34,6 +44,9 @@ pub(super) trait Scene {
 
     /// True if exposure, shadows and loading have come to rest since an earlier image of the same tick.
     fn is_settled_after(&self, before: &Self) -> bool;
+
+    /// True if it is the same to the last bit: another grab of the same frame.
+    fn is_same_as(&self, other: &Self) -> bool;
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,6 +85,8 @@ pub(super) struct Tally {
     pub(super) changes: u32,
     /// Ticks that were held until they had settled.
     pub(super) held: u32,
+    /// Numbers that were seen over two scenes.
+    pub(super) repeated_numbers: u32,
 }
 
 /// Place of a probe's aircraft in the image, by tick; `None` if it is outside.
@@ -80,7 +95,7 @@ pub(super) type ProbePlace = Box<dyn Fn(u32) -> Option<Rectangle> + Send>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     /// The first tick is held until the scene is at rest.
-    Settling { equal: u32, seen: u32 },
+    Settling { equal: u32 },
     /// A tick is held while a probe is watched.
     Probing,
     /// Every drawn frame shows the next tick.
@@ -110,6 +125,14 @@ impl<P> Unproven<P> {
     }
 }
 
+/// A request that was sent.
+#[derive(Debug, Clone, Copy)]
+struct Sent {
+    show: Show,
+    /// True if the request before it was the same, to hold its tick for a second frame.
+    is_second: bool,
+}
+
 /// A block that is being recorded.
 pub(super) struct Sequence<P> {
     ticks: u32,
@@ -129,7 +152,24 @@ pub(super) struct Sequence<P> {
     delivered_grab: u64,
     since_probe: u32,
     /// Sent and not answered yet.
-    sent: VecDeque<Show>,
+    sent: VecDeque<Sent>,
+    /// The tick to be sent once more.
+    second: Option<Show>,
+    /// The frame of the last answer.
+    answered_up_to: u64,
+    /// Frames by which a number may be older than its frame: 0, or 1 if numbers were repeated. Each tick is shown in one frame more.
+    stale_frames: u64,
+    /// The last grab, until the number after it is seen, and the last number.
+    newest: Option<Grab<P>>,
+    newest_number: u64,
+    /// Grabs whose successor was missing: in a row, and among the last ones.
+    refused: u32,
+    counted: (u32, u32),
+    /// True if the scene is known to move in a pause, and if it was watched for long enough.
+    expects_motion: bool,
+    has_watched: bool,
+    /// True if equal grabs ended the settling.
+    came_to_rest: bool,
     /// Content shown from each frame on.
     shown: BTreeMap<u64, Show>,
     /// Answered ticks without an image, by frame.
@@ -166,13 +206,23 @@ impl<P: Scene> Sequence<P> {
             probe_place,
             known_lag,
             begins_with_known_lag: false,
-            phase: Phase::Settling { equal: 0, seen: 0 },
+            phase: Phase::Settling { equal: 0 },
             next_tick: 0,
             again: VecDeque::new(),
             delivered: 0,
             delivered_grab: 0,
             since_probe: 0,
             sent: VecDeque::new(),
+            second: None,
+            answered_up_to: 0,
+            stale_frames: 0,
+            newest: None,
+            newest_number: 0,
+            refused: 0,
+            counted: (0, 0),
+            expects_motion: false,
+            has_watched: false,
+            came_to_rest: false,
             shown: BTreeMap::new(),
             unseen: BTreeMap::new(),
             most_unseen: MAX_UNSEEN,
@@ -195,8 +245,40 @@ impl<P: Scene> Sequence<P> {
         self.begins_with_known_lag = true;
     }
 
+    /// Shows every tick in two frames from the beginning, because numbers were repeated in an earlier block.
+    pub(super) fn begin_with_two_frames(&mut self) {
+        self.stale_frames = 1;
+    }
+
+    /// True if every tick is shown in two frames.
+    pub(super) fn shows_two_frames(&self) -> bool {
+        self.stale_frames > 0
+    }
+
+    /// The scene moves by itself: two equal grabs are chance, and it has to be watched.
+    pub(super) fn expect_motion(&mut self) {
+        self.expects_motion = true;
+    }
+
+    /// Sets that the scene was watched for long enough to know how it moves. One that moves never comes to rest.
+    pub(super) fn set_has_watched(&mut self, has_watched: bool) {
+        self.has_watched = has_watched;
+    }
+
+    /// True if hardly any number is followed by the next one, so that no grab counts.
+    pub(super) fn is_hopeless(&self) -> bool {
+        self.refused >= MAX_REFUSED
+    }
+
     /// The next request to send, if one may be sent now.
     pub(super) fn next_show(&mut self) -> Option<Show> {
+        if let Some(show) = self.second.take() {
+            self.sent.push_back(Sent {
+                show,
+                is_second: true,
+            });
+            return Some(show);
+        }
         let mut show = self.choose();
         // A probe that cannot be shown changes the phase, or proves images: then there may be something else to show.
         while show.is_none() && mem::take(&mut self.has_skipped_probe) {
@@ -208,7 +290,12 @@ impl<P: Scene> Sequence<P> {
             self.ends_with_probe.then_some(Show::Tick(tick))
         })?;
         self.ends_with_probe = matches!(show, Show::Probe(_));
-        self.sent.push_back(show);
+        self.sent.push_back(Sent {
+            show,
+            is_second: false,
+        });
+        let is_held = self.stale_frames > 0 && !self.ends_with_probe;
+        self.second = (is_held && matches!(self.phase, Phase::Moving { .. })).then_some(show);
         Some(show)
     }
 
@@ -229,7 +316,8 @@ impl<P: Scene> Sequence<P> {
         if self.probe.is_none() && self.is_probe_due() {
             return self.new_probe();
         }
-        let under_way = self.sent.len() + self.unseen.len();
+        let sent = self.sent.iter().filter(|sent| !sent.is_second);
+        let under_way = sent.count() + self.unseen.len();
         // Something has to follow a probe, and a new tick is better than an old one once more.
         if under_way >= self.most_unseen && !self.ends_with_probe {
             return None;
@@ -305,9 +393,13 @@ impl<P: Scene> Sequence<P> {
 
     /// The oldest unanswered request was written in a frame.
     pub(super) fn answered(&mut self, frame: u64) {
-        let Some(show) = self.sent.pop_front() else {
+        let Some(Sent { show, is_second }) = self.sent.pop_front() else {
             return;
         };
+        self.answered_up_to = frame;
+        if is_second {
+            return self.decide();
+        }
         self.shown.insert(frame, show);
         match show {
             Show::Tick(tick) => {
@@ -325,14 +417,90 @@ impl<P: Scene> Sequence<P> {
         self.decide();
     }
 
-    /// A grab of the frame with a number, `steady` frames after a doubtful one.
-    pub(super) fn grabbed(&mut self, number: u64, steady: u32, picture: P) {
-        self.undecided.push_back(Grab {
+    /// A number was seen, `steady` frames after a doubtful one, maybe with a grab of its frame.
+    pub(super) fn seen(&mut self, number: u64, steady: u32, picture: Option<P>) {
+        if number <= self.newest_number {
+            self.seen_again(number, picture);
+            return;
+        }
+        if let Some(grab) = self.newest.take() {
+            if number <= grab.number + 1 + self.stale_frames {
+                self.refused = 0;
+                self.count(false);
+                self.undecided.push_back(grab);
+            } else {
+                self.refused += 1;
+                self.count(true);
+                self.refuse(grab);
+            }
+        }
+        self.newest_number = number;
+        self.newest = picture.map(|picture| Grab {
             number,
             steady: u64::from(steady),
             picture,
         });
         self.decide();
+    }
+
+    /// The last number, or an older one, is shown once more.
+    fn seen_again(&mut self, number: u64, picture: Option<P>) {
+        let is_other = |picture: &P| {
+            let grab = self.newest.as_ref();
+            grab.is_some_and(|grab| !picture.is_same_as(&grab.picture))
+        };
+        let is_repeated = number < self.newest_number || picture.as_ref().is_some_and(is_other);
+        self.spent.extend(picture);
+        if !is_repeated {
+            return;
+        }
+        self.tally.repeated_numbers += 1;
+        if let Some(grab) = self.newest.take() {
+            self.refuse(grab);
+        }
+        // What two frames of each tick are for.
+        if self.stale_frames > 0 {
+            return;
+        }
+        // The numbers may be late from now on, as if the scene were ahead.
+        self.measure_anew();
+        if self.tally.repeated_numbers >= REPEATED_NUMBERS {
+            self.show_two_frames();
+        }
+    }
+
+    fn measure_anew(&mut self) {
+        if let Phase::Moving { .. } = self.phase {
+            self.forget_unproven();
+            self.phase = Phase::Probing;
+        }
+    }
+
+    fn refuse(&mut self, grab: Grab<P>) {
+        self.spent.push(grab.picture);
+        if self.is_certain(grab.number) && self.undecided.is_empty() {
+            self.miss(grab.number);
+        }
+    }
+
+    fn count(&mut self, is_missing: bool) {
+        let (grabs, missing) = self.counted;
+        self.counted = (grabs + 1, missing + u32::from(is_missing));
+        if self.counted.0 == COUNTED_GRABS {
+            if self.counted.1 >= MANY_MISSING {
+                self.show_two_frames();
+            }
+            self.counted = (0, 0);
+        }
+    }
+
+    /// From now on every tick is shown in two frames, and what is not proven yet is shown again.
+    fn show_two_frames(&mut self) {
+        if self.stale_frames > 0 {
+            return;
+        }
+        self.stale_frames = 1;
+        self.measure_anew();
     }
 
     fn decide(&mut self) {
@@ -351,12 +519,10 @@ impl<P: Scene> Sequence<P> {
 
     /// True if every request that a grab may show has been answered.
     fn is_certain(&self, number: u64) -> bool {
-        let (least, _) = self.frames_behind();
-        let last = self.shown.keys().next_back();
-        self.sent.is_empty() || last.is_some_and(|last| *last >= number.saturating_sub(least))
+        self.sent.is_empty() || self.answered_up_to >= self.newest_frame(number)
     }
 
-    /// Minimum and maximum frames by which a grab's scene is behind its number.
+    /// Minimum and maximum frames by which a grab's scene is behind its number, if that is its own frame's.
     fn frames_behind(&self) -> (u64, u64) {
         match (self.phase, self.known_lag) {
             (Phase::Moving { lag }, _) => (lag, lag),
@@ -365,10 +531,16 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
+    /// The newest frame whose scene a grab may show.
+    fn newest_frame(&self, number: u64) -> u64 {
+        let (least, _) = self.frames_behind();
+        (number + self.stale_frames).saturating_sub(least)
+    }
+
     /// Content that a grab shows for certain, and the frame since which it has been shown.
     fn content(&self, grab: &Grab<P>) -> Option<(u64, Show)> {
-        let (least, most) = self.frames_behind();
-        let newest = grab.number.checked_sub(least)?;
+        let (_, most) = self.frames_behind();
+        let newest = self.newest_frame(grab.number);
         let (since, show) = self.shown.range(..=newest).next_back()?;
         let is_whole = grab.steady >= most.min(MAX_STEADY) && *since + most <= grab.number;
         is_whole.then_some((*since, *show))
@@ -380,10 +552,10 @@ impl<P: Scene> Sequence<P> {
         }
         let number = grab.number;
         match (self.phase, self.content(&grab)) {
-            (Phase::Settling { equal, seen }, Some((since, Show::Tick(_)))) => {
+            (Phase::Settling { equal }, Some((since, Show::Tick(_)))) => {
                 let is_time = grab.steady >= self.settle_frames.min(MAX_STEADY)
                     && since + self.settle_frames <= number;
-                self.settle(grab.picture, is_time, (equal, seen));
+                self.settle(grab.picture, is_time, equal);
             }
             (Phase::Moving { .. } | Phase::Held, Some((since, Show::Tick(tick)))) => {
                 self.keep(number, since, tick, grab.picture);
@@ -412,23 +584,23 @@ impl<P: Scene> Sequence<P> {
     }
 
     /// Compares a grab with the one before. A scene has not settled before `is_time`: when the frames to settle have passed.
-    fn settle(&mut self, picture: P, is_time: bool, (equal, seen): (u32, u32)) {
+    fn settle(&mut self, picture: P, is_time: bool, equal: u32) {
         let is_equal = self
             .last_settling
             .as_ref()
             .is_some_and(|before| picture.is_settled_after(before));
         let equal = if is_equal { equal + 1 } else { 0 };
         self.spent.extend(self.last_settling.replace(picture));
-        let seen = seen + u32::from(is_time);
-        let has_settled = is_time && equal >= EQUAL_GRABS;
-        self.phase = if has_settled || seen >= RESTLESS_GRABS {
+        let is_at_rest = equal >= EQUAL_GRABS && !self.expects_motion;
+        self.phase = if is_time && (is_at_rest || self.has_watched) {
+            self.came_to_rest = is_at_rest;
             self.spent.extend(self.last_settling.take());
             match self.known_lag.filter(|_| self.begins_with_known_lag) {
                 Some(lag) => Phase::Moving { lag },
                 None => Phase::Probing,
             }
         } else {
-            Phase::Settling { equal, seen }
+            Phase::Settling { equal }
         };
     }
 
@@ -454,10 +626,10 @@ impl<P: Scene> Sequence<P> {
 
     /// Ticks that no later grab can show are shown again.
     fn miss(&mut self, number: u64) {
-        let (least, _) = self.frames_behind();
+        let newest = self.newest_frame(number);
         let is_past = |since: &u64| {
             let next = self.shown.range(since + 1..).next();
-            next.is_some_and(|(next, _)| number >= least + next - 1)
+            next.is_some_and(|(next, _)| newest + 1 >= *next)
         };
         let past: Vec<u64> = self
             .unseen
@@ -489,9 +661,16 @@ impl<P: Scene> Sequence<P> {
         };
         match (self.phase, outcome) {
             (_, Outcome::Unclear) if self.unclear >= MAX_UNCLEAR => self.hold_every_tick(),
-            (Phase::Moving { .. }, Outcome::Unclear) => self.since_probe = self.segment,
+            (Phase::Moving { .. }, Outcome::Unclear) => {
+                self.since_probe = self.segment;
+                // One of them may show the displaced aircraft.
+                self.forget_grabs(frame.saturating_sub(1)..=frame + MAX_LAG + 1);
+            }
             (_, Outcome::Unclear) => {}
-            (Phase::Moving { lag }, Outcome::Behind(found)) if found != lag => {
+            // With late numbers a scene looks less behind than it is.
+            (Phase::Moving { lag }, Outcome::Behind(found))
+                if found > lag || found + self.stale_frames < lag =>
+            {
                 self.tally.changes += 1;
                 self.forget_unproven();
                 if self.tally.changes > MAX_CHANGES {
@@ -527,6 +706,7 @@ impl<P: Scene> Sequence<P> {
 
     /// Discards the images taken since the last probe, so that they are taken again.
     fn forget_unproven(&mut self) {
+        self.second = None;
         let confirmed = self.confirmed_up_to;
         let doubtful = self.pictures.extract_if(.., |_, picture| {
             picture.grab.is_some_and(|grab| grab > confirmed)
@@ -537,8 +717,8 @@ impl<P: Scene> Sequence<P> {
             self.spent.push(picture.taken.picture);
         }
         let unseen = mem::take(&mut self.unseen).into_values();
-        let sent = self.sent.iter().filter_map(|show| match show {
-            Show::Tick(tick) => Some(*tick),
+        let sent = self.sent.iter().filter_map(|sent| match sent.show {
+            Show::Tick(tick) => Some(tick),
             Show::Probe(_) => None,
         });
         again.extend(unseen.chain(sent).chain(self.again.drain(..)));
@@ -547,6 +727,18 @@ impl<P: Scene> Sequence<P> {
         again.dedup();
         self.tally.repeated += again.len() as u32;
         self.again = again.into();
+    }
+
+    /// Discards images of some grabs: their ticks are shown again.
+    fn forget_grabs(&mut self, grabs: RangeInclusive<u64>) {
+        let doubtful = self.pictures.extract_if(.., |_, picture| {
+            picture.grab.is_some_and(|grab| grabs.contains(&grab))
+        });
+        for (tick, picture) in doubtful {
+            self.again.push_back(tick);
+            self.tally.repeated += 1;
+            self.spent.push(picture.taken.picture);
+        }
     }
 
     /// Discards covered grabs from a frame on: their ticks are shown again. Returns true if none was delivered.
@@ -559,6 +751,8 @@ impl<P: Scene> Sequence<P> {
             self.tally.repeated += 1;
             self.spent.push(picture.taken.picture);
         }
+        let newest = self.newest.take_if(|grab| grab.number >= from_frame);
+        self.spent.extend(newest.map(|grab| grab.picture));
         let undecided = mem::take(&mut self.undecided).into_iter();
         let (covered, clear): (VecDeque<_>, VecDeque<_>) =
             undecided.partition(|grab| grab.number >= from_frame);
@@ -587,6 +781,17 @@ impl<P: Scene> Sequence<P> {
     /// True while exposure, shadows and loading have not come to rest: images of the same tick still differ.
     pub(super) fn is_settling(&self) -> bool {
         matches!(self.phase, Phase::Settling { .. })
+    }
+
+    /// True if a grab shows the first tick for as long as settling always takes: what still differs then moves by itself.
+    pub(super) fn has_had_its_time(&self, number: u64) -> bool {
+        let first = self.shown.keys().next();
+        first.is_some_and(|first| first + self.settle_frames <= number)
+    }
+
+    /// True if the scene did not move while it settled.
+    pub(super) fn came_to_rest(&self) -> bool {
+        self.came_to_rest
     }
 
     /// Images that are not needed.

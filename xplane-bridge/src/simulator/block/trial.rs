@@ -1,4 +1,4 @@
-//! A trial before blocks are trusted: block images beside settled ones at the same ticks, far away and near.
+//! A trial before blocks are trusted: block images beside settled ones of the same tick and its neighbours, far away and near.
 
 use dataset::geometry::pose::FlightState;
 use futures_util::future::BoxFuture;
@@ -6,7 +6,6 @@ use futures_util::future::BoxFuture;
 use super::super::Simulator;
 use super::BlockOfTicks;
 use super::aircraft_place::aircraft_place;
-use super::probe::changed_pixels;
 use crate::error::BridgeError;
 use crate::link::{CaptureRequest, Deliver};
 use crate::pixels::{PixelError, Rectangle};
@@ -15,12 +14,9 @@ use crate::pixels::{PixelError, Rectangle};
 const TICKS: usize = 9;
 /// Comparisons of the same ticks, at most.
 const MAX_TRIES: u32 = 4;
-/// A pixel differs if a colour does by more than this, grey levels.
-const DIFFERENT_LEVELS: u8 = 4;
-/// Maximum differing pixels of a block image from a settled one, relative to the difference of two settled ones ...
-const NOISE_FACTOR: f64 = 1.5;
-/// ... plus this many.
-const MORE_PIXELS: usize = 4;
+/// A block image is of a neighbouring tick if it is nearer to that one's settled image than to its own, by more than this share of what two
+/// settled images of one tick differ by: rain and slow motion are in all of them.
+const NOISE_SHARE: f64 = 0.5;
 
 /// Number of views that the code can distinguish.
 const VIEWS: usize = 16;
@@ -34,6 +30,12 @@ pub struct KnownBlocks {
     frames_behind: Option<u64>,
     /// The same lag per view, by its number in the code, if a probe in its last block measured it.
     of_view: [Option<u64>; VIEWS],
+    /// True if numbers were repeated or missing, so that every tick is shown in two frames.
+    pub(super) numbers_repeat: bool,
+    /// True if the scene moves by itself in a pause.
+    pub(super) scene_moves: bool,
+    /// True if a block was not possible.
+    is_impossible: bool,
 }
 
 impl KnownBlocks {
@@ -45,6 +47,11 @@ impl KnownBlocks {
         }
     }
 
+    /// True if every image has to settle.
+    pub(super) fn is_refused(&self) -> bool {
+        self.is_impossible || matches!(self.trial, Some(BlockTrial::Different { .. }))
+    }
+
     pub(super) fn note(&mut self, view: u32, lag: Option<u64>, is_measured: bool) {
         self.frames_behind = lag;
         self.of_view[view as usize % VIEWS] = lag.filter(|_| is_measured);
@@ -54,16 +61,14 @@ impl KnownBlocks {
 /// Comparison of block images with settled ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BlockTrial {
-    /// They are equal within the noise of two settled ones.
+    /// They show their ticks.
     Equal,
-    /// They are not: every image has to settle.
+    /// They do not: every image has to settle.
     Different {
-        /// The first tick that differs.
+        /// The tick that was asked for.
         tick: u32,
-        /// Pixels that differ from the settled image.
-        pixels: usize,
-        /// Pixels in which two settled images differ.
-        noise_pixels: usize,
+        /// The tick that is in the image.
+        found: u32,
     },
 }
 
@@ -76,6 +81,11 @@ impl Simulator {
     /// Continues with the findings of an earlier connection.
     pub fn use_known_blocks(&mut self, known: KnownBlocks) {
         self.known_blocks = known;
+    }
+
+    /// Records no more blocks: one was not possible.
+    pub fn refuse_blocks(&mut self) {
+        self.known_blocks.is_impossible = true;
     }
 
     /// Takes images of a flight's first ticks and of the last ones before the aircraft leaves the view, in a block and settled, and
@@ -134,23 +144,29 @@ impl Simulator {
         *is_held |= recording.report().held > 0;
         drop(recording);
         let at = states.len() / 2;
+        let ticks = at.saturating_sub(1)..=(at + 1).min(states.len() - 1);
         let mut settled = Vec::new();
-        for other in [at, 0, at] {
-            settled.push(self.settled(&block, other).await?);
+        for tick in ticks.clone().chain([at]) {
+            settled.push(self.settled(&block, tick).await?);
         }
-        let place = aircraft_place(&flight.camera, flight.size_px, &states[at].pose);
-        let trial = compare(
-            [&moved[at], &settled[0], &settled[2]],
-            flight.size_px.0,
-            place,
-        );
-        Ok(match trial {
-            Some((pixels, noise_pixels)) => BlockTrial::Different {
+        let again = settled.pop().unwrap_or_default();
+        let own = &settled[at - ticks.start()];
+        let places: Vec<Rectangle> = states[ticks.clone()]
+            .iter()
+            .filter_map(|state| aircraft_place(&flight.camera, flight.size_px, &state.pose))
+            .collect();
+        let distance = |a: &[u8], b: &[u8]| distance(a, b, flight.size_px.0, &places);
+        let most = distance(&moved[at], own) - NOISE_SHARE * distance(own, &again);
+        let others = ticks.zip(&settled).filter(|(tick, _)| *tick != at);
+        let nearest = others
+            .map(|(tick, settled)| (tick, distance(&moved[at], settled)))
+            .min_by(|(_, a), (_, b)| a.total_cmp(b));
+        Ok(match nearest {
+            Some((found, other)) if other < most => BlockTrial::Different {
                 tick: block.first_tick + at as u32,
-                pixels,
-                noise_pixels,
+                found: block.first_tick + found as u32,
             },
-            None => BlockTrial::Equal,
+            _ => BlockTrial::Equal,
         })
     }
 
@@ -188,89 +204,18 @@ fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
     starts
 }
 
-/// Counts the pixels in which a block image and a settled one differ, and those in which two settled ones differ; `Some` if there are too
-/// many in the whole image or at the aircraft's place.
-fn compare(
-    [moved, settled, again]: [&[u8]; 3],
-    width_px: u32,
-    place: Option<Rectangle>,
-) -> Option<(usize, usize)> {
-    let whole = |a: &[u8], b: &[u8]| changed_pixels(a, b, DIFFERENT_LEVELS);
-    let in_place = |a: &[u8], b: &[u8]| {
-        place.map_or(0, |place| {
-            (place.y_px..place.bottom_px())
-                .map(|y| {
-                    let pixel = |x: u32| (y * width_px + x) as usize * 3;
-                    let row = pixel(place.x_px)..pixel(place.right_px());
-                    let (a, b) = (a.get(row.clone()), b.get(row));
-                    changed_pixels(
-                        a.unwrap_or_default(),
-                        b.unwrap_or_default(),
-                        DIFFERENT_LEVELS,
-                    )
-                })
-                .sum()
+/// Sum of the differences of two images in some places, levels.
+fn distance(a: &[u8], b: &[u8], width_px: u32, places: &[Rectangle]) -> f64 {
+    let rows = places.iter().flat_map(|place| {
+        (place.y_px..place.bottom_px()).map(move |y| {
+            let value = |x: u32| (y * width_px + x) as usize * 3;
+            value(place.x_px)..value(place.right_px())
         })
-    };
-    let counts = [
-        (whole(moved, settled), whole(settled, again)),
-        (in_place(moved, settled), in_place(settled, again)),
-    ];
-    let is_too_much = |(pixels, noise): &(usize, usize)| {
-        *pixels as f64 > NOISE_FACTOR * *noise as f64 + MORE_PIXELS as f64
-    };
-    counts.into_iter().find(is_too_much)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const WIDTH_PX: u32 = 20;
-    const PLACE: Rectangle = Rectangle {
-        x_px: 5,
-        y_px: 5,
-        width_px: 6,
-        height_px: 3,
-    };
-
-    /// A grey image with an aircraft that begins in a column.
-    fn picture(column: u32) -> Vec<u8> {
-        let mut rgb = vec![100; (WIDTH_PX * 15) as usize * 3];
-        for y in 5..8 {
-            let from = ((y * WIDTH_PX + column) * 3) as usize;
-            rgb[from..from + 9].fill(30);
-        }
-        rgb
-    }
-
-    #[test]
-    fn a_picture_of_the_tick_before_is_different_and_one_within_the_noise_is_not() {
-        let settled = picture(6);
-        let compare_with =
-            |moved: &[u8]| compare([moved, &settled, &settled], WIDTH_PX, Some(PLACE));
-        assert_eq!(compare_with(&settled), None);
-        assert_eq!(compare_with(&picture(7)), Some((6, 0)));
-        let mut noisy = settled.clone();
-        noisy[3 * 100] += 20;
-        assert_eq!(compare_with(&noisy), None);
-    }
-
-    #[test]
-    fn in_rain_the_aircraft_alone_shows_the_difference() {
-        let rain = |seed: usize, column: u32| {
-            let mut rgb = picture(column);
-            for at in (3 * seed..rgb.len()).step_by(21) {
-                let row = at / 3 / WIDTH_PX as usize;
-                if !(5..8).contains(&row) {
-                    rgb[at] = 200;
-                }
-            }
-            rgb
-        };
-        let (settled, again) = (rain(1, 6), rain(2, 6));
-        let compare_with = |moved: &[u8]| compare([moved, &settled, &again], WIDTH_PX, Some(PLACE));
-        assert_eq!(compare_with(&rain(3, 6)), None);
-        assert_eq!(compare_with(&rain(3, 7)), Some((6, 0)));
-    }
+    });
+    rows.map(|row| {
+        let (a, b) = (a.get(row.clone()), b.get(row));
+        let values = a.unwrap_or_default().iter().zip(b.unwrap_or_default());
+        values.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
+    })
+    .sum()
 }

@@ -10,7 +10,7 @@ use crate::datarefs::{CAPTURE_PORT, VERSION};
 use crate::web_api::{WebApi, WebApiError};
 
 /// Timeout of the Web API's first answer.
-const TIMEOUT: Duration = Duration::from_secs(1);
+pub(super) const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Reason why a Web API is not used.
 #[derive(Debug, thiserror::Error)]

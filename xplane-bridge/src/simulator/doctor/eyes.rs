@@ -10,7 +10,7 @@ use super::talk::PlaceOnGround;
 use super::window::picture_size;
 use crate::Simulator;
 use crate::error::BridgeError;
-use crate::link::{CapturedFrame, Deliver, PixelKind};
+use crate::link::{CapturedFrame, Deliver, PictureSize, PixelKind};
 
 /// Maximum mean difference between images of the same shot, of 255, in addition to the scene's own motion: film grain and temporal
 /// smoothing.
@@ -22,7 +22,12 @@ pub(super) const SETTLED: u32 = 60;
 const ANY_DAY: u32 = 172;
 
 /// Delays before a static scene is checked again.
-const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
+const LATER: [Duration; 4] = [
+    Duration::from_millis(350),
+    Duration::from_millis(650),
+    Duration::from_millis(900),
+    Duration::from_millis(1_300),
+];
 
 /// Time of the sun's highest position, seconds since midnight UTC.
 pub(super) fn noon_zulu_s(longitude_deg: f64) -> f64 {
@@ -88,6 +93,16 @@ impl<'a> Eyes<'a> {
         })
     }
 
+    /// Size of the images: the window's, without the margins for the numbers of frames.
+    fn size(&self) -> PictureSize {
+        let window = picture_size(self.simulator.description()).unwrap_or(lockstep::ANY_SIZE);
+        let [x_px, y_px] = self.simulator.margins_px().unwrap_or_default();
+        PictureSize {
+            width_px: window.width_px - 2 * x_px,
+            height_px: window.height_px - 2 * y_px,
+        }
+    }
+
     /// Freezes from now on, with this many settle frames.
     pub(super) async fn freeze(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
         self.hold(settle_frames, true).await
@@ -116,7 +131,7 @@ impl<'a> Eyes<'a> {
         shots: [Shot; N],
     ) -> Result<[CapturedFrame; N], BridgeError> {
         let deliver = deliver(self.simulator).unwrap_or(Deliver::Drawn);
-        let size = picture_size(self.simulator.description()).unwrap_or(lockstep::ANY_SIZE);
+        let size = self.size();
         let ahead = self.simulator.most_outstanding();
         let mut frames = Vec::with_capacity(N);
         let mut asked = 0;
@@ -148,7 +163,7 @@ impl<'a> Eyes<'a> {
         Ok(frame)
     }
 
-    /// Difference of a shot's first settled image from two more within a second, since waves may repeat.
+    /// Difference of a shot's first settled image from more within three seconds, since waves may repeat, and flags and trees swing slowly.
     pub(super) async fn noise(&mut self, shot: Shot) -> Result<f64, BridgeError> {
         self.freeze(SETTLED).await?;
         let [first] = self.take([shot]).await?;

@@ -71,13 +71,15 @@ pub(super) async fn measure(
     sky::checks(&profile).into_iter().for_each(&mut *note);
     // As a recording does: with the frames to settle that were just measured.
     simulator.profile = KnownProfile::Current(Box::new(profile.clone()));
-    profile.pace = pace::measure(simulator, &place, &options.screen, options.intent.as_ref()).await;
+    let intent = options.intent.as_ref();
+    let (pace, why_settled) = pace::measure(simulator, &place, &options.screen, intent).await;
+    profile.pace = pace;
     if let (Finding::Found(pace), Generation::XPlane11) = (&mut profile.pace, simulator.generation)
     {
         // Its weather is given a fixed time.
         pace.weather_s = Some(simulator.weather_settle.as_secs_f64());
     }
-    note(pace::check(&profile.pace));
+    note(pace::check(&profile.pace, why_settled));
     let given_back = match clock {
         Ok(before) => simulator.give_clock_back(&before).await,
         Err(error) => Err(error),

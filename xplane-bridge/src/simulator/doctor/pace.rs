@@ -34,20 +34,27 @@ const BLOCK_RATE: FrameRate = FrameRate {
 /// Over which distance the aircraft moves meanwhile, to the east.
 const BLOCK_WAY_M: f64 = 30.0;
 
-/// Measures the pace of the images that are to be recorded, without encoding.
+/// Measures the pace of the images that are to be recorded, without encoding; and why they are settled although the window has margins.
 pub(super) async fn measure(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
     screen: &Arc<dyn Screen>,
     intent: Option<&Intent>,
-) -> Finding<Pace> {
+) -> (Finding<Pace>, Option<String>) {
+    let mut why_settled = None;
     if let Some(pictures) = intent.and_then(|intent| size_in_blocks(simulator, intent)) {
         match in_blocks(simulator, place, screen, pictures).await {
-            Ok(Some(pace)) => return Finding::Found(pace),
-            Ok(None) => {}
-            Err(error) => tracing::warn!(%error, "blocks were not measured"),
+            Ok(Some(pace)) => return (Finding::Found(pace), None),
+            Ok(None) => {
+                why_settled = Some("images of a resting camera do not show their own ticks".into());
+            }
+            Err(error) => why_settled = Some(error.to_string()),
         }
     }
+    (settled_pace(simulator, place).await, why_settled)
+}
+
+async fn settled_pace(simulator: &mut Simulator, place: &PlaceOnGround) -> Finding<Pace> {
     let settle_frames = simulator.frames_to_settle();
     let mut eyes = Eyes::at(simulator, *place);
     if let Some(reason) = eyes.blind() {
@@ -197,13 +204,23 @@ async fn settled(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, Bridge
 }
 
 /// For a person.
-pub(super) fn check(pace: &Finding<Pace>) -> Check {
-    Check::measured("pace", pace, |pace| {
+pub(super) fn check(pace: &Finding<Pace>, why_settled: Option<String>) -> Check {
+    let check = Check::measured("pace", pace, |pace| {
         format!(
             "{:.1} images of {} a second from two views, {}; `dtd plan SWEEP --sim HOST:PORT` counts with it",
             pace.pictures_per_s,
             pace.size,
             pace.procedure()
         )
-    })
+    });
+    match why_settled {
+        Some(why) => Check::warning(
+            check.name,
+            check.found,
+            format!(
+                "Nothing, if that is fast enough. One image per drawn frame is not possible here: {why}"
+            ),
+        ),
+        None => check,
+    }
 }

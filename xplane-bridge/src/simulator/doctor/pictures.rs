@@ -58,9 +58,10 @@ pub(super) fn checks(profile: &Profile) -> Vec<Check> {
     vec![
         Check::measured("still pictures", &profile.still_pictures_move, |moves| {
             let found = if *moves {
-                "move by themselves in a pause (water): nothing waits for two that agree"
+                "move by themselves in a pause (water, trees, flags, lights): nothing waits for two that agree, and each view is watched for \
+                 3 s before its images are taken one per drawn frame"
             } else {
-                "two of the same scene, a second apart, are the same"
+                "those of the same scene within three seconds are the same"
             };
             found.into()
         }),

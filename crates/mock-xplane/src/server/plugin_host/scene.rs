@@ -4,6 +4,7 @@
 //! else (time, weather, pause, radios) belongs to the world, which the client sets over UDP.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::geodesy::Geodetic;
@@ -30,13 +31,14 @@ use super::{FramesDrawn, PluginOptions};
 use crate::datarefs::{Dataref, Datarefs, Kind};
 use crate::quirks::{Quirk, Quirks};
 use crate::render::overlay::Canvas;
-use crate::server::Shared;
 use crate::server::engine::Engine;
+use crate::server::faults::drawing::CodeFault;
 use crate::server::scenes::{SceneKey, Scenes};
 use crate::server::world::World;
 use crate::server::world::airport::{GROUND_MSL_M, ON_THRESHOLD};
 use crate::server::world::motion::FLYING_MPS;
 use crate::server::world::scenery::local_frame::LocalFrame;
+use crate::server::{Faults, Shared};
 use crate::window::DisplayWindow;
 
 const POSITION: &str = "sim/flightmodel/position/";
@@ -96,10 +98,19 @@ pub(super) struct PluginScene {
     shown: Option<(PictureToDraw, Windows, Value)>,
     /// Image memory, which is drawn over.
     memory: Vec<u8>,
+    faults: Faults,
+    began: Instant,
+    /// The frame's number that was shown last, as rectangles.
+    last_code: Value,
 }
 
 impl PluginScene {
-    pub(super) fn new(world: Shared, engine: Arc<dyn Engine>, options: &PluginOptions) -> Self {
+    pub(super) fn new(
+        world: Shared,
+        engine: Arc<dyn Engine>,
+        options: &PluginOptions,
+        faults: Faults,
+    ) -> Self {
         let (frame, parked, placements, quirks) = {
             let mut world = world.lock();
             let (width, height) = options.window_px;
@@ -131,6 +142,9 @@ impl PluginScene {
             window_px: options.window_px,
             shown: None,
             memory: Vec::new(),
+            faults,
+            began: Instant::now(),
+            last_code: Value::Null,
         };
         scene.put_aircraft(&parked.pose);
         scene
@@ -225,6 +239,7 @@ impl PluginScene {
     ) -> Result<(), String> {
         let (width_px, height_px) = self.window_px;
         let frame = self.frame_to_draw(width_px, height_px);
+        let rectangles = &self.faulty_code(rectangles);
         let shown = (frame.clone(), self.windows(), rectangles.clone());
         if self.shown.as_ref() == Some(&shown) {
             return Ok(());
@@ -249,6 +264,22 @@ impl PluginScene {
             .map_err(|error| error.to_string())?;
         self.shown = Some(shown);
         Ok(())
+    }
+
+    /// What is shown of the rectangles that the plugin drew: a frame's number may be an earlier one, or missing. The check pattern, which
+    /// stays for many frames, has no faults.
+    fn faulty_code(&mut self, rectangles: &Value) -> Value {
+        let drawn = rectangles.as_array().map_or(&[][..], Vec::as_slice);
+        if drawn.is_empty() || is_check_pattern(&drawn[0]) {
+            return rectangles.clone();
+        }
+        match self.faults.codes.of_frame(self.frames, self.faults.seed) {
+            Some(CodeFault::Vanished) => return Value::Null,
+            Some(CodeFault::Half) => return json!(drawn[..drawn.len() / 2]),
+            Some(CodeFault::Repeated) if !self.last_code.is_null() => {}
+            Some(CodeFault::Repeated) | None => self.last_code.clone_from(rectangles),
+        }
+        self.last_code.clone()
     }
 
     /// Draws a frame over an image of any size.
@@ -312,6 +343,10 @@ impl PluginScene {
                 } else {
                     1.0
                 },
+                swing: self
+                    .faults
+                    .swing
+                    .map(|swing| (swing, self.faults.seed, self.began.elapsed().as_secs_f64())),
                 wave: self.quirks.has(Quirk::WaterMoves).then_some(self.frames),
             },
             shot,
@@ -780,6 +815,12 @@ fn fill_rectangles(canvas: &mut Canvas<'_>, rectangles: &Value, after_windows: b
             canvas.fill_px([left, height - top, right, height - bottom], colour);
         }
     }
+}
+
+/// True if rectangles begin with the check pattern's magenta border; numbers are black and white.
+fn is_check_pattern(first: &Value) -> bool {
+    let [red, green] = [4, 5].map(|at| first[at].as_f64());
+    red != green
 }
 
 /// Taken from the options, or else from the quirk.

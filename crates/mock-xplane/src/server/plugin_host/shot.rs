@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::window_covers::{ShownWindow, WindowForm};
 use crate::render::overlay::Canvas;
+use crate::server::Swing;
 use crate::server::engine::{Instants, SceneRenderer};
 
 /// Position of the other aircraft, metres forward, right and down of the user's.
@@ -69,6 +70,8 @@ pub(super) struct Painter {
     pub(super) panel: bool,
     /// Brightness factor: 1 when the exposure has settled.
     pub(super) gain: f64,
+    /// Things that swing, with a seed, at a time in seconds.
+    pub(super) swing: Option<(Swing, u64, f64)>,
     /// Position of the waves, if water moves.
     pub(super) wave: Option<u64>,
 }
@@ -114,6 +117,9 @@ impl Painter {
             width_px: width_px as usize,
             height_px: height_px as usize,
         };
+        if let Some((swing, seed, time_s)) = self.swing {
+            swing.draw(&mut canvas, time_s, seed);
+        }
         if self.panel {
             canvas.draw_panel();
         }

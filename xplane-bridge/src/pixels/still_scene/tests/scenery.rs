@@ -12,6 +12,11 @@ pub(super) enum Sky {
     Grainy,
     /// Water in the lowest quarter.
     Rippling,
+    /// Forty things of 6 pixels swing in one to three seconds.
+    Swinging {
+        /// How much brighter they are.
+        levels: u8,
+    },
     /// Clouds drift.
     Cloudy,
     /// Light rain.
@@ -23,8 +28,19 @@ pub(super) enum Sky {
 impl Sky {
     pub(super) fn time(self) -> WorldTime {
         match self {
-            Self::Clear | Self::Grainy | Self::Rippling => WorldTime::Paused,
+            Self::Clear | Self::Grainy | Self::Rippling | Self::Swinging { .. } => {
+                WorldTime::Paused
+            }
             Self::Cloudy | Self::Drizzle | Self::Storm => WorldTime::Runs,
+        }
+    }
+
+    /// Images in which a scene is watched before it is judged, at 60 a second.
+    pub(super) fn watched(self) -> u32 {
+        match self {
+            Self::Clear => 1,
+            Self::Grainy | Self::Rippling | Self::Swinging { .. } => 192,
+            Self::Cloudy | Self::Drizzle | Self::Storm => 0,
         }
     }
 
@@ -122,6 +138,7 @@ impl Scenery {
                 }
             }
             Sky::Rippling => self.ripple(rgb),
+            Sky::Swinging { levels } => self.swing(f64::from(picture) / 60.0, levels, rgb),
             Sky::Cloudy | Sky::Storm => self.draw_clouds(f64::from(picture), rgb),
             Sky::Clear | Sky::Drizzle => {}
         }
@@ -138,6 +155,26 @@ impl Scenery {
             let up = (row as u64 * 31 + self.wave * 17) % 61;
             for value in values {
                 *value = value.saturating_add(up as u8 / 3);
+            }
+        }
+    }
+
+    fn swing(&self, time_s: f64, levels: u8, rgb: &mut [u8]) {
+        let mut random = Random::new(7);
+        for _ in 0..40 {
+            let period_s = 1.0 + 2.0 * random.unit();
+            let sway_px = 6.0 * (std::f64::consts::TAU * (time_s / period_s + random.unit())).sin();
+            let left = 8.0 + (f64::from(self.size.0) - 24.0) * random.unit() + sway_px;
+            let top = random.below(self.size.1 - 6);
+            for y in top..top + 6 {
+                for x in left as u32..=(left + 6.0) as u32 {
+                    let share = (left + 6.0).min(f64::from(x) + 1.0) - left.max(f64::from(x));
+                    let more = (f64::from(levels) * share.clamp(0.0, 1.0)).round() as u8;
+                    let first = (y * self.size.0 + x) as usize * 3;
+                    for value in &mut rgb[first..first + 3] {
+                        *value = value.saturating_add(more);
+                    }
+                }
             }
         }
     }

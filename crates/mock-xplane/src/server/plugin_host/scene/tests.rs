@@ -51,7 +51,7 @@ impl Hosted {
     fn with(quirks: &str, options: PluginOptions) -> Self {
         let world = World::new(Generation::XPlane12, true, quirks.parse().unwrap());
         let world = Shared(Arc::new(Mutex::new(world)));
-        let scene = PluginScene::new(world.clone(), Arc::new(Plain), &options);
+        let scene = PluginScene::new(world.clone(), Arc::new(Plain), &options, Faults::default());
         Self { world, scene }
     }
 

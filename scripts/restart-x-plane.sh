@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Restarts X-Plane for `dtd generate --restart-simulator scripts/restart-x-plane.sh` on the same Linux computer (docs/x-plane.md): ends it in
+# good order, waits until its process and its port are gone, and starts it in the background. After an end that is none, X-Plane 12 asks at
+# the next start whether to start in safe mode.
+#
+#   X_PLANE           command line that starts it
+#   X_PLANE_PID_FILE  file for its process' number; without it, the processes named X-Plane-x86_64 are meant
+#   DTD_SIMULATOR     its address, set by dtd
+#   QUIT_S, TERM_S, PORT_S  seconds that it gets to end by its own command, by a signal, and to free its port
+set -u
+start=${X_PLANE:-cd ~/"X-Plane 12" && exec ./X-Plane-x86_64 --window=1952x1312}
+simulator=${DTD_SIMULATOR:-auto}
+[[ $simulator == *:* ]] || simulator=127.0.0.1:49000
+host=${simulator%:*} port=${simulator##*:}
+
+processes() {
+    if [[ -n ${X_PLANE_PID_FILE-} ]]; then
+        cat "$X_PLANE_PID_FILE" 2>/dev/null
+    else
+        pgrep -x X-Plane-x86_64
+    fi
+}
+
+# True if a process runs; one that has ended and was not waited for does not.
+runs() {
+    local process state
+    for process in $(processes); do
+        state=$(sed -n 's/^State:\s*//p' "/proc/$process/status" 2>/dev/null)
+        [[ -n $state && $state != Z* ]] && return 0
+    done
+    return 1
+}
+
+port_is_held() {
+    grep -q "^ *[0-9]*: [0-9A-F]*:$(printf %04X "$port") " /proc/net/udp
+}
+
+# Waits until a condition is false, for so many seconds at most.
+until_not() {
+    local tries=$(($2 * 5))
+    while $1; do
+        ((tries-- > 0)) || return 1
+        sleep 0.2
+    done
+}
+
+if runs; then
+    printf 'CMND\0sim/operation/quit\0' >"/dev/udp/$host/$port"
+    until_not runs "${QUIT_S:-60}" || { echo "X-Plane did not quit: SIGTERM"; kill -TERM $(processes); }
+    until_not runs "${TERM_S:-30}" || { echo "X-Plane ignores SIGTERM: killed"; kill -KILL $(processes); }
+fi
+if ! until_not port_is_held "${PORT_S:-240}"; then
+    echo "UDP port $port is still held: by another program, or by an X-Plane that has not ended"
+    exit 1
+fi
+setsid bash -c "$start" </dev/null >/dev/null 2>&1 &
+[[ -z ${X_PLANE_PID_FILE-} ]] || echo $! >"$X_PLANE_PID_FILE"
