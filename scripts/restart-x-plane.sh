@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
 # Restarts X-Plane for `dtd generate --restart-simulator scripts/restart-x-plane.sh` on the same Linux computer (docs/x-plane.md): ends it in
-# good order, waits until its process and its port are gone, and starts it in the background. After an end that is none, X-Plane 12 asks at
-# the next start whether to start in safe mode.
+# good order, waits until its process and its port are gone, and starts it in the background. After any other end, X-Plane 12 asks at the
+# next start whether to start in safe mode.
 #
 #   X_PLANE           command line that starts it
 #   X_PLANE_PID_FILE  file for its process' number; without it, the processes named X-Plane-x86_64 are meant
 #   DTD_SIMULATOR     its address, set by dtd
 #   QUIT_S, TERM_S, PORT_S  seconds that it gets to end by its own command, by a signal, and to free its port
 set -u
-start=${X_PLANE:-cd ~/"X-Plane 12" && exec ./X-Plane-x86_64 --window=1952x1312}
+usual='cd ~/"X-Plane 12" && exec ./X-Plane-x86_64 --window=1952x1312'
+start=${X_PLANE:-$usual}
 simulator=${DTD_SIMULATOR:-auto}
 [[ $simulator == *:* ]] || simulator=127.0.0.1:49000
 host=${simulator%:*} port=${simulator##*:}

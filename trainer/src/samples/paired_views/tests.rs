@@ -396,8 +396,8 @@ fn a_view_answers_alone_after_the_one_that_showed_a_different_arrival_is_left_ou
     let mut disturbed = tracked(&flights[0]);
     let truth = disturbed.clone();
     for (tick, observed) in disturbed.iter_mut().enumerate().skip(30) {
-        observed.boxes[1] = flights[1].get(tick + 90).and_then(|of| of.boxes[1]);
-        observed.tracks[1] = Some(50);
+        let other = flights[1].get(tick + 90).and_then(|of| of.best(1));
+        observed.show_in(1, other.copied(), Some(50));
         observed.shifts.fill(None);
         if tick >= 80 {
             *observed = observed.without_images(|view| view == 1);
