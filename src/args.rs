@@ -34,7 +34,7 @@ use estimate::EstimateArgs;
 use estimator::{EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs};
 use experiment::{DemoArgs, PaperArgs};
 use export::ExportArgs;
-use imports::{AirportCommand, TracksCommand};
+use imports::{AircraftArgs, AirportCommand, TracksCommand};
 use recording::{GenerateArgs, PlanArgs};
 use shared::output::Output;
 use simulator::{DoctorArgs, InstallPluginArgs, MockXplaneArgs, TapeArgs};
@@ -238,6 +238,9 @@ pub(crate) enum Verb {
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
+    /// List the aircraft types that sweeps may name, and draw them
+    #[command(after_help = help::AIRCRAFT)]
+    Aircraft(AircraftArgs),
     /// Make a runway's table for a sweep from published ones
     #[command(subcommand, after_help = help::AIRPORT_IMPORT)]
     Airport(AirportCommand),

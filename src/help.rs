@@ -13,8 +13,8 @@ const GROUPS: &[(&str, &[&str])] = &[
     (
         "Corpora",
         &[
-            "airport", "tracks", "plan", "generate", "label", "detect", "status", "verify", "view",
-            "export", "push", "fetch", "schema",
+            "aircraft", "airport", "tracks", "plan", "generate", "label", "detect", "status",
+            "verify", "view", "export", "push", "fetch", "schema",
         ],
     ),
     (
@@ -188,6 +188,15 @@ Environment:
 pub(crate) const INSTALL_PLUGIN: &str = "\
 Example:
   dtd install-plugin \"$HOME/X-Plane 12\"";
+
+pub(crate) const AIRCRAFT: &str = "\
+Examples:
+  dtd aircraft                            names, sizes and speeds
+  dtd aircraft show A359 --png A359.png   what it looks like";
+
+pub(crate) const AIRCRAFT_SHOW: &str = "\
+Example:
+  dtd aircraft show B738 A359 --png types.png";
 
 pub(crate) const AIRPORT_IMPORT: &str = "\
 Example:

@@ -1,6 +1,7 @@
 //! One file per verb: arguments in, work done by the crates, results printed.
 
 mod address;
+mod aircraft;
 mod airport;
 mod async_runtime;
 mod completions;
@@ -68,6 +69,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Verify(args) => verify::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
+        Verb::Aircraft(args) => aircraft::run(&args),
         Verb::Airport(args) => airport::run(&args),
         Verb::Tracks(args) => tracks::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),

@@ -3,6 +3,7 @@
 //! Input: the file. Output: a [`Sweep`] whose every value has been checked, or one message with file, line, column and the line itself.
 //! [`crate::plan`] expands it.
 
+mod aircraft;
 mod check;
 mod document;
 mod grid;
@@ -27,6 +28,7 @@ use dataset::video::VideoSettings;
 
 use crate::recording::Recording;
 
+pub use aircraft::AircraftTypes;
 pub use document::Corpus;
 pub use grid::Combination;
 pub use grid::split::SplitFractions;
@@ -57,8 +59,8 @@ pub struct Sweep {
     pub corpus: Corpus,
     /// Runway on which the aircraft land.
     pub runway: Runway,
-    /// Aircraft type.
-    pub aircraft: String,
+    /// Aircraft types.
+    pub aircraft: AircraftTypes,
     /// Name of the camera rig.
     pub rig_name: String,
     /// Cameras of the rig.

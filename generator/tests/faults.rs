@@ -10,6 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
+use airframe::AircraftType;
 use dataset::conditions::Weather;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use generator::generate::{Event, Patience, Remote, SimulatorTarget, Simulators, Stopped};
@@ -147,11 +148,16 @@ struct Faulty {
 struct FaultyEngine(Arc<Faulty>);
 
 impl Engine for FaultyEngine {
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+    fn fly(
+        &self,
+        request: &FlyRequest,
+        aircraft: &AircraftType,
+        weather: &Weather,
+    ) -> Result<Vec<FlightState>, NotFlown> {
         if weather.visibility_m < 10_000.0 && self.0.lost_in_fog.load(Ordering::SeqCst) {
             return Err(NotFlown::Because("lost in the fog"));
         }
-        BuiltIn.fly(request, weather)
+        BuiltIn.fly(request, aircraft, weather)
     }
 
     fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {

@@ -7,7 +7,7 @@ mod track;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use airframe::{Configuration, boeing_737_800};
+use airframe::{AircraftType, Configuration};
 use dataset::conditions::transmission;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::scenario::ScenarioRecord;
@@ -28,8 +28,6 @@ use track::labels_of;
 
 /// Class of every ground-truth box.
 pub(crate) const AIRCRAFT_CLASS: &str = "aircraft";
-/// The only aircraft whose shape is known.
-const KNOWN_AIRCRAFT: &str = "B737-800";
 
 /// Labelling results for a corpus.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -151,8 +149,9 @@ impl Labels {
         let scenario = folder.open()?;
         let record = scenario.record()?;
         let mut frames = scenario.frames()?;
-        check(&record, &frames)?;
-        let boxes = truth_boxes(&record, &frames, &cameras(&scenario, &record)?);
+        let aircraft = check(&record, &frames)?;
+        let cameras = cameras(&scenario, &record)?;
+        let boxes = truth_boxes(&record, aircraft, &frames, &cameras);
         let mut are_there = true;
         let labels = labels_of(
             &frames.rows,
@@ -179,14 +178,13 @@ impl Labels {
     }
 }
 
-fn check(record: &ScenarioRecord, frames: &Frames) -> Result<()> {
+/// The type of the scenario's aircraft, if the scenario can be labelled.
+fn check(record: &ScenarioRecord, frames: &Frames) -> Result<&'static AircraftType> {
     let fault = |message: String| Err(Error::scenario(&record.id, message));
-    if record.aircraft != KNOWN_AIRCRAFT {
-        return fault(format!(
-            "its aircraft is {}, but the only known shape is {KNOWN_AIRCRAFT}",
-            record.aircraft
-        ));
-    }
+    let aircraft = match AircraftType::named(&record.aircraft) {
+        Ok(aircraft) => aircraft,
+        Err(unknown) => return fault(format!("its shape is unknown: {unknown}")),
+    };
     if let Some(geoid) = &record.geoid {
         return fault(format!(
             "its heights refer to the geoid {geoid}; expected none (heights above the ellipsoid)"
@@ -199,7 +197,7 @@ fn check(record: &ScenarioRecord, frames: &Frames) -> Result<()> {
             record.ticks
         ));
     }
-    Ok(())
+    Ok(aircraft)
 }
 
 /// The cameras of the scenario's views, in their order.
@@ -225,7 +223,12 @@ pub(crate) fn cameras(scenario: &OpenScenario, record: &ScenarioRecord) -> Resul
     record.views.iter().map(camera_of).collect()
 }
 
-fn truth_boxes(record: &ScenarioRecord, frames: &Frames, cameras: &[Camera]) -> Vec<TruthBox> {
+fn truth_boxes(
+    record: &ScenarioRecord,
+    aircraft: &AircraftType,
+    frames: &Frames,
+    cameras: &[Camera],
+) -> Vec<TruthBox> {
     let mut boxes = Vec::new();
     // Flaps and gear move during only a few ticks of a flight.
     for rows in frames.rows.chunk_by(|a, b| a.controls == b.controls) {
@@ -233,7 +236,7 @@ fn truth_boxes(record: &ScenarioRecord, frames: &Frames, cameras: &[Camera]) -> 
             flap_ratio,
             gear_ratio,
         } = rows[0].controls;
-        let mesh = boeing_737_800(Configuration {
+        let mesh = aircraft.mesh(Configuration {
             flap_ratio,
             gear_ratio,
         });

@@ -26,6 +26,7 @@ _SCENARIOS: dict[str, pl.DataType] = {
     **dict.fromkeys(["airport", "runway"], pl.String()),
     "frame_rate": pl.Float64(),
     "ticks": pl.Int64(),
+    "aircraft": pl.String(),
     "rig": pl.String(),
     "views": pl.List(pl.String),
 }
@@ -91,6 +92,7 @@ class Corpus:
                     "runway": runway["name"],
                     "frame_rate": rate["numerator"] / rate["denominator"],
                     "ticks": record["ticks"],
+                    "aircraft": record["aircraft"],
                     "rig": record["rig"],
                     "views": record["views"],
                 }

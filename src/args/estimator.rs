@@ -39,8 +39,8 @@ pub(crate) struct TrainArgs {
     /// Run whose networks to start from instead of random ones; views and layers must be the same
     #[arg(long, value_name = "RUN")]
     pub(crate) start_from: Option<PathBuf>,
-    /// Hold out a weather or time of day as the test side, e.g. weather=stormy or time=18:00
-    #[arg(long, value_name = "weather=NAME|time=HH:MM")]
+    /// Hold out a weather, time of day or aircraft type as the test side, e.g. weather=stormy, time=18:00 or type=A359
+    #[arg(long, value_name = "weather=NAME|time=HH:MM|type=NAME")]
     pub(crate) leave_out: Option<String>,
     /// Draw this share of the scenarios for the test, whatever flights they share, e.g. 0.3 as in the paper
     ///

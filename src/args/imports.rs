@@ -8,6 +8,34 @@ use generator::tracks::NamedColumn;
 use crate::args::shared::output::Output;
 use crate::help;
 
+/// The list, or drawings.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct AircraftArgs {
+    #[command(subcommand)]
+    pub(crate) command: Option<AircraftCommand>,
+    /// Print the list as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum AircraftCommand {
+    /// Draw types from ahead, from the left and from above, at one scale, ready to land
+    #[command(after_help = help::AIRCRAFT_SHOW)]
+    Show(AircraftShowArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct AircraftShowArgs {
+    /// Types by name or ICAO designator, a row of the drawing each
+    #[arg(required = true, value_name = "TYPE")]
+    pub(crate) types: Vec<String>,
+    /// The image to write
+    #[arg(long, value_name = "FILE", value_parser = Output::NewFile.parser())]
+    pub(crate) png: PathBuf,
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum AirportCommand {
     /// Print `[airport.ICAO.runway.NAME]` with the source of each figure, and where the tables differ

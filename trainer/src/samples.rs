@@ -98,6 +98,8 @@ pub(crate) struct ScenarioSummary {
     pub effective_weather: Option<EffectiveWeather>,
     /// Local time as named in the sweep.
     pub time_of_day: String,
+    /// Aircraft type.
+    pub aircraft: String,
     pub runway: Runway,
     pub touchdown: Geodetic,
     /// Cameras in the order of the views, as placed in this scenario.
@@ -128,6 +130,7 @@ impl ScenarioSummary {
             planned_weather: record.conditions.weather,
             effective_weather: record.effective_weather,
             time_of_day: record.conditions.time_of_day,
+            aircraft: record.aircraft,
             runway: record.runway,
             touchdown: record.touchdown,
             cameras: cameras.into_values().collect(),

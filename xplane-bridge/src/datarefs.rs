@@ -9,6 +9,7 @@ mod tolerance;
 mod version;
 mod weather;
 
+use airframe::AircraftType;
 use dataset::conditions::{Clock, Conditions};
 use dataset::geometry::runway::Runway;
 
@@ -431,27 +432,36 @@ pub(crate) fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
 }
 
 /// An aircraft that X-Plane brings along.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct AircraftFile {
     /// Value of [`AIRCRAFT_ICAO`] while it is loaded.
     pub icao: &'static str,
     /// The `.acf` file below X-Plane's folder.
-    pub path: &'static str,
+    pub path: String,
     /// Wing span and length of the type, metres.
     pub size_m: (f64, f64),
 }
 
-/// The aircraft file for a name in sweeps; `None` if unknown: the user must load it.
-pub(crate) fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile> {
-    let path = match (name, generation) {
-        ("B737-800", Generation::XPlane11) => "Aircraft/Laminar Research/Boeing B737-800/b738.acf",
-        ("B737-800", Generation::XPlane12) => "Aircraft/Laminar Research/Boeing 737-800/b738.acf",
-        _ => return None,
+/// The aircraft file for a name in sweeps. `None` if this X-Plane brings none along. The stand-in has all types.
+pub(crate) fn aircraft_file(
+    name: &str,
+    generation: Generation,
+    is_stand_in: bool,
+) -> Option<AircraftFile> {
+    let of = AircraftType::named(name).ok()?;
+    let own = match generation {
+        Generation::XPlane11 => &of.x_plane.in_11,
+        Generation::XPlane12 => &of.x_plane.in_12,
+    };
+    let path = match own {
+        Some(path) => path.clone(),
+        None if is_stand_in => of.stand_in_file(),
+        None => return None,
     };
     Some(AircraftFile {
-        icao: "B738",
+        icao: &of.designator,
         path,
-        size_m: (35.8, 39.5),
+        size_m: (of.published.span_m, of.published.length_m),
     })
 }
 
@@ -467,6 +477,25 @@ mod tests {
     use dataset::conditions::{CloudKind, CloudLayer, Weather};
 
     use super::*;
+
+    #[test]
+    fn x_plane_has_some_types_and_the_stand_in_has_all() {
+        let has = |name: &str, generation, is_stand_in| {
+            aircraft_file(name, generation, is_stand_in).is_some()
+        };
+        for of in AircraftType::all() {
+            assert!(has(&of.name, Generation::XPlane12, true), "{}", of.name);
+        }
+        assert!(has("A330-300", Generation::XPlane12, false));
+        assert!(!has("A330-300", Generation::XPlane11, false));
+        assert!(!has("A350-900", Generation::XPlane12, false));
+        let own = aircraft_file("B737-800", Generation::XPlane12, true).unwrap();
+        assert_eq!(
+            own.path,
+            "Aircraft/Laminar Research/Boeing 737-800/b738.acf"
+        );
+        assert_eq!((own.icao, own.size_m), ("B738", (35.8, 39.5)));
+    }
 
     fn stormy() -> Conditions {
         Conditions {

@@ -271,8 +271,7 @@ impl Simulator {
         &self.profile
     }
 
-    /// Sets the aircraft, by its name in sweeps. One that comes with X-Plane is loaded when a flight begins; any other must be
-    /// loaded by the user.
+    /// Sets the aircraft, by its name in sweeps. It is loaded when a flight begins.
     pub fn set_aircraft(&mut self, name: &str) {
         self.aircraft = Some(name.to_owned());
     }

@@ -1,19 +1,21 @@
-//! Hull and wing-to-body fairing: lofts over elliptic cross-sections.
+//! Hull and wing-to-body fairing: lofts over elliptic cross-sections. Their outlines are the 737's; other types stretch them.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::{Material, Mesh, at, solid::add_loft};
+use crate::{Material, Mesh, frame::Frame, solid::add_loft};
 
 const SEGMENTS: usize = 32;
 
 /// Upright elliptic cross-section at a station.
-struct Ellipse {
-    station_m: f64,
-    half_width_m: f64,
-    half_height_m: f64,
-    center_down_m: f64,
+#[derive(Clone, Copy)]
+pub(crate) struct Ellipse {
+    pub(crate) station_m: f64,
+    pub(crate) half_width_m: f64,
+    pub(crate) half_height_m: f64,
+    /// Position of the centre below the frame's zero, metres.
+    pub(crate) center_down_m: f64,
 }
 
 const fn ellipse(
@@ -31,7 +33,7 @@ const fn ellipse(
 }
 
 /// The nose hangs low, the cylinder is 3.76 m wide and 4.01 m high, the tail cone rises for rotation at take-off.
-const HULL: [Ellipse; 17] = [
+pub(crate) const HULL: [Ellipse; 17] = [
     ellipse(0.00, 0.06, 0.05, 0.52),
     ellipse(0.10, 0.34, 0.32, 0.51),
     ellipse(0.35, 0.64, 0.62, 0.47),
@@ -52,7 +54,7 @@ const HULL: [Ellipse; 17] = [
 ];
 
 /// Bulge under the wing's centre section, where the main wheels stow.
-const FAIRING: [Ellipse; 7] = [
+pub(crate) const FAIRING: [Ellipse; 7] = [
     ellipse(11.8, 0.60, 0.30, 1.55),
     ellipse(13.0, 1.50, 0.62, 1.50),
     ellipse(14.8, 1.98, 0.82, 1.42),
@@ -62,11 +64,17 @@ const FAIRING: [Ellipse; 7] = [
     ellipse(24.0, 0.50, 0.24, 1.50),
 ];
 
-pub(crate) fn add(mesh: &mut Mesh) {
-    add_loft(mesh, &rings(&HULL), hull_paint);
-    add_loft(mesh, &rings(&FAIRING), |_, _| Material::Belly);
+/// Adds a hull of [`HULL`]'s sections, in its paint.
+pub(crate) fn add_hull(mesh: &mut Mesh, hull: &[Ellipse; HULL.len()], frame: &Frame) {
+    add_loft(mesh, &rings(hull, frame), hull_paint);
 }
 
+/// Adds a fairing.
+pub(crate) fn add_fairing(mesh: &mut Mesh, sections: &[Ellipse], frame: &Frame) {
+    add_loft(mesh, &rings(sections, frame), |_, _| Material::Belly);
+}
+
+/// Paint by the station on the 737's hull.
 fn hull_paint(ring: usize, segment: usize) -> Material {
     let station_m = (HULL[ring].station_m + HULL[ring + 1].station_m) / 2.0;
     let up = (TAU * (segment as f64 + 0.5) / SEGMENTS as f64).sin();
@@ -81,14 +89,14 @@ fn hull_paint(ring: usize, segment: usize) -> Material {
     }
 }
 
-fn rings(sections: &[Ellipse]) -> Vec<Vec<DVec3>> {
+fn rings(sections: &[Ellipse], frame: &Frame) -> Vec<Vec<DVec3>> {
     sections
         .iter()
         .map(|section| {
             (0..SEGMENTS)
                 .map(|segment| {
                     let (sin, cos) = (TAU * segment as f64 / SEGMENTS as f64).sin_cos();
-                    at(
+                    frame.at(
                         section.station_m,
                         section.half_width_m * cos,
                         section.center_down_m - section.half_height_m * sin,

@@ -2,8 +2,12 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::{Material, Mesh, at, solid::add_loft};
+use crate::frame::Frame;
+use crate::gear::WHEEL_HEIGHT_BELOW_CG_M;
+use crate::{Material, Mesh, solid::add_loft};
 
+/// Height of the 737's fin tip over ground on the ground, metres.
+const HEIGHT_M: f64 = 12.5;
 /// Points per airfoil side between leading and trailing edge.
 const POINTS_PER_SIDE: usize = 6;
 /// Deflection of full flaps, radians.
@@ -14,8 +18,8 @@ const FLAP_CHORD_RATIO: f64 = 0.26;
 const FLAP_TRAVEL_RATIO: f64 = 0.12;
 
 #[derive(Clone, Copy)]
-struct Section {
-    leading_edge: DVec3,
+pub(crate) struct Section {
+    pub(crate) leading_edge: DVec3,
     chord_m: f64,
     thickness_ratio: f64,
     /// Unit vector towards the upper side.
@@ -24,7 +28,12 @@ struct Section {
     deflection_rad: f64,
 }
 
-const fn section(leading_edge: DVec3, chord_m: f64, thickness_ratio: f64, up: DVec3) -> Section {
+pub(crate) const fn section(
+    leading_edge: DVec3,
+    chord_m: f64,
+    thickness_ratio: f64,
+    up: DVec3,
+) -> Section {
     Section {
         leading_edge,
         chord_m,
@@ -34,8 +43,31 @@ const fn section(leading_edge: DVec3, chord_m: f64, thickness_ratio: f64, up: DV
     }
 }
 
+/// Wings, horizontal and vertical tail: sections of the right half, from the plane of symmetry outwards and upwards.
+pub(crate) struct Surfaces {
+    pub(crate) wing: Vec<Section>,
+    /// Index of the last section of the wing itself; a winglet begins there.
+    pub(crate) wing_tip: usize,
+    /// Lateral ends of the flaps, metres right of the plane of symmetry.
+    pub(crate) flaps_m: [(f64, f64); 2],
+    pub(crate) tailplane: [Section; 2],
+    pub(crate) fin: Vec<Section>,
+}
+
+/// The surfaces of the 737.
+pub(crate) fn surfaces(frame: &Frame) -> Surfaces {
+    Surfaces {
+        wing: right_wing(frame).to_vec(),
+        wing_tip: 3,
+        flaps_m: [(2.10, 4.30), (5.60, 12.20)],
+        tailplane: right_tailplane(frame),
+        fin: fin(frame).to_vec(),
+    }
+}
+
 /// The right wing, from its centre to the winglet's tip.
-fn right_wing() -> [Section; 7] {
+fn right_wing(frame: &Frame) -> [Section; 7] {
+    let at = |station_m, right_m, down_m| frame.at(station_m, right_m, down_m);
     let wing_up = DVec3::new(0.0, -0.105, -1.0).normalize();
     let canted = DVec3::new(0.0, -0.75, -0.66).normalize();
     let winglet_up = DVec3::new(0.0, -0.97, -0.24).normalize();
@@ -51,7 +83,8 @@ fn right_wing() -> [Section; 7] {
     ]
 }
 
-fn right_tailplane() -> [Section; 2] {
+fn right_tailplane(frame: &Frame) -> [Section; 2] {
+    let at = |station_m, right_m, down_m| frame.at(station_m, right_m, down_m);
     let up = DVec3::new(0.0, -0.12, -1.0).normalize();
     [
         section(at(33.40, 0.40, -1.28), 4.15, 0.11, up),
@@ -59,9 +92,10 @@ fn right_tailplane() -> [Section; 2] {
     ]
 }
 
-fn fin() -> [Section; 4] {
+fn fin(frame: &Frame) -> [Section; 4] {
+    let at = |station_m, right_m, down_m| frame.at(station_m, right_m, down_m);
     let up = DVec3::Y;
-    let tip = at(36.40, 0.0, crate::WHEEL_HEIGHT_BELOW_CG_M - crate::HEIGHT_M);
+    let tip = at(36.40, 0.0, WHEEL_HEIGHT_BELOW_CG_M - HEIGHT_M);
     // The lowest two make the long dorsal fillet.
     [
         section(at(26.60, 0.0, -1.70), 10.20, 0.05, up),
@@ -71,28 +105,28 @@ fn fin() -> [Section; 4] {
     ]
 }
 
-pub(crate) fn add(mesh: &mut Mesh, flap_ratio: f64) {
-    let wing = right_wing();
-    let flaps = [(2.10, 4.30), (5.60, 12.20)].map(|(inner_m, outer_m)| {
+pub(crate) fn add(mesh: &mut Mesh, surfaces: &Surfaces, flap_ratio: f64) {
+    let Surfaces { wing, wing_tip, .. } = surfaces;
+    let flaps = surfaces.flaps_m.map(|(inner_m, outer_m)| {
         [
-            flap(&wing, inner_m, flap_ratio),
-            flap(&wing, outer_m, flap_ratio),
+            flap(wing, inner_m, flap_ratio),
+            flap(wing, outer_m, flap_ratio),
         ]
     });
     for mirrored in [false, true] {
-        add_surface(mesh, &wing, mirrored, |section| {
-            if section < 4 {
+        add_surface(mesh, wing, mirrored, |section| {
+            if section <= *wing_tip {
                 Material::Wing
             } else {
                 Material::Tail
             }
         });
-        add_surface(mesh, &right_tailplane(), mirrored, |_| Material::Wing);
+        add_surface(mesh, &surfaces.tailplane, mirrored, |_| Material::Wing);
         for flap in &flaps {
             add_surface(mesh, flap, mirrored, |_| Material::Flap);
         }
     }
-    add_surface(mesh, &fin(), false, |_| Material::Tail);
+    add_surface(mesh, &surfaces.fin, false, |_| Material::Tail);
 }
 
 /// The flap's section at a span station: nested in the wing's trailing edge, or moved aft and turned down.
@@ -128,7 +162,8 @@ fn section_at(sections: &[Section], right_m: f64) -> Section {
     )
 }
 
-fn add_surface(
+/// Adds the closed skin over sections, or over their mirror images.
+pub(crate) fn add_surface(
     mesh: &mut Mesh,
     sections: &[Section],
     mirrored: bool,

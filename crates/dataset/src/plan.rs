@@ -61,8 +61,9 @@ pub struct Plan {
 /// Properties shared by all scenarios.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Common {
-    /// Aircraft type.
-    pub aircraft: String,
+    /// Aircraft type; absent if scenarios differ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aircraft: Option<String>,
     /// The runway it lands on.
     pub runway: Runway,
     /// Name of the camera rig.

@@ -1,4 +1,5 @@
-//! Lift, drag and side force: a 737-800 in approach configurations.
+//! Lift, drag and side force: a 737-800 in approach configurations. Other types have its polar and its mass, on a wing of the area with
+//! which they fly at their own approach speed as the 737 at its own: wing loadings go with the square of the speed.
 //!
 //! Input: motion through the air in body axes, density, flaps, gear, spoilers. Output: force in body axes, and the trim for level
 //! flight. The lift line goes through the pitch angles of the recorded flights (96 m/s with flaps 0.25: 5.2 degrees level; 71.6 m/s
@@ -11,7 +12,8 @@ use glam::DVec3;
 pub(crate) const GRAVITY_MPS2: f64 = 9.806_65;
 /// Landing mass, kilograms.
 pub(crate) const MASS_KG: f64 = 55_000.0;
-const WING_AREA_M2: f64 = 124.6;
+/// Wing area of the 737, square metres.
+pub(crate) const WING_AREA_M2: f64 = 124.6;
 const LIFT_AT_ZERO_ANGLE: f64 = 0.136;
 const LIFT_PER_FLAP_RATIO: f64 = 0.932;
 const LIFT_PER_RAD: f64 = 5.0;
@@ -34,8 +36,13 @@ pub(crate) struct Trim {
     pub(crate) drag_n: f64,
 }
 
-pub(crate) fn level_trim(airspeed_mps: f64, density_kg_per_m3: f64, controls: Controls) -> Trim {
-    let pressure_n = dynamic_force_n(airspeed_mps, density_kg_per_m3);
+pub(crate) fn level_trim(
+    wing_area_m2: f64,
+    airspeed_mps: f64,
+    density_kg_per_m3: f64,
+    controls: Controls,
+) -> Trim {
+    let pressure_n = dynamic_force_n(wing_area_m2, airspeed_mps, density_kg_per_m3);
     let lift = MASS_KG * GRAVITY_MPS2 / pressure_n;
     Trim {
         angle_of_attack_rad: (lift - lift_at_zero_angle(controls)) / LIFT_PER_RAD,
@@ -44,12 +51,14 @@ pub(crate) fn level_trim(airspeed_mps: f64, density_kg_per_m3: f64, controls: Co
 }
 
 /// Time constant with which the flight path follows the pitch, seconds.
-pub(crate) fn path_lag_s(airspeed_mps: f64, density_kg_per_m3: f64) -> f64 {
-    MASS_KG * airspeed_mps / (dynamic_force_n(airspeed_mps, density_kg_per_m3) * LIFT_PER_RAD)
+pub(crate) fn path_lag_s(wing_area_m2: f64, airspeed_mps: f64, density_kg_per_m3: f64) -> f64 {
+    let pressure_n = dynamic_force_n(wing_area_m2, airspeed_mps, density_kg_per_m3);
+    MASS_KG * airspeed_mps / (pressure_n * LIFT_PER_RAD)
 }
 
 /// Aerodynamic force in body axes, newtons, for a motion through the air in body axes.
 pub(crate) fn force_body_n(
+    wing_area_m2: f64,
     through_air_mps: DVec3,
     density_kg_per_m3: f64,
     controls: Controls,
@@ -58,7 +67,7 @@ pub(crate) fn force_body_n(
     let airspeed = through_air_mps.length().max(1.0);
     let angle_of_attack = through_air_mps.z.atan2(through_air_mps.x.max(1.0));
     let sideslip = (through_air_mps.y / airspeed).clamp(-1.0, 1.0).asin();
-    let pressure_n = dynamic_force_n(airspeed, density_kg_per_m3);
+    let pressure_n = dynamic_force_n(wing_area_m2, airspeed, density_kg_per_m3);
     let attached =
         (lift_at_zero_angle(controls) + LIFT_PER_RAD * angle_of_attack).clamp(-MAX_LIFT, MAX_LIFT);
     let lift = attached * (1.0 - LIFT_LOST_TO_SPOILERS * spoiler_ratio);
@@ -72,8 +81,8 @@ pub(crate) fn force_body_n(
         )
 }
 
-fn dynamic_force_n(airspeed_mps: f64, density_kg_per_m3: f64) -> f64 {
-    0.5 * density_kg_per_m3 * airspeed_mps * airspeed_mps * WING_AREA_M2
+fn dynamic_force_n(wing_area_m2: f64, airspeed_mps: f64, density_kg_per_m3: f64) -> f64 {
+    0.5 * density_kg_per_m3 * airspeed_mps * airspeed_mps * wing_area_m2
 }
 
 fn lift_at_zero_angle(controls: Controls) -> f64 {
@@ -103,11 +112,11 @@ mod tests {
             flap_ratio: 0.25,
             gear_ratio: 0.0,
         };
-        let level = level_trim(96.0, 1.138, clean)
+        let level = level_trim(WING_AREA_M2, 96.0, 1.138, clean)
             .angle_of_attack_rad
             .to_degrees();
         assert!((level - 5.23).abs() < 0.3, "level {level}");
-        let glide = level_trim(71.6, 1.213, LANDING)
+        let glide = level_trim(WING_AREA_M2, 71.6, 1.213, LANDING)
             .angle_of_attack_rad
             .to_degrees()
             - 3.0;
@@ -116,9 +125,15 @@ mod tests {
 
     #[test]
     fn at_trim_lift_carries_the_weight_and_drag_is_as_told() {
-        let trim = level_trim(72.0, 1.2, LANDING);
+        let trim = level_trim(WING_AREA_M2, 72.0, 1.2, LANDING);
         let (sin, cos) = trim.angle_of_attack_rad.sin_cos();
-        let force = force_body_n(DVec3::new(72.0 * cos, 0.0, 72.0 * sin), 1.2, LANDING, 0.0);
+        let force = force_body_n(
+            WING_AREA_M2,
+            DVec3::new(72.0 * cos, 0.0, 72.0 * sin),
+            1.2,
+            LANDING,
+            0.0,
+        );
         let up_n = -(force.z * cos - force.x * sin);
         let back_n = -(force.x * cos + force.z * sin);
         assert!((up_n / (MASS_KG * GRAVITY_MPS2) - 1.0).abs() < 1e-9);
@@ -128,8 +143,8 @@ mod tests {
     #[test]
     fn spoilers_put_the_weight_on_the_wheels() {
         let motion = DVec3::new(70.0, 0.0, 5.0);
-        let flying = force_body_n(motion, 1.2, LANDING, 0.0);
-        let dumped = force_body_n(motion, 1.2, LANDING, 1.0);
+        let flying = force_body_n(WING_AREA_M2, motion, 1.2, LANDING, 0.0);
+        let dumped = force_body_n(WING_AREA_M2, motion, 1.2, LANDING, 1.0);
         assert!(dumped.z.abs() < 0.4 * flying.z.abs());
         assert!(dumped.x < flying.x, "spoilers brake");
     }

@@ -40,14 +40,14 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// The air of this weather; `seed` decides gusts and turbulence.
-    pub(crate) fn new(weather: &Weather, seed: u64) -> Self {
+    /// The air of this weather; `seed` decides gusts and turbulence, of which a wing of `span_m` takes the mean.
+    pub(crate) fn new(weather: &Weather, seed: u64, span_m: f64) -> Self {
         let from_rad = weather.wind_from_true_deg.to_radians();
         Self {
             wind_at_10_m_ned_mps: -weather.wind_speed_mps
                 * DVec3::new(from_rad.cos(), from_rad.sin(), 0.0),
             gusts: Gusts::new(weather.turbulence_ratio, seed),
-            turbulence: Turbulence::new(weather.turbulence_ratio, seed),
+            turbulence: Turbulence::new(weather.turbulence_ratio, seed, span_m),
         }
     }
 
@@ -99,7 +99,7 @@ mod tests {
             wind_from_true_deg: 90.0,
             turbulence_ratio: 0.0,
         };
-        let air = Air::new(&weather, 0);
+        let air = Air::new(&weather, 0, 35.8);
         // A wind from the east carries the air west.
         assert!(
             air.mean_wind_ned_mps(10.0)

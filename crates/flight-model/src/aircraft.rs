@@ -5,13 +5,13 @@
 //! turns into gusts like a weathercock. This determines the distant view: path, speed, crab, pitch. Other 737 dynamics (moments of elevator
 //! and aileron, engine spool curves) are not modelled.
 
-use airframe::WHEEL_HEIGHT_BELOW_CG_M;
 use dataset::geometry::geodesy::{Geodetic, WGS84_FLATTENING, WGS84_SEMI_MAJOR_M};
 use dataset::geometry::pose::{Controls, Pose};
 use glam::{DMat3, DVec3};
 
 use super::aerodynamics::{self, GRAVITY_MPS2, MASS_KG};
 use super::air::{AirMotion, density_kg_per_m3};
+use super::form::Form;
 use super::landing_gear;
 use super::time_step::STEP_S;
 
@@ -57,6 +57,7 @@ pub(crate) struct Commands {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Aircraft {
+    pub(crate) form: Form,
     pub(crate) position: Geodetic,
     pub(crate) velocity_ned_mps: DVec3,
     pub(crate) heading_rad: f64,
@@ -100,6 +101,7 @@ impl Aircraft {
             ned_from_body.transpose() * (self.velocity_ned_mps - air.velocity_ned_mps);
 
         let aerodynamic = aerodynamics::force_body_n(
+            self.form.wing_area_m2,
             through_air,
             density_kg_per_m3(self.position.altitude_msl_m),
             self.controls,
@@ -107,7 +109,8 @@ impl Aircraft {
         );
         let flying = ned_from_body * (aerodynamic + DVec3::X * self.thrust_n) / MASS_KG
             + DVec3::Z * GRAVITY_MPS2;
-        let wheel_height_m = self.position.altitude_msl_m - ground_msl_m - WHEEL_HEIGHT_BELOW_CG_M;
+        let wheel_height_m =
+            self.position.altitude_msl_m - ground_msl_m - self.form.wheel_height_below_cg_m;
         let contact = landing_gear::push(
             wheel_height_m,
             self.velocity_ned_mps,
@@ -234,8 +237,14 @@ mod tests {
             flap_ratio: 0.25,
             gear_ratio: 0.0,
         };
-        let trim = aerodynamics::level_trim(90.0, density_kg_per_m3(700.0), controls);
+        let trim = aerodynamics::level_trim(
+            aerodynamics::WING_AREA_M2,
+            90.0,
+            density_kg_per_m3(700.0),
+            controls,
+        );
         let aircraft = Aircraft {
+            form: Form::of(airframe::AircraftType::boeing_737_800()),
             position: Geodetic {
                 latitude_deg: 1.2,
                 longitude_deg: 103.9,

@@ -60,6 +60,7 @@ const MAX_STEERING_RAD: f64 = 0.05;
 
 #[derive(Debug)]
 pub(crate) struct Autopilot {
+    wing_area_m2: f64,
     technique: Technique,
     vertical: VerticalGuidance,
     past_threshold_m: f64,
@@ -76,8 +77,9 @@ pub(crate) struct Autopilot {
 }
 
 impl Autopilot {
-    pub(crate) fn new(request: &FlyRequest, technique: Technique) -> Self {
+    pub(crate) fn new(request: &FlyRequest, technique: Technique, wing_area_m2: f64) -> Self {
         Self {
+            wing_area_m2,
             technique,
             vertical: VerticalGuidance::new(
                 request.profile,
@@ -200,13 +202,14 @@ impl Autopilot {
         self.pitch_integral_rad = (self.pitch_integral_rad
             + PITCH_INTEGRAL_PER_S * error_rad * AUTOPILOT_STEP_S)
             .clamp(-0.05, 0.05);
-        let trim_rad =
-            aerodynamics::level_trim(airspeed_mps, density, controls).angle_of_attack_rad;
+        let trim_rad = aerodynamics::level_trim(self.wing_area_m2, airspeed_mps, density, controls)
+            .angle_of_attack_rad;
         // The flare is a known manoeuvre and is led by its lag. On the path there is no lead: it would hold the path better than
         // the recorded autopilot, whose path mode is lightly damped.
         let (lead_s, gain) = if self.vertical.is_flaring() {
             (
-                aerodynamics::path_lag_s(airspeed_mps, density) + 1.0 / PITCH_FREQUENCY_RAD_PER_S,
+                aerodynamics::path_lag_s(self.wing_area_m2, airspeed_mps, density)
+                    + 1.0 / PITCH_FREQUENCY_RAD_PER_S,
                 FLARE_PITCH_GAIN,
             )
         } else {
@@ -241,7 +244,8 @@ impl Autopilot {
         let acceleration =
             (scheduled_mps2 + SPEED_GAIN_PER_S * error_mps + self.speed_integral_mps2)
                 .clamp(ACCELERATION_LIMITS_MPS2.0, ACCELERATION_LIMITS_MPS2.1);
-        let level_n = aerodynamics::level_trim(airspeed_mps, density, controls).drag_n;
+        let level_n =
+            aerodynamics::level_trim(self.wing_area_m2, airspeed_mps, density, controls).drag_n;
         let slope_n = MASS_KG * GRAVITY_MPS2 * now.climb_mps / airspeed_mps;
         let thrust_n = level_n + slope_n + MASS_KG * acceleration;
         // The integral pauses while the levers are at a stop, or it would overshoot when they leave it.

@@ -15,6 +15,7 @@ mod aerodynamics;
 mod air;
 mod aircraft;
 mod autopilot;
+mod form;
 mod gust;
 mod landing_gear;
 mod random;
@@ -26,7 +27,7 @@ mod vertical_guidance;
 #[cfg(test)]
 mod tests;
 
-use airframe::WHEEL_HEIGHT_BELOW_CG_M;
+use airframe::AircraftType;
 use dataset::conditions::Weather;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::{Controls, FlightState};
@@ -38,6 +39,7 @@ use aerodynamics::GRAVITY_MPS2;
 use air::{Air, SEA_LEVEL_DENSITY_KG_PER_M3, density_kg_per_m3};
 use aircraft::{Aircraft, Commands};
 use autopilot::Autopilot;
+use form::Form;
 use technique::Technique;
 pub use time_step::OUTPUT_RATE_HZ;
 use time_step::{STEP_S, STEPS_PER_STATE};
@@ -72,12 +74,16 @@ fn place_of(last: Option<&FlightState>) -> String {
     })
 }
 
-/// Flies `request` through `weather` until the aircraft has landed.
+/// Flies `request` through `weather` with a type until it has landed.
 ///
 /// # Errors
 /// The flight is still in the air at `request.time_limit_s`.
-pub fn land(request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotLanded> {
-    let states = fly(request, weather);
+pub fn land(
+    request: &FlyRequest,
+    aircraft: &AircraftType,
+    weather: &Weather,
+) -> Result<Vec<FlightState>, NotLanded> {
+    let states = fly(request, aircraft, weather);
     match states.last() {
         Some(last) if last.on_ground => Ok(states),
         last => Err(NotLanded {
@@ -87,9 +93,9 @@ pub fn land(request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>,
     }
 }
 
-/// Flies `request` through `weather`. A flight that has not landed by `request.time_limit_s` ends there, in the air.
-pub fn fly(request: &FlyRequest, weather: &Weather) -> Vec<FlightState> {
-    let mut flight = Flight::begin(request, weather);
+/// Flies `request` through `weather` with a type. A flight that has not landed by `request.time_limit_s` ends there, in the air.
+pub fn fly(request: &FlyRequest, aircraft: &AircraftType, weather: &Weather) -> Vec<FlightState> {
+    let mut flight = Flight::begin(request, Form::of(aircraft), weather);
     let mut states = vec![flight.state()];
     let mut landed_at_s = None;
     let mut commands = flight.commands(false);
@@ -124,11 +130,11 @@ struct Flight<'a> {
 }
 
 impl<'a> Flight<'a> {
-    fn begin(request: &'a FlyRequest, weather: &Weather) -> Self {
+    fn begin(request: &'a FlyRequest, form: Form, weather: &Weather) -> Self {
         let runway = &request.runway;
         let start = &request.start;
         let ground_msl_m = runway.threshold.altitude_msl_m;
-        let air = Air::new(weather, request.seed);
+        let air = Air::new(weather, request.seed, form.span_m);
         let heading_rad = start.heading_true_deg.to_radians();
         let wind = air.mean_wind_ned_mps(start.position.altitude_msl_m - ground_msl_m);
         let velocity_ned_mps =
@@ -139,6 +145,7 @@ impl<'a> Flight<'a> {
         let wind_angle_rad = (weather.wind_from_true_deg - runway.course_true_deg).to_radians();
         let technique = Technique::of(
             request.seed,
+            form.approach_speed_mps,
             start_speed_mps,
             weather.wind_speed_mps * wind_angle_rad.cos(),
         );
@@ -147,6 +154,7 @@ impl<'a> Flight<'a> {
             target: runway.touchdown_target(),
             air,
             aircraft: Aircraft {
+                form,
                 position: start.position,
                 velocity_ned_mps,
                 heading_rad,
@@ -160,7 +168,7 @@ impl<'a> Flight<'a> {
                 spoiler_ratio: 0.0,
                 on_ground: false,
             },
-            autopilot: Autopilot::new(request, technique),
+            autopilot: Autopilot::new(request, technique, form.wing_area_m2),
             time_s: 0.0,
             airspeed_mps: start.speed_mps,
         };
@@ -177,7 +185,12 @@ impl<'a> Flight<'a> {
             technique.controls(before_threshold_m, start_speed_mps, aircraft.controls);
         let climb_mps = self.autopilot.first_climb_mps(&situation);
         let density = density_kg_per_m3(aircraft.position.altitude_msl_m);
-        let trim = aerodynamics::level_trim(self.airspeed_mps, density, aircraft.controls);
+        let trim = aerodynamics::level_trim(
+            aircraft.form.wing_area_m2,
+            self.airspeed_mps,
+            density,
+            aircraft.controls,
+        );
         let climb_rad = climb_mps / self.airspeed_mps;
         aircraft.velocity_ned_mps.z = -climb_mps;
         aircraft.pitch_rad = trim.angle_of_attack_rad + climb_rad;
@@ -215,7 +228,7 @@ impl<'a> Flight<'a> {
             height_m: relative.height_over_target_m,
             wheel_height_m: position.altitude_msl_m
                 - self.runway.threshold.altitude_msl_m
-                - WHEEL_HEIGHT_BELOW_CG_M,
+                - self.aircraft.form.wheel_height_below_cg_m,
             ground_speed_mps: velocity.x.hypot(velocity.y),
             climb_mps: -velocity.z,
         }

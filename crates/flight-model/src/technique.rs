@@ -15,8 +15,6 @@ const SPEED_SCHEDULE: [(f64, f64); 4] = [
     (9_000.0, 0.8),
     (7_000.0, 0.0),
 ];
-/// Final approach equivalent airspeed without wind, metres per second (138 kt).
-const FINAL_SPEED_MPS: f64 = 71.2;
 /// Part of the headwind at 10 m that is added to the final speed, and the largest addition (15 kt).
 const HEADWIND_PART: f64 = 0.25;
 const MAX_ADDITION_MPS: f64 = 7.7;
@@ -51,12 +49,18 @@ pub(crate) struct Technique {
 }
 
 impl Technique {
-    /// Draws a crew. `start_speed_mps` is the equivalent airspeed at the start, `headwind_mps` the wind at 10 m against the landing course
-    /// (negative: tailwind).
-    pub(crate) fn of(seed: u64, start_speed_mps: f64, headwind_mps: f64) -> Self {
+    /// Draws a crew. `approach_speed_mps` is the type's equivalent airspeed on final without wind, `start_speed_mps` that at the start,
+    /// `headwind_mps` the wind at 10 m against the landing course (negative: tailwind).
+    pub(crate) fn of(
+        seed: u64,
+        approach_speed_mps: f64,
+        start_speed_mps: f64,
+        headwind_mps: f64,
+    ) -> Self {
         let mut generator = random::generator(seed, Stream::Technique);
         let addition_mps = (HEADWIND_PART * headwind_mps).clamp(0.0, MAX_ADDITION_MPS);
-        let final_speed_mps = FINAL_SPEED_MPS + addition_mps + uniform(&mut generator, -0.8, 0.8);
+        let final_speed_mps =
+            approach_speed_mps + addition_mps + uniform(&mut generator, -0.8, 0.8);
         let missing_mps =
             (SPEED_SCHEDULE[0].1 - (start_speed_mps - final_speed_mps) - HABITUAL_MPS).max(0.0);
         Self {
@@ -116,9 +120,12 @@ fn interpolate(table: &[(f64, f64)], at: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// The 737's, 138 kt.
+    const APPROACH_SPEED_MPS: f64 = 71.2;
+
     #[test]
     fn speed_falls_from_the_start_to_the_final_one_and_never_rises() {
-        let crew = Technique::of(5, 92.5, 0.0);
+        let crew = Technique::of(5, APPROACH_SPEED_MPS, 92.5, 0.0);
         let speeds: Vec<f64> = (0..200)
             .map(|i| crew.speed_mps(20_000.0 - 100.0 * f64::from(i)))
             .collect();
@@ -129,14 +136,17 @@ mod tests {
 
     #[test]
     fn headwind_makes_the_approach_faster_and_tailwind_does_not_make_it_slower() {
-        let calm = Technique::of(5, 92.5, 0.0).speed_mps(2_000.0);
-        assert!(Technique::of(5, 92.5, 8.0).speed_mps(2_000.0) > calm + 1.5);
-        assert_eq!(Technique::of(5, 92.5, -8.0).speed_mps(2_000.0), calm);
+        let calm = Technique::of(5, APPROACH_SPEED_MPS, 92.5, 0.0).speed_mps(2_000.0);
+        assert!(Technique::of(5, APPROACH_SPEED_MPS, 92.5, 8.0).speed_mps(2_000.0) > calm + 1.5);
+        assert_eq!(
+            Technique::of(5, APPROACH_SPEED_MPS, 92.5, -8.0).speed_mps(2_000.0),
+            calm
+        );
     }
 
     #[test]
     fn flaps_and_gear_come_out_step_by_step_and_stay_out() {
-        let crew = Technique::of(0, 92.5, 0.0);
+        let crew = Technique::of(0, APPROACH_SPEED_MPS, 92.5, 0.0);
         let mut now = Controls {
             flap_ratio: 0.0,
             gear_ratio: 0.0,
@@ -163,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_flight_that_starts_slow_starts_with_flaps_and_gear_out() {
-        let crew = Technique::of(0, 80.0, 0.0);
+        let crew = Technique::of(0, APPROACH_SPEED_MPS, 80.0, 0.0);
         let up = Controls {
             flap_ratio: 0.0,
             gear_ratio: 0.0,

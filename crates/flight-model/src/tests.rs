@@ -9,6 +9,11 @@ use super::*;
 
 mod golden;
 
+/// A flight of the 737.
+fn fly(request: &FlyRequest, weather: &Weather) -> Vec<FlightState> {
+    super::fly(request, AircraftType::boeing_737_800(), weather)
+}
+
 fn weather(wind_from_true_deg: f64, wind_speed_mps: f64, turbulence_ratio: f64) -> Weather {
     Weather {
         visibility_m: 40_000.0,
@@ -113,7 +118,7 @@ fn calm_landings_touch_down_gently_where_the_recorded_ones_do() {
             "seed {seed}: {sink_mps} m/s"
         );
         let last = states.last().unwrap();
-        let at_rest_msl_m = 6.71 + WHEEL_HEIGHT_BELOW_CG_M;
+        let at_rest_msl_m = 6.71 + airframe::WHEEL_HEIGHT_BELOW_CG_M;
         assert!(
             (last.pose.altitude_msl_m - at_rest_msl_m).abs() < 0.05,
             "{last:?}"
@@ -280,4 +285,29 @@ fn a_flight_that_runs_out_of_time_ends_in_the_air() {
     let states = fly(&request, &weather(0.0, 0.0, 0.0));
     assert_eq!(states.len(), 301);
     assert!(states.iter().all(|state| !state.on_ground));
+}
+
+#[test]
+fn each_type_lands_on_its_own_wheels_at_its_own_speed() {
+    for aircraft in AircraftType::all() {
+        let states = super::fly(&straight_in(3), aircraft, &weather(0.0, 0.0, 0.0));
+        let name = &aircraft.name;
+        let last = states.last().unwrap();
+        assert!(last.on_ground, "{name} has not landed");
+        let over_ground_m = last.pose.altitude_msl_m - 6.71;
+        let wheels_m = aircraft.wheel_height_below_cg_m();
+        assert!(
+            (over_ground_m - wheels_m).abs() < 0.1,
+            "{name}: {over_ground_m} m, its wheels reach {wheels_m} m"
+        );
+        let final_approach = states
+            .iter()
+            .find(|state| state.pose.altitude_msl_m < 120.0)
+            .unwrap();
+        let off_mps = final_approach.true_airspeed_mps - aircraft.approach_speed_mps;
+        // Crews differ by 0.8 m/s, and true airspeed is equivalent airspeed at sea level within half a percent.
+        assert!(off_mps.abs() < 1.6, "{name}: {off_mps} m/s off");
+        let pitch_deg = final_approach.pose.pitch_deg;
+        assert!((2.0..5.0).contains(&pitch_deg), "{name}: {pitch_deg}");
+    }
 }

@@ -5,7 +5,6 @@
 //! altitude model below 1,000 ft, its 1,750 ft scale length above 2,000 ft, linear in between. White noise drives the spectrum's
 //! rational filters; first-order parts are stepped exactly, so the variance does not depend on the time step.
 
-use airframe::SPAN_M;
 use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use rand_chacha::ChaCha12Rng;
 
@@ -46,6 +45,8 @@ struct Scales {
 #[derive(Debug)]
 pub(crate) struct Turbulence {
     wind_at_20_ft_mps: f64,
+    /// Span of the wing that takes the mean of the gusts, metres.
+    span_m: f64,
     along: FirstOrder,
     right: SecondOrder,
     down: SecondOrder,
@@ -54,9 +55,10 @@ pub(crate) struct Turbulence {
 
 impl Turbulence {
     /// Turbulence of intensity `ratio` (0 none, 1/3 light, 2/3 moderate, 1 severe), already developed when the flight begins.
-    pub(crate) fn new(ratio: f64, seed: u64) -> Self {
+    pub(crate) fn new(ratio: f64, seed: u64, span_m: f64) -> Self {
         Self {
             wind_at_20_ft_mps: ratio * SEVERE_WIND_AT_20_FT_MPS,
+            span_m,
             along: FirstOrder::new(random::generator(seed, Stream::TurbulenceAlong)),
             right: SecondOrder::new(random::generator(seed, Stream::TurbulenceRight)),
             down: SecondOrder::new(random::generator(seed, Stream::TurbulenceDown)),
@@ -71,7 +73,7 @@ impl Turbulence {
         let horizontal_s = scales.length_horizontal_m / airspeed_mps;
         let vertical_s = scales.length_vertical_m / airspeed_mps;
         // MIL-F-8785C 3.7.3 as later standards print it: sigma_p = 1.9 sigma_w / sqrt(L_w b), L_p = sqrt(L_w b) / 2.6.
-        let roll_length_m = (scales.length_vertical_m * SPAN_M).sqrt();
+        let roll_length_m = (scales.length_vertical_m * self.span_m).sqrt();
         let roll_s = roll_length_m / 2.6 / airspeed_mps;
         Gust {
             along_mps: scales.sigma_horizontal_mps * self.along.step(horizontal_s),
@@ -179,7 +181,7 @@ mod tests {
     use super::*;
 
     fn series(height_m: f64, seconds: f64) -> Vec<Gust> {
-        let mut turbulence = Turbulence::new(2.0 / 3.0, 11);
+        let mut turbulence = Turbulence::new(2.0 / 3.0, 11, 35.8);
         let steps = (seconds / STEP_S) as usize;
         (0..steps)
             .map(|_| turbulence.step(height_m, 72.0))
@@ -240,7 +242,7 @@ mod tests {
 
     #[test]
     fn no_intensity_means_no_gust_at_all() {
-        let mut turbulence = Turbulence::new(0.0, 3);
+        let mut turbulence = Turbulence::new(0.0, 3, 35.8);
         let still = (0..1_000).all(|_| {
             let gust = turbulence.step(300.0, 72.0);
             gust.along_mps == 0.0 && gust.right_mps == 0.0 && gust.down_mps == 0.0

@@ -22,6 +22,7 @@ mod view;
 
 use std::sync::{Mutex, PoisonError};
 
+use airframe::AircraftType;
 use dataset::conditions::{Clock, Weather};
 use dataset::geometry::camera::Camera;
 use dataset::geometry::geodesy::Geodetic;
@@ -31,8 +32,8 @@ use dataset::geometry::runway::Runway;
 use glam::{DVec2, DVec3, Vec3};
 
 use air::Air;
-use aircraft::Placed;
 use aircraft::raster::{Patch, Scratch};
+use aircraft::{Placed, lamps_of};
 use backdrop::clouds::{CloudLight, Clouds};
 use backdrop::ground::Ground;
 use backdrop::{Backdrop, SkyGrid, Surroundings};
@@ -55,6 +56,7 @@ pub struct Scene {
     /// Display value of raindrops, and the seed that gives each camera different drops.
     rain_grey: [f32; 3],
     rain_seed: u32,
+    aircraft: &'static AircraftType,
     scratch: Mutex<Vec<Scratch>>,
     spoiled: Spoiled,
 }
@@ -151,9 +153,17 @@ impl Scene {
             rain_ratio: weather.rain_ratio,
             rain_grey,
             rain_seed,
+            aircraft: AircraftType::boeing_737_800(),
             scratch: Mutex::default(),
             spoiled: Spoiled::default(),
         }
+    }
+
+    /// Draws this type; the 737-800 otherwise.
+    #[must_use]
+    pub fn with_aircraft(mut self, aircraft: &'static AircraftType) -> Self {
+        self.aircraft = aircraft;
+        self
     }
 
     /// Adds the effects of optics, air and sensor.
@@ -257,7 +267,7 @@ impl Scene {
     fn draw_airframe(&self, placed: &Placed, shift_px: Option<DVec2>) -> Option<Patch> {
         let world = &self.world;
         let mut triangles = placed.triangles(
-            &placed.mesh(),
+            &placed.mesh(self.aircraft),
             &world.view,
             &world.air,
             &self.light,
@@ -284,7 +294,13 @@ impl Scene {
     }
 
     fn visible_lamps(&self, placed: &Placed, clouds: &CloudsBefore, time_s: f64) -> Vec<Spot> {
-        let mut lamps = placed.lamps(&self.world.view, &self.world.air, &self.world.tone, time_s);
+        let mut lamps = placed.lamps(
+            &lamps_of(&self.aircraft.lamp_places()),
+            &self.world.view,
+            &self.world.air,
+            &self.world.tone,
+            time_s,
+        );
         for spot in &mut lamps {
             spot.energy *= clouds.at(spot.pixel).transmittance;
         }

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use airframe::AircraftType;
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
@@ -36,7 +37,13 @@ struct Scribe {
 struct Page;
 
 impl Engine for Scribe {
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+    fn fly(
+        &self,
+        request: &FlyRequest,
+        aircraft: &AircraftType,
+        weather: &Weather,
+    ) -> Result<Vec<FlightState>, NotFlown> {
+        assert_eq!(aircraft.name, "B737-800");
         let flight = (request.clone(), weather.clone());
         self.flown.lock().unwrap().push(flight);
         if request.seed == 13 {

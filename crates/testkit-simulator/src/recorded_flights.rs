@@ -6,6 +6,7 @@
 
 use std::path::Path;
 
+use airframe::AircraftType;
 use dataset::conditions::Weather;
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
@@ -133,7 +134,8 @@ impl RecordedFlight {
             ..calm(40_000.0)
         };
         let every = (OUTPUT_RATE_HZ / RATE_HZ) as usize;
-        fly(&request, &weather).into_iter().step_by(every).collect()
+        let states = fly(&request, AircraftType::boeing_737_800(), &weather);
+        states.into_iter().step_by(every).collect()
     }
 }
 

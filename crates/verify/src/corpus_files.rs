@@ -98,6 +98,7 @@ fn check_scenario(
     faults: &mut Faults,
 ) {
     let (id, common, parameters) = (&scenario.id, &plan.common, &scenario.parameters);
+    let planned_aircraft = parameters.aircraft(common).to_owned();
     let frame_rates = [common.picture.frame_rate, record.frame_rate].map(|rate| rate.to_string());
     let views = (common.cameras.iter())
         .map(|camera| camera.id.clone())
@@ -107,7 +108,7 @@ fn check_scenario(
         other_than("seed", &scenario.seed, &record.seed),
         other_than("trajectory", &scenario.trajectory, &record.trajectory),
         other_than("conditions", &parameters.conditions, &record.conditions),
-        other_than("aircraft", &common.aircraft, &record.aircraft),
+        other_than("aircraft", &planned_aircraft, &record.aircraft),
         other_than("runway", &common.runway, &record.runway),
         other_than("flight", &parameters.flight, &record.flight),
         other_than("rig", &common.rig, &record.rig),

@@ -135,7 +135,8 @@ export class ScenarioPage {
         fact('Weather', `${conditions.weather_name}, visibility ${metres(conditions.weather.visibility_m)}`),
         ...record.effective_weather ? [fact('At the aircraft', weatherWords(record.effective_weather))] : [],
         fact('Local time', conditions.time_of_day), fact('Side', row?.side ?? '–'),
-        fact('Runway', `${record.runway.airport} ${record.runway.name}`), fact('Trajectory', record.trajectory),
+        fact('Runway', `${record.runway.airport} ${record.runway.name}`), fact('Aircraft', record.aircraft),
+        fact('Trajectory', record.trajectory),
         fact('Ticks', `${count(this.ticks)}, ${this.rateWords()}`)),
       problems.map(problem => element('p', { class: 'problem' }, problem)));
   }

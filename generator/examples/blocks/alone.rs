@@ -68,6 +68,7 @@ pub(crate) fn measure(recording: &Recording, id: &str) -> Result<Steps, Box<dyn 
                 runway: &record.runway,
                 weather: &record.conditions.weather,
                 clock: &record.conditions.clock,
+                aircraft: airframe::AircraftType::boeing_737_800(),
                 degradation: None,
             })
         };

@@ -10,6 +10,7 @@ mod workplace;
 use std::sync::Arc;
 use std::time::Duration;
 
+use airframe::AircraftType;
 use dataset::corpus::calibration::{Calibration, Conventions};
 use dataset::corpus::claim::Claim;
 use dataset::corpus::effective_weather::{EffectiveWeather, WeatherDifference};
@@ -159,7 +160,9 @@ async fn record_into(
     let (common, parameters) = (&work.plan.common, &scenario.parameters);
     let picture = common.picture;
     let mut simulator = attempt.unless_cancelled(session.connect()).await?;
-    simulator.set_aircraft(&common.aircraft);
+    let planned = work.plan.scenarios.iter();
+    simulator.check_aircraft_types(planned.map(|of| of.parameters.aircraft(common)))?;
+    simulator.set_aircraft(parameters.aircraft(common));
     let (start, live) = start(work, scenario);
     attempt
         .unless_cancelled(simulator.prepare(&parameters.conditions, &start, live))
@@ -332,7 +335,9 @@ async fn trajectory(
         (Flight::Computed { .. }, Some(live)) => {
             let request = fly_request(&work.plan.common, scenario, live);
             let weather = parameters.conditions.weather.clone();
-            let flown = spawn_blocking(move || flight_model::land(&request, &weather));
+            let aircraft = AircraftType::named(parameters.aircraft(&work.plan.common))
+                .map_err(|unknown| ScenarioError::NoFlight(unknown.to_string()))?;
+            let flown = spawn_blocking(move || flight_model::land(&request, aircraft, &weather));
             let states = flown
                 .await
                 .map_err(ScenarioError::panicked("computing the flight"))??;
@@ -405,7 +410,7 @@ fn scenario_record(
         seed: scenario.seed,
         plan_hash: plan.plan_hash.clone(),
         config_hash: scenario.config_hash.clone(),
-        aircraft: common.aircraft.clone(),
+        aircraft: parameters.aircraft(common).to_owned(),
         frame_rate: common.picture.frame_rate,
         ticks: ticks as u32,
         runway: common.runway.clone(),

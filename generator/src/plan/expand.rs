@@ -20,7 +20,7 @@ const EXPECTED_GROUND_SPEED_MPS: f64 = 72.0;
 /// Expands a sweep.
 pub fn expand(sweep: &Sweep) -> Plan {
     let common = Common {
-        aircraft: sweep.aircraft.clone(),
+        aircraft: sweep.aircraft.only().map(|of| of.name.clone()),
         runway: sweep.runway.clone(),
         rig: sweep.rig_name.clone(),
         cameras: sweep.cameras.clone(),
@@ -135,6 +135,10 @@ fn decide(
         start_dtd_m,
         flight,
         live,
+        aircraft: match sweep.aircraft.only() {
+            Some(_) => None,
+            None => Some(sweep.aircraft.drawn(seed).name.clone()),
+        },
         aim: sweep.aim.as_ref().and_then(|aim| aim.draw(seed)),
         jitter: jitter(sweep, seed),
         imaging: imaging(sweep, seed),

@@ -6,6 +6,7 @@ mod sight;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use airframe::AircraftType;
 use dataset::corpus::scenario::Flight;
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::geodesy::Geodetic;
@@ -216,7 +217,10 @@ impl Flown {
         let trajectory = match (&parameters.flight, &parameters.live) {
             (_, Some(live)) => {
                 let request = fly_request(&plan.common, scenario, live);
-                let states = flight_model::fly(&request, &parameters.conditions.weather);
+                let aircraft = AircraftType::named(parameters.aircraft(&plan.common))
+                    .unwrap_or(AircraftType::boeing_737_800());
+                let weather = &parameters.conditions.weather;
+                let states = flight_model::fly(&request, aircraft, weather);
                 Trajectory::new(states).ok().map(Arc::new)
             }
             (Flight::Recorded { blake3, .. }, None) => sweep

@@ -564,3 +564,38 @@ fn computed_flights_take_no_time_to_fly_and_the_plan_of_live_ones_is_what_it_was
     let estimate = Estimate::new(&computed.common, &computed.scenarios, &pacing, None);
     assert_eq!(estimate.durations.live_flying_h, 0.0);
 }
+
+#[test]
+fn one_type_is_common_to_all_scenarios_and_several_are_drawn_by_each() {
+    let plan_of = |aircraft: &str| expand(&sweep_of(&SMALL.replace("\"B737-800\"", aircraft)));
+    let usual = plan_of("\"B737-800\"");
+    for same in ["\"B738\"", "{ one_of = [\"B738\"] }"] {
+        assert_eq!(plan_of(same).plan_hash, usual.plan_hash);
+        assert_eq!(plan_of(same).common, usual.common);
+    }
+    assert_ne!(plan_of("\"A20N\"").plan_hash, usual.plan_hash);
+
+    let many = SMALL.replace("repeats = 2", "repeats = 40");
+    let drawn = |types: &str| {
+        let plan = expand(&sweep_of(&many.replace("\"B737-800\"", types)));
+        assert_eq!(plan.common.aircraft, None);
+        plan.check_hashes().unwrap();
+        plan.scenarios
+    };
+    let two = drawn("{ one_of = [\"B738\", \"A359\"] }");
+    let three = drawn("{ one_of = [\"A359\", \"AT76\", \"B738\"] }");
+    let own = |scenario: &PlannedScenario| scenario.parameters.aircraft.clone().unwrap();
+    let wide = two.iter().filter(|one| own(one) == "A350-900").count();
+    assert!((60..100).contains(&wide), "{wide} of {}", two.len());
+    let one_type = expand(&sweep_of(&many)).scenarios;
+    for ((before, after), usual) in two.iter().zip(&three).zip(&one_type) {
+        assert!([own(before), "ATR72-600".to_owned()].contains(&own(after)));
+        // The type changes nothing else.
+        let without = Parameters {
+            aircraft: None,
+            ..before.parameters.clone()
+        };
+        assert_eq!(without, usual.parameters);
+        assert_eq!(before.seed, usual.seed);
+    }
+}

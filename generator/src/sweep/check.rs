@@ -10,13 +10,13 @@ use std::sync::LazyLock;
 
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
-use super::document::{AIRCRAFT, Document};
+use super::document::Document;
 use super::grid::times::LocalDay;
 use super::grid::{Names, combinations};
 use super::schema::schema_with_limits;
 use super::start::{profiles, recorded};
 use super::{Sweep, rigs, runways};
-use fault::{Checked, distinct_names, fault, list};
+use fault::{Checked, distinct_names, fault};
 
 /// The schema, with the limits of each number.
 static SCHEMA: LazyLock<serde_json::Value> = LazyLock::new(|| schema_with_limits().to_value());
@@ -61,16 +61,7 @@ pub(super) fn check(
             ),
         );
     }
-    if !AIRCRAFT.contains(&approach.aircraft.as_str()) {
-        return fault(
-            "approach.aircraft",
-            format!(
-                "aircraft {:?} is not known; known are {}",
-                approach.aircraft,
-                list(AIRCRAFT)
-            ),
-        );
-    }
+    let aircraft = approach.aircraft.checked()?;
     let runway = runways::runway(&approach.airport, &approach.runway, &airport)?;
     distinct_names("weather", weather.keys())?;
     for (name, weather) in &weather {
@@ -128,7 +119,7 @@ pub(super) fn check(
     Ok(Sweep {
         corpus,
         runway,
-        aircraft: approach.aircraft,
+        aircraft,
         rig_name: approach.rig,
         cameras,
         aim,

@@ -6,6 +6,7 @@ use dataset::video::VideoSettings;
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
+use super::aircraft::AircraftTable;
 use super::check::fault::NAME_PATTERN;
 use super::grid::split::SplitFractions;
 use super::grid::{Grid, Include, Selection};
@@ -19,9 +20,6 @@ use super::start::Start;
 use super::start::profiles::ProfileTable;
 use super::start::recorded::RecordedRule;
 use super::weather::WeatherTable;
-
-/// Aircraft that can be flown and drawn.
-pub(super) const AIRCRAFT: [&str; 1] = ["B737-800"];
 
 /// A sweep: which scenarios a corpus contains. `docs/reference/sweep-settings.md` lists every key.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -87,9 +85,9 @@ pub(super) struct Approach {
     pub(super) airport: String,
     /// Designator of the runway, e.g. `02L`.
     pub(super) runway: String,
-    /// Aircraft type.
-    #[schemars(extend("enum" = AIRCRAFT))]
-    pub(super) aircraft: String,
+    /// Aircraft type by name or ICAO designator, or `{ one_of = [..] }`: types of which each scenario draws one. `dtd aircraft` lists
+    /// them.
+    pub(super) aircraft: AircraftTable,
     /// Name of the rig: one that the file defines, or a built-in one.
     #[schemars(regex(pattern = NAME_PATTERN))]
     pub(super) rig: String,

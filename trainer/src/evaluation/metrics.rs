@@ -106,6 +106,9 @@ pub struct EstimatorMetrics {
     pub by_time: BTreeMap<String, SplitFigures>,
     /// Figures by weather name and local time, separated by a space.
     pub by_weather_and_time: BTreeMap<String, SplitFigures>,
+    /// Figures by aircraft type; empty if all scenarios have the same.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub by_type: BTreeMap<String, SplitFigures>,
     /// Figures by distance, without gaps.
     pub by_distance_nm: Vec<DistanceBin>,
     /// Figures by scenario.
@@ -223,6 +226,7 @@ pub(crate) struct Group<'a> {
     pub flight: &'a str,
     pub weather: &'a str,
     pub time_of_day: &'a str,
+    pub aircraft: &'a str,
 }
 
 impl<'a> Group<'a> {
@@ -233,6 +237,7 @@ impl<'a> Group<'a> {
             flight: &scenario.flight,
             weather: &scenario.weather,
             time_of_day: &scenario.time_of_day,
+            aircraft: &scenario.aircraft,
         }
     }
 
@@ -292,7 +297,7 @@ impl EstimatorMetrics {
         views_removed: BTreeMap<String, RemovedFigures>,
         rules: &EvaluationRules,
     ) -> Self {
-        let by = |key: fn(&Outcome) -> String| {
+        let by = |key: fn(&Outcome) -> String| -> BTreeMap<String, SplitFigures> {
             let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
             for outcome in outcomes {
                 groups.entry(key(outcome)).or_default().push(outcome);
@@ -302,6 +307,7 @@ impl EstimatorMetrics {
                 .map(|(name, group)| (name, SplitFigures::of(&group)))
                 .collect()
         };
+        let by_type = by(|outcome| outcome.of.aircraft.to_owned());
         let shared = outcomes.iter().zip(common).filter(|(_, common)| **common);
         Self {
             overall: SplitFigures::of(&outcomes.iter().collect::<Vec<_>>()),
@@ -314,6 +320,11 @@ impl EstimatorMetrics {
             }),
             by_weather: by(|outcome| outcome.of.weather.to_owned()),
             by_time: by(|outcome| outcome.of.time_of_day.to_owned()),
+            by_type: if by_type.len() > 1 {
+                by_type
+            } else {
+                BTreeMap::new()
+            },
             by_distance_nm: distance_bins(outcomes, rules.distance_bin_nm)
                 .into_iter()
                 .map(|([from_nm, to_nm], inside)| DistanceBin {
@@ -390,6 +401,7 @@ impl Outcome<'_> {
                 flight: "a",
                 weather: "clear",
                 time_of_day: "08:00",
+                aircraft: "B737-800",
             },
         }
     }
@@ -422,6 +434,27 @@ mod tests {
         let common: Vec<bool> = outcomes.iter().map(is_answered).collect();
         let rules = EvaluationRules::current();
         EstimatorMetrics::of(outcomes, &common, BTreeMap::new(), &rules)
+    }
+
+    #[test]
+    fn types_have_figures_of_their_own_if_there_are_several() {
+        let of_type = |aircraft: &'static str, predicted_m| {
+            let alike = Outcome::of_answer(1_000.0, Some(predicted_m));
+            Outcome {
+                of: Group {
+                    aircraft,
+                    ..*alike.of
+                }
+                .leaked(),
+                ..alike
+            }
+        };
+        let (small, large) = (of_type("A320neo", 1_010.0), of_type("A350-900", 970.0));
+        assert!(judged(&[small, small]).by_type.is_empty());
+        let by_type = judged(&[small, small, large]).by_type;
+        let mape_pct = |name: &str| by_type[name].all.mape_pct.unwrap();
+        assert!((mape_pct("A320neo") - 1.0).abs() < 1e-9);
+        assert!((mape_pct("A350-900") - 3.0).abs() < 1e-9);
     }
 
     #[test]

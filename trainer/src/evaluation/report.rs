@@ -91,6 +91,7 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             best_plot => drawn(plots::best_by_distance(&bins)),
             by_weather => value(tables::by_weather(estimators, &choice.estimator)),
             by_time => value(tables::by_time(estimators, &choice.estimator)),
+            by_type => value(tables::by_type(estimators, &choice.estimator)),
             conditions => value(tables::conditions(metrics)),
             against_one_view => value(tables::against_one_view(metrics)),
             stages => value(tables::stages(metrics)),

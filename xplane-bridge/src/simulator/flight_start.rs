@@ -9,6 +9,7 @@ mod by_udp;
 
 use std::time::Duration;
 
+use airframe::AircraftType;
 use dataset::conditions::Conditions;
 use dataset::geometry::geodesy::LatLon;
 use futures_util::future::LocalBoxFuture;
@@ -25,6 +26,8 @@ use crate::link::{Answer, Request};
 use crate::packet::{LoadAircraft, Position, ToSimulator};
 use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
+/// The bundled simulator's name for itself.
+const STAND_IN: &str = "mock-xplane";
 /// Attempts of `PREL` and `ACFN`.
 const ATTEMPTS: u32 = 8;
 /// Maximum distance from its start at which an aircraft counts as started: X-Plane does not answer for a minute or two while it starts the
@@ -197,7 +200,7 @@ impl Simulator {
             start: *start,
             pitch_deg: 0.0,
         };
-        let body = flight_body(file.path, &air_start, conditions)?;
+        let body = flight_body(&file.path, &air_start, conditions)?;
         let before_s = self.udp.read_one(FLIGHT_TIME_S, READY_TIMEOUT, |_| true);
         let before_s = before_s.await?.unwrap_or(f32::MAX);
         let asked = Instant::now();
@@ -267,13 +270,17 @@ impl Simulator {
         if found.is_empty() || found == file.icao {
             return Ok(());
         }
-        tracing::info!(found, path = file.path, "another aircraft is loaded");
+        tracing::info!(
+            found,
+            path = file.path.as_str(),
+            "another aircraft is loaded"
+        );
         let deadline = Instant::now() + LOAD_TIMEOUT;
         for _ in 0..ATTEMPTS {
             self.udp
                 .send(&ToSimulator::LoadAircraft(LoadAircraft {
                     plane: 0,
-                    path: file.path.into(),
+                    path: file.path.clone(),
                     livery: 0,
                 }))
                 .await?;
@@ -304,11 +311,42 @@ impl Simulator {
             .collect())
     }
 
+    /// Checks that types can be drawn here, before anything is flown: X-Plane brings few of them along.
+    ///
+    /// # Errors
+    /// [`BridgeError::Setup`] with the first type that cannot.
+    pub fn check_aircraft_types<'a>(
+        &self,
+        mut names: impl Iterator<Item = &'a str>,
+    ) -> Result<(), BridgeError> {
+        let (generation, is_stand_in): (Generation, _) = (self.generation, self.is_stand_in());
+        if self.description.replayed {
+            return Ok(());
+        }
+        let has = |name: &str| aircraft_file(name, generation, is_stand_in).is_some();
+        match names.find(|name| !has(name)) {
+            None => Ok(()),
+            Some(lacking) => {
+                let all = AircraftType::all().iter().map(|of| of.name.as_str());
+                let there: Vec<&str> = all.filter(|name| has(name)).collect();
+                Err(BridgeError::Setup(format!(
+                    "the sweep's aircraft {lacking} does not come with this X-Plane, which has {}: choose one of these in the sweep, or \
+                     record with the bundled simulator",
+                    there.join(", ")
+                )))
+            }
+        }
+    }
+
+    fn is_stand_in(&self) -> bool {
+        self.description.name == STAND_IN
+    }
+
     fn aircraft_file(&self) -> Option<AircraftFile> {
         let generation: Generation = self.generation;
         self.aircraft
             .as_deref()
-            .and_then(|name| aircraft_file(name, generation))
+            .and_then(|name| aircraft_file(name, generation, self.is_stand_in()))
     }
 }
 

@@ -29,6 +29,10 @@ pub(super) fn fault(plan: &Plan) -> Option<String> {
         let id = &scenario.id;
         if let Err(bad) = file_name::check_id(id) {
             Some(format!("scenario {bad}"))
+        } else if scenario.parameters.aircraft(&plan.common).is_empty() {
+            Some(format!(
+                "scenario {id} names no aircraft, and neither does `common`"
+            ))
         } else if !ids.insert(id) {
             Some(format!("has two scenarios {id}"))
         } else if !scenario.is_named_after_its_conditions() {

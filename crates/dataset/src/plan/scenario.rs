@@ -46,6 +46,9 @@ pub struct Parameters {
     pub flight: Flight,
     /// Start of the live or computed flight; absent for recordings.
     pub live: Option<LiveStart>,
+    /// Aircraft type; absent if all scenarios have the same one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aircraft: Option<String>,
     /// Aim of the cameras; absent if as in the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
@@ -92,6 +95,12 @@ impl PlannedScenario {
 }
 
 impl Parameters {
+    /// The type of the scenario's aircraft; empty if the plan names none.
+    pub fn aircraft<'a>(&'a self, common: &'a Common) -> &'a str {
+        let own = self.aircraft.as_ref();
+        own.or(common.aircraft.as_ref()).map_or("", String::as_str)
+    }
+
     /// The calibrated cameras of the scenario with their identifiers, in the order of the rig.
     pub fn cameras(&self, common: &Common) -> Vec<(String, CameraEntry)> {
         let Common {

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use dataset::geometry::approach_profile::ApproachProfile;
 use serde_json::{Value, json};
 
-use super::{straight_in, weather};
-use crate::{OUTPUT_RATE_HZ, VERSION, fly};
+use super::{fly, straight_in, weather};
+use crate::{OUTPUT_RATE_HZ, VERSION};
 
 /// Seconds between two states that are kept.
 const EVERY_S: usize = 20;

@@ -2,7 +2,7 @@
 
 pub(crate) mod raster;
 
-use airframe::{Configuration, Mesh, boeing_737_800};
+use airframe::{AircraftType, Configuration, LampPlaces, Mesh};
 use dataset::geometry::pose::{Controls, Pose};
 use glam::{DMat3, DVec2, DVec3, Vec3};
 
@@ -63,9 +63,9 @@ impl<'a> Placed<'a> {
         self.center_camera_m.length()
     }
 
-    /// The mesh in this configuration.
-    pub(crate) fn mesh(&self) -> Mesh {
-        boeing_737_800(Configuration {
+    /// The mesh of a type in this configuration.
+    pub(crate) fn mesh(&self, aircraft: &AircraftType) -> Mesh {
+        aircraft.mesh(Configuration {
             flap_ratio: self.controls.flap_ratio,
             gear_ratio: self.controls.gear_ratio,
         })
@@ -116,15 +116,20 @@ impl<'a> Placed<'a> {
     }
 
     /// The aircraft's lamps in the image at a time.
-    pub(crate) fn lamps(&self, view: &View, air: &Air, tone: &Tone, time_s: f64) -> Vec<Spot> {
+    pub(crate) fn lamps(
+        &self,
+        (always, landing): &([Lamp; 7], [Lamp; 3]),
+        view: &View,
+        air: &Air,
+        tone: &Tone,
+        time_s: f64,
+    ) -> Vec<Spot> {
         let to_camera = (self.camera_from_body.transpose() * -self.center_camera_m).normalize();
         let approach =
             self.controls.gear_ratio > 0.5 || self.pose.altitude_msl_m < LIGHTS_BELOW_MSL_M;
-        let lamps = LAMPS.iter().chain(if approach {
-            LANDING_LAMPS.as_slice()
-        } else {
-            &[]
-        });
+        let lamps = always
+            .iter()
+            .chain(if approach { landing.as_slice() } else { &[] });
         lamps
             .filter(|lamp| lamp.needs_gear <= self.controls.gear_ratio && lamp.flash.is_on(time_s))
             .filter_map(|lamp| {
@@ -192,7 +197,7 @@ impl Shading {
 }
 
 /// A lamp of the aircraft.
-struct Lamp {
+pub(crate) struct Lamp {
     /// Body axes, metres.
     position_m: [f64; 3],
     /// Intensity on the beam's axis, per colour.
@@ -283,25 +288,29 @@ const fn landing_lamp(position_m: [f64; 3]) -> Lamp {
     )
 }
 
-static LAMPS: [Lamp; 7] = [
-    lamp([-4.0, -17.55, -0.8], [50.0, 2.0, 1.0], Beam::Side(-1.0)),
-    lamp([-4.0, 17.55, -0.8], [2.0, 45.0, 18.0], Beam::Side(1.0)),
-    lamp([-20.0, 0.0, -1.4], [50.0, 48.0, 42.0], Beam::Astern),
-    strobe([-4.2, -17.55, -0.8]),
-    strobe([-4.2, 17.55, -0.8]),
-    beacon([3.0, 0.0, -2.2]),
-    beacon([3.0, 0.0, 2.0]),
-];
-
-static LANDING_LAMPS: [Lamp; 3] = [
-    landing_lamp([3.3, -2.7, 1.0]),
-    landing_lamp([3.3, 2.7, 1.0]),
-    Lamp {
-        needs_gear: 0.6,
-        ..lamp(
-            [14.3, 0.0, 1.9],
-            [31_000.0, 30_000.0, 25_000.0],
-            Beam::Ahead(0.20),
-        )
-    },
-];
+/// The lamps that are always on, and those of the approach.
+pub(crate) fn lamps_of(places: &LampPlaces) -> ([Lamp; 7], [Lamp; 3]) {
+    let left = |[x, y, z]: [f64; 3]| [x, -y, z];
+    let always = [
+        lamp(left(places.wing_tip), [50.0, 2.0, 1.0], Beam::Side(-1.0)),
+        lamp(places.wing_tip, [2.0, 45.0, 18.0], Beam::Side(1.0)),
+        lamp(places.tail, [50.0, 48.0, 42.0], Beam::Astern),
+        strobe(left(places.strobe)),
+        strobe(places.strobe),
+        beacon(places.upper_beacon),
+        beacon(places.lower_beacon),
+    ];
+    let landing = [
+        landing_lamp(left(places.landing)),
+        landing_lamp(places.landing),
+        Lamp {
+            needs_gear: 0.6,
+            ..lamp(
+                places.nose_leg,
+                [31_000.0, 30_000.0, 25_000.0],
+                Beam::Ahead(0.20),
+            )
+        },
+    ];
+    (always, landing)
+}

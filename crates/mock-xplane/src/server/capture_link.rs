@@ -349,17 +349,17 @@ impl CaptureService {
 
     /// Flies before reading any further request: those concern the world after the flight.
     async fn fly(self: &Arc<Self>, request: FlyRequest) -> Pending {
-        let weather = {
+        let (weather, aircraft) = {
             let mut world = self.world.lock();
             if let Err(text) = world.check_autopilot(&request) {
                 return refusal(text);
             }
             // A flight needs a flight model.
             world.release();
-            world.weather()
+            (world.weather(), world.aircraft_type())
         };
         let service = self.clone();
-        let flown = spawn_blocking(move || service.engine.fly(&request, &weather)).await;
+        let flown = spawn_blocking(move || service.engine.fly(&request, aircraft, &weather)).await;
         let states = match flown {
             Ok(Ok(states)) => states,
             // The flight model is a pure function: it would fly the same again.
@@ -427,6 +427,7 @@ impl CaptureService {
                 runway,
                 weather: world.weather(),
                 clock: world.clock(),
+                aircraft: world.aircraft_type(),
             };
             let frame = Frame {
                 number: world.pose_for_frame(request.pose, request.controls),

@@ -1,6 +1,7 @@
 //! The server's interface to a simulator: flying an approach and drawing images. The built-in engine is this crate's own; tests use a
 //! cheaper one.
 
+use airframe::AircraftType;
 use dataset::conditions::{Clock, Weather};
 use dataset::geometry::camera::Camera;
 use dataset::geometry::imaging::Degradation;
@@ -25,8 +26,13 @@ pub enum NotFlown {
 
 /// A flight model and a renderer.
 pub trait Engine: Send + Sync + 'static {
-    /// Flies an approach in this weather; the states at the model's own rate. An engine that only draws need not implement it.
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+    /// Flies an approach with a type in this weather; the states at the model's own rate. An engine that only draws need not implement it.
+    fn fly(
+        &self,
+        _: &FlyRequest,
+        _: &AircraftType,
+        _: &Weather,
+    ) -> Result<Vec<FlightState>, NotFlown> {
         Err(NotFlown::Because("this simulator does not fly"))
     }
 
@@ -34,7 +40,7 @@ pub trait Engine: Send + Sync + 'static {
     fn prepare(&self, scene: &SceneSetting<'_>) -> Box<dyn SceneRenderer>;
 }
 
-/// A camera and its surroundings: all that an image depends on besides the aircraft and the instant.
+/// A camera, its surroundings and a type: all that an image depends on besides where the aircraft is and the instant.
 #[derive(Debug, Clone, Copy)]
 pub struct SceneSetting<'a> {
     /// The camera.
@@ -45,6 +51,8 @@ pub struct SceneSetting<'a> {
     pub weather: &'a Weather,
     /// The time of day, for the light.
     pub clock: &'a Clock,
+    /// The type that is drawn.
+    pub aircraft: &'static AircraftType,
     /// Effects of optics, air and sensor, if any.
     pub degradation: Option<&'a Degradation>,
 }
@@ -60,8 +68,13 @@ pub trait SceneRenderer: Send + Sync {
 pub struct BuiltIn;
 
 impl Engine for BuiltIn {
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
-        Ok(flight_model::land(request, weather)?)
+    fn fly(
+        &self,
+        request: &FlyRequest,
+        aircraft: &AircraftType,
+        weather: &Weather,
+    ) -> Result<Vec<FlightState>, NotFlown> {
+        Ok(flight_model::land(request, aircraft, weather)?)
     }
 
     fn prepare(&self, setting: &SceneSetting<'_>) -> Box<dyn SceneRenderer> {
@@ -70,7 +83,8 @@ impl Engine for BuiltIn {
             setting.runway,
             setting.weather,
             setting.clock,
-        );
+        )
+        .with_aircraft(setting.aircraft);
         Box::new(match setting.degradation {
             None => scene,
             Some(degradation) => scene.degraded(degradation),

@@ -1,8 +1,9 @@
-//! A cache of prepared images per camera, weather and clock: preparing one costs as much as many frames.
+//! A cache of prepared images per camera, weather, clock and type of aircraft: preparing one costs as much as many frames.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use airframe::AircraftType;
 use dataset::conditions::{Clock, Weather};
 use dataset::geometry::camera::{Camera, CameraPose};
 use dataset::geometry::imaging::Imaging;
@@ -23,6 +24,7 @@ pub(super) struct SceneKey {
     pub(super) runway: Runway,
     pub(super) weather: Weather,
     pub(super) clock: Clock,
+    pub(super) aircraft: &'static AircraftType,
 }
 
 type Slot = Arc<OnceLock<Box<dyn SceneRenderer>>>;
@@ -50,6 +52,7 @@ impl Scenes {
                 runway: &key.runway,
                 weather: &key.weather,
                 clock: &key.clock,
+                aircraft: key.aircraft,
                 degradation: key.imaging.degradation.as_ref(),
             })
         });

@@ -16,6 +16,7 @@ mod view;
 
 use std::collections::BTreeSet;
 
+use airframe::AircraftType;
 use dataset::conditions::{Clock, Weather};
 use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::imaging::Imaging;
@@ -198,7 +199,12 @@ impl World {
         view::shows_pop_up(&self.state.datarefs)
     }
 
-    /// Size of the drawn aircraft relative to the airliner: a Cessna is smaller.
+    /// Type of the drawn aircraft.
+    pub(super) fn aircraft_type(&self) -> &'static AircraftType {
+        aircraft::drawn_type(&self.state.datarefs)
+    }
+
+    /// Size of the drawn aircraft relative to its type: a Cessna is drawn as a small airliner.
     pub(super) fn aircraft_scale(&self) -> f64 {
         aircraft::scale(&self.state.datarefs)
     }

@@ -52,6 +52,7 @@ pub(super) fn write(folder: &RunFolder, metrics: &TableMetrics) -> Result<()> {
             boxes_plot => drawn(plots::errors_by_distance(&bins)),
             by_weather => value(tables::by_weather(estimators, "")),
             by_time => value(tables::by_time(estimators, "")),
+            by_type => value(tables::by_type(estimators, "")),
             weather_at_aircraft => tables::weather_at_aircraft(weather_at_aircraft),
             flights => value(tables::flights(estimators)),
             split => value(split),

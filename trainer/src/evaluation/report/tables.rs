@@ -323,6 +323,13 @@ pub(in crate::evaluation) fn by_weather(estimators: &ByEstimator, best: &str) ->
     })
 }
 
+/// All estimators by aircraft type; without rows if all scenarios have the same.
+pub(in crate::evaluation) fn by_type(estimators: &ByEstimator, best: &str) -> Table {
+    figures("Errors by aircraft type", estimators, best, |of| {
+        overall(&of.by_type)
+    })
+}
+
 /// All estimators by local time.
 pub(in crate::evaluation) fn by_time(estimators: &ByEstimator, best: &str) -> Table {
     figures("Errors by time of day", estimators, best, |of| {

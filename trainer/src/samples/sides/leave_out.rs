@@ -1,5 +1,6 @@
-//! Leaving a condition out of training: performance in weather, or at a time of day, that was never seen.
+//! Leaving a condition out of training: performance in weather, at a time of day, or with a type of aircraft that was never seen.
 
+use airframe::AircraftType;
 use dataset::corpus::splits::Side;
 
 use crate::samples::{Samples, ScenarioSummary};
@@ -10,17 +11,23 @@ pub(crate) enum LeftOut<'a> {
     Weather(&'a str),
     /// Time of day as named in the sweep.
     Time(&'a str),
+    /// Aircraft type, by name.
+    Type(&'a str),
 }
 
 impl<'a> LeftOut<'a> {
-    pub(crate) const EXPECTED: &'static str = "weather=NAME or time=HH:MM, as in scenario.json";
+    pub(crate) const EXPECTED: &'static str =
+        "weather=NAME, time=HH:MM or type=NAME, as in scenario.json, or type=ICAO designator";
 
-    /// Reads `weather=stormy` or `time=18:00`.
+    /// Reads `weather=stormy`, `time=18:00` or `type=A359`.
     pub(crate) fn parse(setting: &'a str) -> Option<Self> {
         match setting.split_once('=')? {
             (_, "") => None,
             ("weather", name) => Some(Self::Weather(name)),
             ("time", name) => Some(Self::Time(name)),
+            ("type", name) => Some(Self::Type(
+                AircraftType::named(name).map_or(name, |of| of.name.as_str()),
+            )),
             _ => None,
         }
     }
@@ -29,6 +36,7 @@ impl<'a> LeftOut<'a> {
         match self {
             Self::Weather(name) => scenario.weather == name,
             Self::Time(name) => scenario.time_of_day == name,
+            Self::Type(name) => scenario.aircraft == name,
         }
     }
 
@@ -58,12 +66,16 @@ mod tests {
     use testkit::synthetic::SyntheticCorpus;
 
     #[test]
-    fn a_setting_names_a_weather_or_a_time() {
+    fn a_setting_names_a_weather_a_time_or_a_type() {
         assert_eq!(
             LeftOut::parse("weather=stormy"),
             Some(LeftOut::Weather("stormy"))
         );
         assert_eq!(LeftOut::parse("time=18:00"), Some(LeftOut::Time("18:00")));
+        for name in ["A350-900", "A359"] {
+            let setting = format!("type={name}");
+            assert_eq!(LeftOut::parse(&setting), Some(LeftOut::Type("A350-900")));
+        }
         for wrong in ["stormy", "weather=", "wind=10", ""] {
             assert_eq!(LeftOut::parse(wrong), None, "{wrong}");
         }

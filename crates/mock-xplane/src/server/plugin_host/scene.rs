@@ -333,6 +333,7 @@ impl PluginScene {
                 runway: scenery(),
                 weather,
                 clock,
+                aircraft: world.aircraft_type(),
             },
             painter: Painter {
                 scale: world.aircraft_scale(),
@@ -652,9 +653,12 @@ impl PluginScene {
             speed_mps,
         };
         let altitude_dial_ft = self.own(ALTITUDE_DIAL_FT)[0];
-        let weather = self.world.lock().weather();
+        let (weather, aircraft) = {
+            let world = self.world.lock();
+            (world.weather(), world.aircraft_type())
+        };
         let request = flight::request(start, scenery(), altitude_dial_ft);
-        let states = self.engine.fly(&request, &weather);
+        let states = self.engine.fly(&request, aircraft, &weather);
         Playback::new(states.unwrap_or_else(|reason| {
             tracing::warn!(%reason, "the plugin's approach is not flown");
             Vec::new()

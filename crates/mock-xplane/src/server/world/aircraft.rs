@@ -1,5 +1,6 @@
 //! The user's aircraft: its position, how it got there, and the datarefs for it.
 
+use airframe::AircraftType;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::numbers::units::MPS_PER_KNOT;
@@ -24,7 +25,6 @@ pub(super) const STAND_IN: &str = "Aircraft/Stand-in/airliner.acf";
 pub(super) const C172: &str = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf";
 /// Wing span and length, metres.
 const SIZE_C172_M: (f64, f64) = (11.0, 8.3);
-const SIZE_AIRLINER_M: (f64, f64) = (35.8, 39.5);
 /// Displacement of the origin of local coordinates while scenery loads, degrees.
 const ORIGIN_OFF_DEG: f64 = 1.0;
 /// Names of the gear's handle.
@@ -270,34 +270,51 @@ impl Aircraft {
 /// Loads the aircraft in a file, as far as datarefs reflect it.
 pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
     datarefs.set_text(FILE, file);
-    let icao = designator(file);
-    datarefs.set_text(names::AIRCRAFT_ICAO, icao);
-    let description = match icao {
-        "C172" => "Cessna 172SP Skyhawk",
-        "B738" => "Boeing 737-800",
-        _ => "",
+    let known = type_in(file);
+    let (icao, description) = match known {
+        Some(of) => (of.designator.as_str(), of.title.as_str()),
+        None if file.ends_with("/Cessna_172SP.acf") => ("C172", "Cessna 172SP Skyhawk"),
+        // ICAO's designator of types without one.
+        None => ("ZZZZ", ""),
     };
+    datarefs.set_text(names::AIRCRAFT_ICAO, icao);
     datarefs.set_text(DESCRIPTION, description);
-    let (span_m, length_m) = match icao {
-        "C172" => SIZE_C172_M,
-        _ => SIZE_AIRLINER_M,
+    let (span_m, length_m) = if icao == "C172" {
+        SIZE_C172_M
+    } else {
+        let of = known.unwrap_or(AircraftType::boeing_737_800());
+        (of.published.span_m, of.published.length_m)
     };
     datarefs.set(names::AIRCRAFT_WIDTH_M, span_m);
     datarefs.set(names::AIRCRAFT_LENGTH_M, length_m);
 }
 
-/// The aircraft type in a file. Unknown ones have no designator, which is ICAO's ZZZZ.
-fn designator(file: &str) -> &'static str {
-    match file.rsplit('/').next().unwrap_or(file) {
-        "Cessna_172SP.acf" => "C172",
-        "b738.acf" | "airliner.acf" => "B738",
-        _ => "ZZZZ",
+/// The type in a file, by the file's name; none if only X-Plane has such an aircraft.
+fn type_in(file: &str) -> Option<&'static AircraftType> {
+    let name = |path: &str| path.rsplit('/').next().unwrap_or(path).to_owned();
+    if name(file) == name(STAND_IN) {
+        return Some(AircraftType::boeing_737_800());
     }
+    let mut types = AircraftType::all().iter();
+    types.find(|of| {
+        let own = name(&of.stand_in_file()) == name(file);
+        own || of.x_plane.paths().any(|path| name(path) == name(file))
+    })
 }
 
-/// Size of the drawn aircraft relative to the airliner.
+/// The type whose shape is drawn.
+pub(super) fn drawn_type(datarefs: &Datarefs) -> &'static AircraftType {
+    let designator: String = (0..4)
+        .map(|at| datarefs.get(&format!("{}[{at}]", names::AIRCRAFT_ICAO)) as u8)
+        .filter(u8::is_ascii_alphanumeric)
+        .map(char::from)
+        .collect();
+    AircraftType::named(&designator).unwrap_or(AircraftType::boeing_737_800())
+}
+
+/// Size of the drawn aircraft relative to its type.
 pub(super) fn scale(datarefs: &Datarefs) -> f64 {
-    datarefs.get(names::AIRCRAFT_WIDTH_M) / SIZE_AIRLINER_M.0
+    datarefs.get(names::AIRCRAFT_WIDTH_M) / drawn_type(datarefs).published.span_m
 }
 
 /// The two names of the gear's handle are one handle.

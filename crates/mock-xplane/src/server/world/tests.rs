@@ -243,6 +243,21 @@ fn another_aircraft_stands_where_the_old_one_did() {
 }
 
 #[test]
+fn the_type_in_a_file_is_drawn_and_any_other_aircraft_looks_like_an_airliner() {
+    let mut world = world();
+    assert_eq!(world.aircraft_type().name, "B737-800");
+    for of in airframe::AircraftType::all() {
+        world.load_aircraft(&of.stand_in_file());
+        assert_eq!((world.aircraft_type(), world.aircraft_scale()), (of, 1.0));
+    }
+    world.load_aircraft("Aircraft/Laminar Research/Airbus A330-300/A330.acf");
+    assert_eq!(world.aircraft_type().name, "A330-300");
+    world.load_aircraft("Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf");
+    assert_eq!(world.aircraft_type().name, "B737-800");
+    assert!(world.aircraft_scale() < 0.4);
+}
+
+#[test]
 fn a_client_reads_what_aircraft_is_loaded_and_moves_the_levers_of_its_engines() {
     let mut world = world();
     world.load_aircraft("Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf");
@@ -338,6 +353,7 @@ fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
             runway: &runway(),
             weather: &world.weather(),
             clock: &world.clock(),
+            aircraft: airframe::AircraftType::boeing_737_800(),
             degradation: None,
         });
         let mut rgb = vec![0; 24 * 16 * 3];
