@@ -64,8 +64,8 @@ async fn start(web_api: SocketAddr) -> Result<(), WebApiError> {
         start: ANYWHERE,
         pitch_deg: 0.0,
     };
-    let path = aircraft_file(AIRCRAFT, Generation::XPlane12).map_or("", |file| file.path);
-    let body = flight_body(path, &air_start, &conditions);
+    let path = aircraft_file(AIRCRAFT, Generation::XPlane12, false).map(|file| file.path);
+    let body = flight_body(&path.unwrap_or_default(), &air_start, &conditions);
     let body = body.map_err(|error| WebApiError::WrongAnswer(error.to_string()))?;
     api.start_flight(&body).await
 }
