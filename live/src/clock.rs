@@ -469,7 +469,7 @@ mod tests {
                     arrival_s: taken_s + delay_s(image),
                     timestamp_s: Some(counted_s),
                     sender_s: Some(counted_s),
-                    report_delay_s: Some(0.02 + held_up_s),
+                    report_delay_s: Some(0.02 + 1e-4 * reported_s + held_up_s),
                     is_prompt: true,
                 };
                 // The other camera counts alike.
