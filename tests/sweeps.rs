@@ -124,8 +124,8 @@ const CASES: &[Case] = &[
     ("\"WSSS\"", "\"XXXX\"", "\"XXXX\"", "airport \"XXXX\" is not known; known are BIKF 19", CommandOnly),
     ("\"02L\"", "\"20C\"", "\"20C\"", "runway \"20C\" of WSSS is not known", CommandOnly),
     ("B737-800", "A350", "\"A350\"", "the nearest is A350-900; known are B737-800 (B738), A320neo", Schema),
-    ("\"B737-800\"", "{ one_of = [] }", "{ one_of", "expected at least one", Schema),
-    ("\"B737-800\"", "{ one_of = [\"B738\", \"B737-800\"] }", "{ one_of", "and each once", CommandOnly),
+    ("\"B737-800\"", "{ one_of = [] }", "aircraft = { one_of", "expected at least one", Schema),
+    ("\"B737-800\"", "{ one_of = [\"B738\", \"B737-800\"] }", "aircraft = { one_of", "and each once", CommandOnly),
     ("\"B737-800\"", "{ any_of = [\"B738\"] }", "{ any_of", "expected an aircraft type, or", Schema),
     ("rig = \"pair\"", "rig = \"trio\"", "\"trio\"", "defined are pair, seed, wide-baseline", CommandOnly),
     // Grid.
