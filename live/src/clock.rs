@@ -183,14 +183,14 @@ struct Reports {
     /// Delays of the last report and of the fastest one, s.
     last_s: Option<f64>,
     fastest_s: Option<f64>,
-    /// Of the images, by this clock.
+    /// Rate of the images by the sender's clock.
     rate: Rate,
     is_refuted: bool,
 }
 
 impl Reports {
-    /// False from when images came ever later by the sender's clock while its reports came as fast as before: a network would hold up both.
-    /// Such a camera sends fewer images than it counts.
+    /// False once images came ever later by the sender's clock while its reports came as fast as before. A slow network would hold up both,
+    /// so the camera sends fewer images than it counts, and its clock stays unused in this connection.
     fn are_believed(&mut self, clues: Clues, sender_s: f64, shortest_s: f64) -> bool {
         if clues.is_prompt {
             self.rate.has_changed(clues.arrival_s, sender_s);

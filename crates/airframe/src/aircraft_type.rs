@@ -39,7 +39,7 @@ pub struct AircraftType {
     pub title: String,
     /// Equivalent airspeed on final without wind, metres per second.
     pub approach_speed_mps: f64,
-    /// Where the figures come from.
+    /// Sources of the figures.
     pub sources: Vec<String>,
     /// Files of X-Plane's own aircraft of the type.
     #[serde(default)]

@@ -69,7 +69,7 @@ pub(crate) struct Engines {
     pub(crate) mount: Mount,
 }
 
-/// What joins an engine to the aircraft.
+/// The part that joins an engine to the aircraft.
 pub(crate) enum Mount {
     /// A pylon under the wing. Cross-sections: (station, top, bottom) below the frame's zero.
     Wing([(f64, f64, f64); 4]),

@@ -58,10 +58,10 @@ struct Fuselage {
     axis_height_m: f64,
     length_m: f64,
     nose_length_m: f64,
-    /// How far the nose's tip lies below the axis.
+    /// Drop of the nose's tip below the axis.
     nose_droop_m: f64,
     tail_length_m: f64,
-    /// How far the tail's end lies above the axis.
+    /// Rise of the tail's end above the axis.
     tail_rise_m: f64,
 }
 
@@ -111,7 +111,7 @@ struct Fin {
     root_chord_m: f64,
     tip_chord_m: f64,
     sweep_deg: f64,
-    /// How far the fillet begins ahead of the root.
+    /// Length of the fillet ahead of the root.
     fillet_m: f64,
 }
 

@@ -16,11 +16,11 @@ const MARGIN_M: f64 = 1.5;
 /// Direction of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
-    /// From ahead.
+    /// View from ahead.
     Ahead,
-    /// From the left side.
+    /// View from the left side.
     Side,
-    /// From above.
+    /// View from above.
     Above,
 }
 

@@ -1,4 +1,4 @@
-//! Whether a simulator that does not answer is starting on this computer.
+//! Recognises a simulator on this computer that does not answer because it is still starting.
 
 use std::fs;
 use std::io::ErrorKind;

@@ -32,7 +32,7 @@ pub(super) enum Message {
     Response(Response),
     /// A packet of a channel.
     Packet(u8, Vec<u8>),
-    /// A request, which nobody answers.
+    /// A server's request, which gets no answer.
     Request,
 }
 
@@ -103,7 +103,7 @@ impl Link {
         Ok([self.socket.local_addr()?, self.socket.peer_addr()?])
     }
 
-    /// From now on, a message that is not here is not waited for.
+    /// Stops waiting for messages that have not arrived.
     pub(super) fn stop_waiting(&self) -> io::Result<()> {
         self.socket.set_nonblocking(true)
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// Packets that came so many after their place are late or come twice; further back, the sender has begun anew.
+/// Packets that came so many after their place are late or come twice; further back, the sender has started again.
 const MAX_LATE: u16 = 100;
 /// Packets that wait for an earlier one: a key frame may have some hundreds.
 const MAX_HELD: usize = 1_000;

@@ -19,7 +19,7 @@ pub struct Swing {
     pub period_s: f64,
     /// Their width and height, and how far they swing to each side, pixels.
     pub px: f64,
-    /// How much brighter they are than the scene, levels.
+    /// Brightness above the scene, levels.
     pub levels: f64,
 }
 

@@ -9,7 +9,7 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How the process starts and ends.
+/// Faults of the start and the end of the process.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LifeFaults {
     /// Nothing answers for so long after each start.

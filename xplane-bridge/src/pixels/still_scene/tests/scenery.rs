@@ -14,7 +14,7 @@ pub(super) enum Sky {
     Rippling,
     /// Forty things of 6 pixels swing in one to three seconds.
     Swinging {
-        /// How much brighter they are.
+        /// Brightness above the scene, levels.
         levels: u8,
     },
     /// Clouds drift.
