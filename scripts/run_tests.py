@@ -3,7 +3,7 @@
 
 `cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: all of them together take
 half an hour of processor time in more than an hour. The output of a program is printed when it ends; one
-failure does not hide the others. What failed is run once more when nothing else runs, because some tests wait for a simulator with
+failure does not hide the others, and a program that hangs is ended, so that its output tells where. What failed is run once more when nothing else runs, because some tests wait for a simulator with
 deadlines that a busy machine can miss; what passes only then is named at the end.
 """
 
@@ -13,11 +13,14 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
 CARGO_TEST = ["cargo", "test", "--release", "--locked", "--workspace"]
 AT_ONCE = 6
+# The longest program took 720 s on two busy cores.
+HANGS_AFTER_S = 1_500
 # Those with limits in real time: they run beside the others, which yield the processor to them.
 IN_REAL_TIME = ["estimate"]
 # Those that take longest begin first, so that none of them is left alone at the end.
@@ -46,12 +49,15 @@ def passes(name, command, folder):
         program = subprocess.Popen(
             command, cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
         )
+        watchdog = threading.Timer(HANGS_AFTER_S, program.kill)
+        watchdog.start()
         _, status, spent = os.wait4(program.pid, 0)
+        watchdog.cancel()
         program.returncode = os.waitstatus_to_exitcode(status)
         output.seek(0)
         printed = output.read().decode(errors="replace")
-    verdict = "passed" if program.returncode == 0 else f"FAILED ({program.returncode})"
     place, took_s, cpu_s = os.path.relpath(folder), time.monotonic() - began, spent.ru_utime + spent.ru_stime
+    verdict = "passed" if program.returncode == 0 else "FAILED: hangs" if took_s > HANGS_AFTER_S else f"FAILED ({program.returncode})"
     print(f"\n== {name} in {place}: {verdict} in {took_s:.0f} s ({cpu_s:.0f} s of processor time)\n{printed}", flush=True)
     return program.returncode == 0
 

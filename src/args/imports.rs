@@ -14,7 +14,7 @@ use crate::help;
 pub(crate) struct AircraftArgs {
     #[command(subcommand)]
     pub(crate) command: Option<AircraftCommand>,
-    /// Print the list as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -12,7 +12,7 @@ use crate::args::Args;
 
 /// Arguments that take any path, because they name an input, or any text. Add one to this list only if nothing is written there.
 /// `install-plugin` writes only into a folder that it knows as an X-Plane.
-const INPUTS: [&str; 39] = [
+const INPUTS: [&str; 40] = [
     "airport",
     "airports",
     "against",
@@ -50,6 +50,7 @@ const INPUTS: [&str; 39] = [
     "view",
     "views",
     "without",
+    "aircraft show types",
     "fetch url",
     "install-plugin folder",
 ];

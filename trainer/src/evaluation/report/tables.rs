@@ -358,6 +358,9 @@ fn figures(
     for name in &names {
         table = table.numbers(name, ["MAPE %", "coverage %"]);
     }
+    if names.is_empty() {
+        return table;
+    }
     for (figures, shown) in &shown {
         let note = match shown.standing() {
             Standing::Competitor => "",
