@@ -3,8 +3,9 @@
 
 `cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: all of them together take
 half an hour of processor time in more than an hour. The output of a program is printed when it ends; one
-failure does not hide the others, and a program that hangs is ended, so that its output tells where. What failed is run once more when nothing else runs, because some tests wait for a simulator with
-deadlines that a busy machine can miss; what passes only then is named at the end.
+failure does not hide the others, and a program that hangs is ended, so that its output tells where. What failed is run once more when
+nothing else runs, because some tests wait for a simulator with deadlines that a busy machine can miss; what passes only then is named at
+the end.
 """
 
 import argparse

@@ -290,8 +290,6 @@ pub(crate) enum SchemaOf {
     Sweep,
     /// Training settings: TRAIN.toml of train
     Train,
-    /// Settings of live estimation: ESTIMATE.toml of estimate
-    Estimate,
     /// Lines on stderr with --progress json
     Progress,
 }

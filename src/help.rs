@@ -57,7 +57,6 @@ Examples:
   dtd generate demo.toml --out corpus --sim mock:2  with two of them
   dtd generate demo.toml --out corpus --sim 127.0.0.1:49000
                                                     with X-Plane; first: doctor
-  dtd generate demo.toml --out corpus --sim 127.0.0.1:49000 --encoder nvenc
   dtd generate scenarios.toml --out s3://bucket/corpus --shard 0/4
   dtd generate demo.toml --out corpus --sim auto --restart-simulator ./restart
 
@@ -125,7 +124,6 @@ Examples:
       --as-fast-as-possible
   dtd estimate run --view left=corpus:corpus/1200-clear-r1 \\
       --view right=corpus:corpus/1200-clear-r1
-  dtd estimate run --config ESTIMATE.toml     sources and options in a file
 
 Environment:
   DTD_PASSWORD_VIEW     password of a view's server, e.g. DTD_PASSWORD_LEFT
@@ -244,7 +242,6 @@ pub(crate) const SCHEMA: &str = "\
 Examples:
   dtd schema > sweep.schema.json              in a sweep: #:schema FILE
   dtd schema train > train.schema.json
-  dtd schema estimate > estimate.schema.json
   dtd schema progress                         of generate ... --progress json";
 
 pub(crate) const COMPLETIONS: &str = "\

@@ -37,13 +37,6 @@ fn pages() -> [(&'static str, &'static str, &'static str, String); 8] {
             settings::sections(&schema(trainer::schema())),
         ),
         (
-            "estimate-settings.md",
-            "Settings of an estimation",
-            "Keys of `ESTIMATE.toml`, for `dtd estimate --config` ([live.md](../live.md)). The schema of the file is \
-             `schema/estimate.schema.json` (`dtd schema estimate`).",
-            settings::sections(&schema(live::schema())),
-        ),
-        (
             "detector-settings.md",
             "Settings of a detector's training",
             "Keys of `DETECTOR.toml`, for `dtd train-detector --config` ([detector-training.md](../detector-training.md)).",

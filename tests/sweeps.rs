@@ -309,7 +309,6 @@ fn the_committed_schemas_are_what_the_command_prints() {
     for (of, file) in [
         ("sweep", "schema/sweep.schema.json"),
         ("train", "schema/train.schema.json"),
-        ("estimate", "schema/estimate.schema.json"),
     ] {
         let output = DTD.succeeds(&["schema", of]);
         let committed = fs::read(repository().join(file)).unwrap();

@@ -10,7 +10,6 @@
 //!                                                      uploads: one scenario to the object store  <-
 //! ```
 
-mod encoder_trial;
 mod error;
 mod event;
 mod freeze;
@@ -149,11 +148,6 @@ pub fn generate<'a>(
             )
             .map_err(dataset::Error::from)?;
         }
-        if let Some(encoder) = options.encoder
-            && !to_make.is_empty()
-        {
-            encoder_trial::pass(&plan.common, encoder, &reporter).await?;
-        }
         // A missing simulator is detected before anything is written.
         let needed = !to_make.is_empty();
         let sessions = open_sessions(options, sweep.picture, needed, cancel, &reporter).await?;
@@ -184,7 +178,6 @@ pub fn generate<'a>(
             sweep,
             plan: &plan,
             corpus: &corpus,
-            encoder: options.encoder.unwrap_or_default(),
         };
         Run::new(work, reporter, options, &to_make, outcome)
             .work_through(sessions, &staged, cancel)

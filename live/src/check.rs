@@ -58,8 +58,7 @@ pub fn check(mut options: Options, is_stopped: &dyn Fn() -> bool) -> Result<Vec<
     options.as_fast_as_possible = options.sources.values().all(Source::is_recorded);
     let metrics = Metrics::new(options.run.blake3().to_string(), options.run.views());
     let shared = Arc::new(Shared::of(&options, Arc::new(metrics)));
-    let sources = (&options.sources, options.decoder);
-    let views = Views::start(&options.run, options.searcher, sources, &shared)?;
+    let views = Views::start(&options.run, options.searcher, &options.sources, &shared)?;
     let found = |view: &View| {
         Some(CheckedSource {
             view: view.name.clone(),

@@ -65,8 +65,7 @@ pub fn estimate(
     let address = options.metrics.map(serve).transpose()?;
     let is_timed = shared.pace != Pace::AsFastAsPossible;
     let lines = Lines::to(output, metrics.clone(), is_timed)?;
-    let sources = (&options.sources, options.decoder);
-    let views = Views::start(&options.run, options.searcher, sources, &shared)?;
+    let views = Views::start(&options.run, options.searcher, &options.sources, &shared)?;
     ready(address);
     let sources = views.all.iter();
     let sources = sources.filter_map(|view| Some((view.name.clone(), view.source.clone()?)));

@@ -45,16 +45,6 @@ pub enum Error {
         /// The system's error.
         r#source: std::io::Error,
     },
-    /// The requested decoder is not available.
-    #[error(
-        "--decoder {decoder}: FFmpeg finds no such GPU here: {why}; give cpu to decode on the processor"
-    )]
-    Decoder {
-        /// The requested decoder.
-        decoder: &'static str,
-        /// FFmpeg's message.
-        why: String,
-    },
     /// The output takes no more lines, although somebody reads it.
     #[error("lines cannot be written to the output: {0}; make room there and start again")]
     Output(std::io::Error),
@@ -78,11 +68,7 @@ impl Error {
     /// True if the caller has to change an argument or a file.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::Source { .. }
-            | Self::View { .. }
-            | Self::Views(_)
-            | Self::Metrics { .. }
-            | Self::Decoder { .. } => true,
+            Self::Source { .. } | Self::View { .. } | Self::Views(_) | Self::Metrics { .. } => true,
             Self::Dataset(error) => error.is_bad_content(),
             Self::Search(error) => error.is_bad_input(),
             Self::Run(_) => true,

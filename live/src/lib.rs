@@ -36,7 +36,6 @@ pub use clock::ClockSource;
 pub use conductor::estimate;
 pub use error::{Error, Result};
 pub use options::Options;
-pub use options::settings::{Settings, ViewSettings, schema};
 pub use output::{Answer, AnswerState, Event, Line};
-pub use source::{Decoder, Source, Stream};
+pub use source::{Source, Stream};
 pub use view_state::ViewState;

@@ -1,7 +1,5 @@
 //! Options of the live estimation, checked against the run.
 
-pub(crate) mod settings;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -10,7 +8,7 @@ use labeller::Searcher;
 use trainer::live::OnlineRun;
 
 use crate::error::{Error, Result};
-use crate::source::{Decoder, Source};
+use crate::source::Source;
 
 /// Offsets of clocks are smaller, seconds.
 const MAX_OFFSET_S: f64 = 3_600.0;
@@ -34,8 +32,6 @@ pub struct Options {
     pub searcher: Searcher,
     /// Sources by view.
     pub sources: BTreeMap<String, Source>,
-    /// Decoder of their images.
-    pub decoder: Decoder,
     /// Views that have none.
     pub without: Vec<String>,
     /// Added to the times of the views' images, s.

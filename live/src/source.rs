@@ -1,7 +1,6 @@
 //! Image sources of views.
 
 pub(crate) mod address;
-pub(crate) mod gpu;
 pub(crate) mod input;
 pub(crate) mod limits;
 mod rtp;
@@ -11,8 +10,6 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use url::Url;
 
 use crate::error::{Error, Result};
@@ -35,19 +32,6 @@ pub enum Source {
         /// Identifier of the scenario.
         id: String,
     },
-}
-
-/// Decoder of images.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Decoder {
-    /// The processor.
-    #[default]
-    Cpu,
-    /// A GPU with VA-API: Intel, AMD.
-    Vaapi,
-    /// A GPU of NVIDIA.
-    Cuda,
 }
 
 /// Stream address.

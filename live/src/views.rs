@@ -20,8 +20,7 @@ use trainer::live::OnlineRun;
 use crate::error::{Error, Result};
 use crate::options::Pace;
 use crate::queue::Queue;
-use crate::source::gpu::Gpu;
-use crate::source::{Decoder, Source};
+use crate::source::Source;
 use crate::view_state::ViewWatch;
 use feed::{Feed, Message, OPEN_MS};
 use lockstep::Lockstep;
@@ -51,12 +50,10 @@ impl Views {
     pub(crate) fn start(
         run: &OnlineRun,
         searcher: Searcher,
-        (sources, decoder): (&BTreeMap<String, Source>, Decoder),
+        sources: &BTreeMap<String, Source>,
         shared: &Arc<Shared>,
     ) -> Result<Self> {
-        // A missing GPU concerns all views.
         start_ffmpeg();
-        Gpu::open(decoder)?;
         let (send, messages) = channel();
         let names = run.views();
         let lockstep = Arc::new(Lockstep::of(names.len()));
@@ -80,7 +77,6 @@ impl Views {
                 view,
                 name: name.clone(),
                 source: source.clone(),
-                decoder,
                 size_px: [camera.width_px, camera.height_px],
                 queue: queue.clone(),
                 status: status.clone(),

@@ -6,18 +6,11 @@ use std::str::FromStr;
 
 use clap::Args;
 use labeller::RowBand;
-use live::{Decoder, Source};
+use live::Source;
 
 use crate::args::detector::RuntimeArgs;
 use crate::args::folder;
-use crate::args::shared::choice::{Choices, choice};
 use crate::args::shared::output::Output;
-
-const DECODERS: Choices<Decoder, 3> = [
-    ("cpu", "", Decoder::Cpu),
-    ("vaapi", "", Decoder::Vaapi),
-    ("cuda", "", Decoder::Cuda),
-];
 
 /// A run, its sources, and outputs.
 #[derive(Debug, Args)]
@@ -28,15 +21,8 @@ pub(crate) struct EstimateArgs {
     /// Source of a view: rtsp://, a video or SDP file, /dev/videoN, or corpus:CORPUS/SCENARIO; once for each view
     ///
     /// RTSP uses TCP unless the address ends with ?transport=udp. A video file is played in its own time.
-    #[arg(
-        long = "view",
-        value_name = "VIEW=SOURCE",
-        required_unless_present = "config"
-    )]
+    #[arg(long = "view", value_name = "VIEW=SOURCE", required = true)]
     pub(crate) views: Vec<OfView<Source>>,
-    /// TOML file with settings that differ from the defaults
-    #[arg(long, value_name = "ESTIMATE.toml")]
-    pub(crate) config: Option<PathBuf>,
     /// View of the run to estimate without; may be repeated
     #[arg(long, value_name = "VIEW")]
     pub(crate) without: Vec<String>,
@@ -70,11 +56,6 @@ pub(crate) struct EstimateArgs {
     /// Rows of the images to search: TOP:BOTTOM [default: all]
     #[arg(long, value_name = "TOP:BOTTOM")]
     pub(crate) rows: Option<RowBand>,
-    /// Decoder of the images [default: cpu]
-    ///
-    /// The GPUs must be ones that FFmpeg can use. Images are searched where --device says.
-    #[arg(long, value_parser = choice(DECODERS))]
-    pub(crate) decoder: Option<Decoder>,
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,
     /// Serve metrics (OpenMetrics) at http://ADDRESS:PORT/metrics; a port alone means this computer

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
-use dataset::video::VideoEncoder;
 use generator::generate::{SimulatorTarget, Simulators};
 use store::CorpusLocation;
 use xplane_bridge::pixels::PixelChoice;
@@ -75,12 +74,6 @@ pub(crate) struct GenerateArgs {
     /// has X-Plane write files (slow: an image takes seconds); `auto` uses the simulator's first offer.
     #[arg(long, value_name = "SOURCE", default_value_t = PixelChoice::Auto, value_parser = PossibleValuesParser::new(["auto", "link", "gl", "screen", "screenshot"]).try_map(|word| word.parse::<PixelChoice>()))]
     pub(crate) pixels: PixelChoice,
-    /// Encoder of the videos; the sweep's codec stays as it is (h264 or h265 for a GPU)
-    ///
-    /// The default is software. An encoder that is named is tried first, with 100 images on this machine: their order, timestamps and
-    /// colours, and what would be left after a kill. One that fails is refused. scenario.json names the encoder (docs/video.md).
-    #[arg(long, value_name = "ENCODER", value_parser = choice(VideoEncoder::ALL.map(|encoder| (encoder.name(), "", encoder))))]
-    pub(crate) encoder: Option<VideoEncoder>,
     /// Only these scenarios, separated by commas
     ///
     /// Their identifiers are those that `dtd plan` prints.

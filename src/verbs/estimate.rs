@@ -1,8 +1,6 @@
 //! `dtd estimate`: distances from camera feeds, while they run.
 
-mod settings;
-
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::env;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -19,12 +17,10 @@ use super::Outcome;
 use super::detect::refuse_other_models;
 use super::output::print_json;
 use super::train::failure_of;
-use crate::args::estimate::EstimateArgs;
+use crate::args::estimate::{EstimateArgs, GivenOffset, OfView};
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
 use crate::signals::CleanStop;
-
-use self::settings::Given;
 
 /// Runs the verb, until the recordings end or it is stopped.
 pub(crate) fn run(args: &EstimateArgs) -> Outcome {
@@ -65,16 +61,29 @@ pub(crate) fn run(args: &EstimateArgs) -> Outcome {
 }
 
 fn options(args: &EstimateArgs) -> Result<Options, Failure> {
-    let given = Given::of(args)?;
-    let run = OnlineRun::open(&RunFolder::at(&args.run), given.estimator.as_deref())
+    let sources = by_view("--view", &args.views)?;
+    let password_files = by_view("--password-file", &args.password_files)?;
+    let (mut offsets_s, mut measured) = (BTreeMap::new(), BTreeSet::new());
+    for (view, offset) in by_view("--offset", &args.offsets)? {
+        match offset {
+            GivenOffset::Seconds(seconds) => {
+                offsets_s.insert(view, seconds);
+            }
+            GivenOffset::Auto => {
+                measured.insert(view);
+            }
+        }
+    }
+    let insecure_tls: BTreeSet<String> = args.insecure_tls.iter().cloned().collect();
+    let run = OnlineRun::open(&RunFolder::at(&args.run), args.estimator.as_deref())
         .map_err(failure_of)?;
-    let model = Detector::chosen(given.model.as_deref())?;
+    let model = Detector::chosen(args.model.as_deref())?;
     refuse_other_models(model.path())?;
     let search = DetectOptions {
         onnx_runtime: args.runtime.library.clone(),
-        device: given.device.unwrap_or_default(),
+        device: args.runtime.device.unwrap_or_default(),
         settings: TilingSettings {
-            rows: given.rows,
+            rows: args.rows,
             ..TilingSettings::default()
         },
         threads_per_worker: threads(),
@@ -82,10 +91,10 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
     };
     let searcher = Searcher::load(model.path(), &search).map_err(|error| failure(error.into()))?;
     refuse_another_detector(&run, &searcher)?;
-    let passwords = passwords(&given.password_files, run.views())?;
+    let passwords = passwords(&password_files, run.views())?;
     let with_password = |(view, source): (String, Source)| {
         let mut source = source.with_password(passwords.get(&view).cloned());
-        if given.insecure_tls.contains(&view) {
+        if insecure_tls.contains(&view) {
             source = source.with_insecure_tls();
         }
         (view, source)
@@ -93,24 +102,30 @@ fn options(args: &EstimateArgs) -> Result<Options, Failure> {
     let options = Options {
         run,
         searcher,
-        sources: given.sources.into_iter().map(with_password).collect(),
-        decoder: given.decoder.unwrap_or_default(),
-        without: given.without,
-        offsets_s: given.offsets_s,
-        measured: given.measured,
-        insecure_tls: given.insecure_tls,
-        keep_offsets: given.keep_offsets,
+        sources: sources.into_iter().map(with_password).collect(),
+        without: args.without.clone(),
+        offsets_s,
+        measured,
+        insecure_tls,
+        keep_offsets: args.keep_offsets.clone(),
         as_fast_as_possible: args.as_fast_as_possible,
-        metrics: given.metrics,
+        metrics: args.metrics,
     };
-    options.check().map_err(|error| match &args.config {
-        None => failure(error),
-        Some(path) => Failure::bad_input_message(format!(
-            "{error} (an option, or its key in {})",
-            path.display()
-        )),
-    })?;
+    options.check().map_err(failure)?;
     Ok(options)
+}
+
+/// The values by view.
+fn by_view<T: Clone>(option: &str, given: &[OfView<T>]) -> Result<BTreeMap<String, T>, Failure> {
+    let mut all = BTreeMap::new();
+    for OfView { view, value } in given {
+        if all.insert(view.clone(), value.clone()).is_some() {
+            return Err(Failure::bad_input_message(format!(
+                "{option} {view} is given twice; a view has one"
+            )));
+        }
+    }
+    Ok(all)
 }
 
 /// Number of search threads. Searching a whole image delays the next images, so more cores help; small windows need few.
@@ -198,5 +213,15 @@ mod tests {
         let views = ["left".to_owned(), "right".to_owned()];
         assert!(check_password_view(&views[1], &views).is_ok());
         assert!(check_password_view("rihgt", &views).is_err());
+    }
+
+    #[test]
+    fn a_view_is_given_once() {
+        let of = |value: &str| OfView {
+            view: "left".into(),
+            value: value.to_owned(),
+        };
+        assert!(by_view("--view", &[of("a"), of("b")]).is_err());
+        assert_eq!(by_view("--view", &[of("a")]).unwrap()["left"], "a");
     }
 }

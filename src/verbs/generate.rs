@@ -37,7 +37,6 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
         simulators: args.sim.clone(),
         local_udp: local_udp(args)?,
         pixels: args.pixels,
-        encoder: args.encoder,
         only: args.only.clone(),
         shard: args.shard.or_of_environment("generate")?,
         patience: Patience {

@@ -11,7 +11,6 @@ pub(crate) fn run(of: SchemaOf) -> Outcome {
     let schema = match of {
         SchemaOf::Sweep => generator::sweep::schema(),
         SchemaOf::Train => trainer::schema(),
-        SchemaOf::Estimate => live::schema(),
         SchemaOf::Progress => PROGRESS.to_owned(),
     };
     println!("{}", schema.trim_end());

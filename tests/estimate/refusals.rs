@@ -182,53 +182,6 @@ fn a_port_in_use_is_refused() {
 }
 
 #[test]
-fn settings_in_a_file_do_what_options_do() {
-    let workshop = Workshop::shared();
-    let source = workshop.source();
-    let settings = workshop.folder.path().join("ESTIMATE.toml");
-    let views = VIEWS.map(|view| format!("[views.{view}]\nsource = \"{source}\"\n"));
-    let run = workshop.run();
-    let arguments = ["estimate", text(&run), "--config", text(&settings)];
-    for estimator in ["inverse_range", "inverse_range_filtered"] {
-        let of_all = format!("estimator = \"{estimator}\"\n");
-        fs::write(&settings, of_all + &views.concat()).unwrap();
-        let output = DTD.succeeds(&[&arguments[..], &["--as-fast-as-possible"]].concat());
-        let lines = String::from_utf8(output.stdout).unwrap();
-        let of_file: Vec<Value> = (lines.lines())
-            .map(|line| serde_json::from_str(line).unwrap())
-            .collect();
-        assert_eq!(of_file[0]["estimator"], estimator);
-        let options = ["--as-fast-as-possible", "--estimator", estimator];
-        let of_options = workshop.lines([&source, &source], &options);
-        assert_eq!(distances(&of_file), distances(&of_options));
-    }
-    let unknown = "[views.tower]\nsource = \"x.mp4\"\n";
-    fs::write(&settings, views.concat() + unknown).unwrap();
-    DTD.ends_with(
-        &arguments,
-        2,
-        &["its views are left, right", "ESTIMATE.toml"],
-    );
-}
-
-#[test]
-fn a_gpu_that_is_not_there_is_refused_with_what_to_do() {
-    let nodes = ["/dev/dri", "/dev/nvidia0"];
-    if nodes.iter().any(|node| Path::new(node).exists()) {
-        return testkit::skipped("this computer has a GPU");
-    }
-    let workshop = Workshop::shared();
-    for decoder in ["vaapi", "cuda"] {
-        // Neither camera is there.
-        let absent = ["rtsp://127.0.0.1:9/left", "rtsp://127.0.0.1:9/right"];
-        let mut command = workshop.command(absent);
-        command
-            .args(["--decoder", decoder])
-            .ends_with(2, &[decoder, "give cpu"]);
-    }
-}
-
-#[test]
 fn a_camera_that_is_not_plugged_in_is_named_by_the_check() {
     let workshop = Workshop::shared();
     let source = workshop.source();

@@ -15,8 +15,6 @@ mod index;
 mod packets;
 mod reader;
 mod time_base;
-mod trial;
-mod video_encoder;
 mod writer;
 
 use std::any::Any;
@@ -41,8 +39,6 @@ pub use index::fragments::recorded_pictures;
 pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::{RgbPicture, VideoReader};
 pub use time_base::TimeBase;
-pub use trial::{TRIAL_PICTURES, TrialFault, try_encoder};
-pub use video_encoder::VideoEncoder;
 pub use writer::{GROUP_OF_PICTURES, VideoWriter};
 
 use crate::error::{Error, Result};

@@ -29,6 +29,8 @@ pub async fn examined(address: SocketAddr, measuring: Measuring) -> Vec<Check> {
     let options = DoctorOptions {
         web_api: WebApiPlace::Off,
         listen: Duration::from_millis(1),
+        // Values come from frames, which take seconds on a busy machine.
+        wait: Duration::from_secs(30),
         measuring,
         ..DoctorOptions::at(Some(address))
     };

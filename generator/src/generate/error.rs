@@ -49,9 +49,6 @@ pub enum GenerateError {
     /// The simulator does not answer, the stand-in does not start, or the tape contains no session to record from.
     #[error(transparent)]
     Simulator(Box<ScenarioError>),
-    /// The thread that tries the user's encoder panicked.
-    #[error("the trial of the encoder failed: {0}")]
-    EncoderTrial(JoinError),
     /// The object store of the corpus cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),

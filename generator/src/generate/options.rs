@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use dataset::video::VideoEncoder;
 use xplane_bridge::LocalUdp;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 
@@ -29,8 +28,6 @@ pub struct GenerateOptions {
     pub pixels: PixelChoice,
     /// The screen to grab, if the images come from one.
     pub screen: Arc<dyn Screen>,
-    /// Video encoder, if the user chose one: it is tried before anything is recorded.
-    pub encoder: Option<VideoEncoder>,
     /// Identifiers of the scenarios to record; empty for all.
     pub only: Vec<String>,
     /// This run's shard of the plan.
@@ -52,7 +49,6 @@ impl GenerateOptions {
             local_udp: LocalUdp::default(),
             pixels: PixelChoice::Auto,
             screen: Arc::new(FfmpegScreen::here()),
-            encoder: None,
             only: Vec::new(),
             shard: Shard::WHOLE,
             patience: Patience::default(),

@@ -21,7 +21,6 @@ use dataset::geometry::imaging::{Imaging, Stream};
 use dataset::geometry::pose::FlightState;
 use dataset::plan::{Common, Picture, Plan, PlannedScenario};
 use dataset::tables::frames::{Frames, TickRow, ViewStamp};
-use dataset::video::VideoEncoder;
 use tokio::task::spawn_blocking;
 use xplane_bridge::fly::FlightStart;
 use xplane_bridge::link::{FrameHeader, LINK_VERSION, PictureSize};
@@ -52,7 +51,6 @@ pub(super) struct Work<'a> {
     pub(super) sweep: &'a Sweep,
     pub(super) plan: &'a Plan,
     pub(super) corpus: &'a Corpus,
-    pub(super) encoder: VideoEncoder,
 }
 
 /// A scenario that was recorded and committed.
@@ -231,7 +229,6 @@ async fn record_into(
             ids.iter().map(String::as_str).zip(streams.iter().copied()),
             picture,
             &common.video,
-            work.encoder,
             if uses_blocks {
                 pictures_waiting((picture.width_px, picture.height_px))
             } else {
@@ -283,7 +280,6 @@ async fn record_into(
         ids,
         states.len(),
         &simulator,
-        work.encoder,
     );
     let record = ScenarioRecord {
         schema_version: record.required_version(calibration.schema_version()),
@@ -400,7 +396,6 @@ fn scenario_record(
     views: Vec<String>,
     ticks: usize,
     simulator: &Simulator,
-    encoder: VideoEncoder,
 ) -> ScenarioRecord {
     let (common, parameters) = (&plan.common, &scenario.parameters);
     ScenarioRecord {
@@ -432,7 +427,7 @@ fn scenario_record(
             ),
             capture_link: LINK_VERSION,
             pixels: simulator.pixels().name().into(),
-            encoder: encoder.of_codec(common.video.codec).map(str::to_owned),
+            encoder: Some(common.video.codec.encoder().to_owned()),
         },
     }
 }

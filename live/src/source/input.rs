@@ -13,13 +13,12 @@ use ffmpeg_next::util::frame::side_data::Type as FrameData;
 use ffmpeg_next::{Dictionary, Packet, decoder, format, frame, media};
 
 use crate::clock::Clues;
+use crate::source::Source;
 use crate::source::address::{self, Opened, RecordedTimes};
-use crate::source::gpu::Gpu;
 use crate::source::limits::{End, OpenFault, Patience};
 use crate::source::rtp::RtpStream;
 use crate::source::rtp::sdp::Coding;
 use crate::source::undecoded::Undecoded;
-use crate::source::{Decoder, Source};
 
 /// Side of the largest block of a codec (H.265, AV1), pixels.
 const MAX_BLOCK_PX: u64 = 128;
@@ -52,7 +51,6 @@ pub(crate) struct Input {
     reader: Reader,
     seconds_per_unit: f64,
     decoder: decoder::Video,
-    gpu: Option<Gpu>,
     size_px: [u32; 2],
     sent: VecDeque<Sent>,
     last_number: u64,
@@ -68,7 +66,6 @@ impl Input {
     /// Opens a view's source within `most_ms`, for images of this size.
     pub(crate) fn open(
         source: &Source,
-        decoder: Decoder,
         view: &str,
         size_px: [u32; 2],
         patience: Arc<Patience>,
@@ -120,10 +117,6 @@ impl Input {
         if !source.is_recorded() {
             context.set_flags(codec::Flags::LOW_DELAY);
         }
-        let gpu = Gpu::open(decoder).map_err(|error| OpenFault::Absent(error.to_string()))?;
-        if let Some(gpu) = &gpu {
-            gpu.attach_to(&mut context);
-        }
         let found = decoder::find(codec).ok_or(ffmpeg_next::Error::DecoderNotFound);
         let opened = found.and_then(|found| {
             // Larger images are refused before any memory is taken for them.
@@ -133,7 +126,6 @@ impl Input {
         });
         Ok(Self {
             decoder: opened.map_err(wrong)?,
-            gpu,
             seconds_per_unit,
             size_px,
             sent: VecDeque::new(),
@@ -187,18 +179,6 @@ impl Input {
         if let Some(why) = unlike_the_scene(&coded) {
             return Err(End::Useless(why.into()));
         }
-        let coded = match &mut self.gpu {
-            None => coded,
-            Some(gpu) if gpu.has_decoded(&coded) => gpu
-                .download(&coded)
-                .map_err(|error| End::Lost(format!("the GPU gives no image: {error}")))?,
-            Some(_) => {
-                let codec = self.codec();
-                return Err(End::Useless(format!(
-                    "the GPU does not decode {codec}; give --decoder cpu"
-                )));
-            }
-        };
         let pts = coded.timestamp();
         let index = self.sent.iter().position(|sent| sent.pts == pts);
         // Others before it are shown later, or never.

@@ -13,9 +13,9 @@ use crate::error::Error;
 use crate::options::Pace;
 use crate::output::metrics::{Fate, Stage};
 use crate::queue::{Queue, lock};
+use crate::source::Source;
 use crate::source::input::{Input, InputImage, other_size};
 use crate::source::limits::{End, OpenFault, Patience};
-use crate::source::{Decoder, Source};
 use crate::view_state::image_look::Looks;
 use crate::view_state::{DecodedLook, ViewState, ViewWatch};
 use crate::views::read_limit::ReadLimit;
@@ -86,7 +86,6 @@ pub(crate) struct Feed {
     pub(crate) view: usize,
     pub(crate) name: String,
     pub(crate) source: Source,
-    pub(crate) decoder: Decoder,
     /// Size of the images that the run knows.
     pub(crate) size_px: [u32; 2],
     pub(crate) queue: Arc<Queue<FeedImage>>,
@@ -161,14 +160,7 @@ impl Feed {
         let clock = self.shared.clock;
         let patience = Patience::new(clock, self.shared.stop.clone());
         let (most_ms, began_s) = (self.open_ms, clock.now_s());
-        let opened = Input::open(
-            &self.source,
-            self.decoder,
-            &self.name,
-            self.size_px,
-            patience,
-            most_ms,
-        );
+        let opened = Input::open(&self.source, &self.name, self.size_px, patience, most_ms);
         if opened.is_err() && clock.now_s() - began_s >= 1e-3 * most_ms as f64 {
             self.open_ms = (2 * most_ms).min(MAX_OPEN_MS);
         }

@@ -106,7 +106,7 @@ impl VideoCodec {
     }
 
     /// FFmpeg's name of the encoder.
-    pub(super) fn encoder(self) -> &'static str {
+    pub fn encoder(self) -> &'static str {
         match self {
             Self::H264 => "libx264",
             Self::H264Lossless => "libx264rgb",

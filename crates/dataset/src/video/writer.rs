@@ -9,10 +9,9 @@ use ffmpeg_next::format::{self, Pixel};
 use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
 
 use super::conversion::scaler::Scaler;
-use super::video_encoder::uploaded_frames::UploadedFrames;
 use super::{
-    BYTES_PER_PIXEL, VideoCodec, VideoEncoder, VideoSettings, fault, ffmpeg_path, index,
-    slice_threads, start_ffmpeg,
+    BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, ffmpeg_path, index, slice_threads,
+    start_ffmpeg,
 };
 use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
@@ -38,32 +37,17 @@ pub struct VideoWriter {
     coded: frame::Video,
     /// Absent if the encoder takes RGB.
     conversion: Option<Scaler>,
-    /// Present if the encoder takes frames in a GPU's memory only.
-    uploaded: Option<UploadedFrames>,
     packet: Packet,
     frame_rate: FrameRate,
     ticks: u32,
 }
 
 impl VideoWriter {
-    /// Starts a file that FFmpeg's software encoder fills; see [`VideoWriter::create_with`].
+    /// Starts a file in the format of the codec, MP4 except for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every
+    /// timestamp is exact.
     pub fn create(
         path: &Path,
         settings: &VideoSettings,
-        width_px: u32,
-        height_px: u32,
-        frame_rate: FrameRate,
-    ) -> Result<Self> {
-        let software = VideoEncoder::Software;
-        Self::create_with(path, settings, software, width_px, height_px, frame_rate)
-    }
-
-    /// Starts a file in the format of the codec, MP4 except for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every
-    /// timestamp is exact.
-    pub fn create_with(
-        path: &Path,
-        settings: &VideoSettings,
-        video_encoder: VideoEncoder,
         width_px: u32,
         height_px: u32,
         frame_rate: FrameRate,
@@ -77,16 +61,8 @@ impl VideoWriter {
             ));
         }
         let codec = settings.codec;
-        let encoder_name = video_encoder.of_codec(codec).ok_or_else(|| {
-            let name = video_encoder.name();
-            fault(
-                path,
-                "start it",
-                format!("{name} is not offered for this codec of [video]; expected h264 or h265"),
-            )
-        })?;
-        let pixel = video_encoder.pixel(codec);
-        let halves_colours = matches!(pixel, Pixel::YUV420P | Pixel::NV12);
+        let (encoder_name, pixel) = (codec.encoder(), codec.pixel());
+        let halves_colours = pixel == Pixel::YUV420P;
         if width_px == 0
             || height_px == 0
             || (halves_colours && (width_px % 2 == 1 || height_px % 2 == 1))
@@ -125,16 +101,7 @@ impl VideoWriter {
             .map_err(|e| fault(path, "start the encoder", e))?;
         video.set_width(width_px);
         video.set_height(height_px);
-        let uploaded = if video_encoder.needs_upload() {
-            let frames = UploadedFrames::of_vaapi(width_px, height_px)
-                .map_err(|e| fault(path, "use the GPU's memory", e))?;
-            frames.attach_to(&mut video);
-            video.set_format(Pixel::VAAPI);
-            Some(frames)
-        } else {
-            video.set_format(pixel);
-            None
-        };
+        video.set_format(pixel);
         video.set_time_base(time_base);
         video.set_frame_rate(Some(Rational(time_scale, frame_rate.denominator as i32)));
         video.set_max_b_frames(0);
@@ -147,7 +114,7 @@ impl VideoWriter {
         });
         tag_colours(&mut video, pixel);
         let encoder = video
-            .open_with(encoder_options(settings, video_encoder))
+            .open_with(encoder_options(settings))
             .map_err(|e| fault(path, "start the encoder", e))?;
 
         let mut stream = output
@@ -177,7 +144,6 @@ impl VideoWriter {
             encoder,
             coded: frame::Video::new(pixel, width_px, height_px),
             conversion,
-            uploaded,
             packet: Packet::empty(),
             frame_rate,
             ticks: 0,
@@ -207,12 +173,7 @@ impl VideoWriter {
         }
         let pts = self.frame_rate.pts_of_tick(self.ticks);
         coded.set_pts(Some(pts));
-        let sent = match &self.uploaded {
-            None => self.encoder.send_frame(coded),
-            Some(frames) => frames
-                .upload(coded)
-                .and_then(|uploaded| self.encoder.send_frame(&uploaded)),
-        };
+        let sent = self.encoder.send_frame(coded);
         sent.map_err(|e| fault(path, &format!("encode the image of tick {}", self.ticks), e))?;
         self.ticks += 1;
         self.write_ready_packets()?;
@@ -305,14 +266,8 @@ fn tag_colours(video: &mut encoder::video::Video, pixel: Pixel) {
     video.set_color_transfer_characteristic(color::TransferCharacteristic::BT709);
 }
 
-fn encoder_options(settings: &VideoSettings, video_encoder: VideoEncoder) -> Dictionary<'static> {
+fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
     let mut options = Dictionary::new();
-    for (name, value) in video_encoder.options(settings) {
-        options.set(name, &value);
-    }
-    if video_encoder != VideoEncoder::Software {
-        return options;
-    }
     let crf = settings.crf.to_string();
     match settings.codec {
         VideoCodec::H264 => {

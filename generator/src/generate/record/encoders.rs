@@ -8,7 +8,7 @@ use std::sync::Arc;
 use dataset::corpus::ScenarioFolder;
 use dataset::geometry::imaging::Stream;
 use dataset::plan::Picture;
-use dataset::video::{CameraStream, VideoEncoder, VideoSettings, VideoWriter};
+use dataset::video::{CameraStream, VideoSettings, VideoWriter};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 use tokio::task::{JoinHandle, spawn_blocking};
 use xplane_bridge::link::PictureBytes;
@@ -42,7 +42,6 @@ impl Encoders {
         views: impl IntoIterator<Item = (&'a str, Option<Stream>)>,
         picture: Picture,
         settings: &VideoSettings,
-        encoder: VideoEncoder,
         waiting_pictures: usize,
     ) -> Self {
         let (give_back, written) = mpsc::unbounded_channel();
@@ -57,9 +56,8 @@ impl Encoders {
                     height_px,
                     frame_rate,
                 } = picture;
-                let writer = VideoWriter::create_with(
-                    &path, &settings, encoder, width_px, height_px, frame_rate,
-                )?;
+                let writer =
+                    VideoWriter::create(&path, &settings, width_px, height_px, frame_rate)?;
                 let new_stream =
                     |stream| CameraStream::new(&path, stream, width_px, height_px, frame_rate);
                 let stream = stream.map(new_stream).transpose()?;
@@ -200,7 +198,6 @@ mod tests {
             [("left", None), ("right", Some(Stream { mbit_per_s: 4.0 }))],
             SMALL,
             &VideoSettings::default(),
-            VideoEncoder::Software,
             2,
         )
     }

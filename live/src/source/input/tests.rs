@@ -27,7 +27,7 @@ fn ffmpeg(arguments: &[&str]) -> Child {
 /// The content of all images of a source, until they end.
 fn images(source: &Source) -> Vec<(InputImage, blake3::Hash)> {
     let patience = Patience::new(RunClock::start(), Arc::default());
-    let mut input = Input::open(source, Decoder::Cpu, "left", SIZE_PX, patience, 4_000)
+    let mut input = Input::open(source, "left", SIZE_PX, patience, 4_000)
         .ok()
         .unwrap();
     let next = || input.next(1_000).ok();
@@ -224,14 +224,7 @@ fn images_that_are_not_to_be_shown_as_they_are_stored_are_refused_with_a_remedy(
         (interlaced, "progressive"),
     ] {
         let patience = Patience::new(RunClock::start(), Arc::default());
-        let opened = Input::open(
-            &Source::File(path),
-            Decoder::Cpu,
-            "left",
-            SIZE_PX,
-            patience,
-            4_000,
-        );
+        let opened = Input::open(&Source::File(path), "left", SIZE_PX, patience, 4_000);
         let said = match opened.map(|mut input| input.next(2_000)) {
             Ok(Err(End::Useless(why))) | Err(OpenFault::Wrong(why)) => why,
             _ => panic!("{expected}"),

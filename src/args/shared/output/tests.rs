@@ -12,7 +12,7 @@ use crate::args::Args;
 
 /// Arguments that take any path, because they name an input, or any text. Add one to this list only if nothing is written there.
 /// `install-plugin` writes only into a folder that it knows as an X-Plane.
-const INPUTS: [&str; 40] = [
+const INPUTS: [&str; 39] = [
     "airport",
     "airports",
     "against",
@@ -20,7 +20,6 @@ const INPUTS: [&str; 40] = [
     "corpora",
     "corpus",
     "detections",
-    "encoder",
     "estimator",
     "faults",
     "files",
