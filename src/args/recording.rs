@@ -9,7 +9,7 @@ use generator::generate::{SimulatorTarget, Simulators};
 use store::CorpusLocation;
 use xplane_bridge::pixels::PixelChoice;
 
-use crate::args::shared::choice::{choice, from_one};
+use crate::args::shared::choice::from_one;
 use crate::args::shared::local_udp::LocalUdpArgs;
 use crate::args::shared::output::Output;
 use crate::args::shared::shard::ShardArg;
