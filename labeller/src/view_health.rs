@@ -158,27 +158,14 @@ pub(crate) fn judge(
     let off: Vec<Option<Measured>> = (looks.iter())
         .map(|look| Some(off_from(look.turn?, usual?.turn)))
         .collect();
-    let states: Vec<Option<HealthState>> = (0..looks.len())
-        .map(|tick| direction_at(tick, looks, &off))
-        .collect();
-    let [before, after] = nearest(&states);
-    let known = |tick: usize| match states[tick] {
-        None | Some(HealthState::Steady) if shakes_around(tick, looks, &states) => {
-            HealthState::Shaking
-        }
-        Some(state) => state,
-        // It may be off if its neighbours are.
-        None if [before[tick], after[tick]].contains(&Some(HealthState::Moved)) => {
-            HealthState::Moved
-        }
-        None => HealthState::Unknown,
-    };
+    let mut last = None;
     let judged = (0..looks.len()).map(|tick| {
         let turn = off[tick].as_ref().map(camera_turn);
+        let direction = known(direction_at(tick, looks, &off), &mut last);
         let state = if frozen[tick] {
             HealthState::Frozen
         } else {
-            known(tick)
+            direction
         };
         (state, turn)
     });
@@ -301,23 +288,11 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Measured>]) -> Option
     })
 }
 
-/// True if most measured ticks around a tick shake: in haze some are measured too badly to tell.
-fn shakes_around(tick: usize, looks: &[Look], states: &[Option<HealthState>]) -> bool {
-    let near = states[around(tick, looks)].iter().flatten();
-    let shaking = near.clone().filter(|state| **state == HealthState::Shaking);
-    shaking.count() * 2 > near.count()
-}
-
-/// The last known state up to each tick, and the next one from it on.
-fn nearest(states: &[Option<HealthState>]) -> [Vec<Option<HealthState>>; 2] {
-    let latest = |last: &mut Option<HealthState>, state: &Option<HealthState>| {
-        *last = state.or(*last);
-        Some(*last)
-    };
-    let before = states.iter().scan(None, latest).collect();
-    let mut after: Vec<_> = states.iter().rev().scan(None, latest).collect();
-    after.reverse();
-    [before, after]
+/// State at a tick. A camera that was off is so until its direction is measured again. `last`: the state of the tick before.
+fn known(measured: Option<HealthState>, last: &mut Option<HealthState>) -> HealthState {
+    let is_off = |state: &HealthState| [HealthState::Moved, HealthState::Shaking].contains(state);
+    *last = measured.or(last.filter(is_off));
+    last.unwrap_or(HealthState::Unknown)
 }
 
 /// Median of each axis; zero without any.
