@@ -17,7 +17,7 @@ use dataset::tables::health::{CameraTurn, HealthState};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
-use sight::background::{Background, Collected};
+use sight::background::{Background, Collected, MAX_OFF_PX};
 use sight::ground::Motion;
 use sight::watched::{Measured, Watched};
 
@@ -36,9 +36,8 @@ pub(crate) const MIN_OFF_PX: f64 = 0.3;
 const MIN_OFF_SD: f64 = 6.0;
 /// Ticks that must be off for a lasting move.
 const MIN_MOVED: usize = 3;
-/// Maximum distance of the usual direction, in scatters and px.
+/// Maximum distance of the usual direction, in scatters, and at least [`MAX_OFF_PX`].
 const SCATTER: f64 = 1.5;
-const SAME_PX: f64 = 0.5;
 
 /// Evidence from an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -232,7 +231,7 @@ pub(crate) fn usual(looks: &[Look]) -> Option<Measured> {
         .collect();
     let off = turns.iter().zip(&medians);
     let scatter_px = deviation_from_zero(off.map(|(turn, median)| turn.shift_px.distance(*median)));
-    let tolerated_px = SAME_PX.max(SCATTER * scatter_px);
+    let tolerated_px = MAX_OFF_PX.max(SCATTER * scatter_px);
     let mut direction_px = *medians.first()?;
     let mut there: Vec<&Motion> = Vec::new();
     for _ in 0..3 {

@@ -32,8 +32,6 @@ pub(super) const FULL_SEARCH_S: f64 = 1.0;
 const LOSS_PART: f64 = 0.25;
 /// While an aircraft is followed, the shortest time between two periodic searches of whole images, in images.
 const MIN_PERIOD: f64 = 5.0;
-/// Maximum motion of an aircraft between two images, in box lengths; a faster one is looked for everywhere.
-const MAX_LENGTHS: f64 = 1.0;
 
 /// View search. Memory does not grow with the number of images.
 pub(super) struct Sequence {
@@ -148,7 +146,7 @@ impl Sequence {
         [now_s, since_s]: [f64; 2],
     ) -> Result<SearchedImage> {
         let expected = self.tracker.expected(since_s);
-        let is_fast = |expected: &ExpectedBox| expected.lengths_moved > MAX_LENGTHS;
+        let is_fast = |expected: &ExpectedBox| expected.lengths_moved > 1.0;
         let is_too_fast = self.mode == Mode::Auto && expected.iter().any(is_fast);
         let all = self.rows(detector, picture);
         let due = if is_too_fast {

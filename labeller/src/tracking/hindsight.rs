@@ -5,9 +5,9 @@
 
 use dataset::tables::pixel_box::PixelBox;
 
+use super::MIN_TRACK_S;
 use super::lamps::Places;
 use super::standing::{TimedBox, is_mostly_at, is_same_thing, place_if_still, stands_still, stays};
-use super::MIN_TRACK_S;
 
 /// Minimum track duration in a video shorter than twice [`MIN_TRACK_S`], as a part of the video.
 const MIN_VIDEO_PART: f64 = 0.5;

@@ -137,9 +137,15 @@ mod tests {
             count: 8,
             ..Strips::default()
         };
-        assert_eq!(strips.around(&ROWS, 600.0, [5.0, 0.1], 0.25), Some(488..712));
+        assert_eq!(
+            strips.around(&ROWS, 600.0, [5.0, 0.1], 0.25),
+            Some(488..712)
+        );
         strips.took(5.0, 0.02, 0.15);
         assert_eq!(strips.around(&ROWS, 600.0, [5.1, 0.1], 0.25), None);
-        assert_eq!(strips.around(&(300..700), 5.0, [5.3, 0.1], 0.25), Some(300..382));
+        assert_eq!(
+            strips.around(&(300..700), 5.0, [5.3, 0.1], 0.25),
+            Some(300..382)
+        );
     }
 }

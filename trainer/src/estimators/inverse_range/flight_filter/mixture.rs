@@ -1,8 +1,9 @@
 //! Combination of several hypotheses into one estimate.
 
+use sight::sight::CONTRADICTS_SD;
+
 use super::gaussian::Gaussian;
 use super::motion::Motion;
-use crate::estimators::inverse_range::contradiction::NEAR_DEVIATIONS;
 
 /// Share of the weight within the estimate's covariance.
 const COVERED: f64 = 0.95;
@@ -42,7 +43,7 @@ pub(super) fn mixed(states: &[Component], is_measured: bool) -> Option<Gaussian>
     let mut mixed = Gaussian::independent(vec![0.0; size], &[]);
     let is_near = |state: &&&Component| {
         let apart = state.known.mean[0] - answer.known.mean[0];
-        apart.powi(2) <= NEAR_DEVIATIONS.powi(2) * (answer.variance() + state.variance())
+        apart.powi(2) <= CONTRADICTS_SD.powi(2) * (answer.variance() + state.variance())
     };
     let mut near = 0.0;
     for state in used.iter().filter(is_near) {
