@@ -5,12 +5,10 @@
 //! ([`super::flight_filter`]), and they show a view's lag.
 
 use dataset::numbers::spread::deviation_from_zero;
-use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::camera_health::late_images::Pair;
 use crate::samples::row_line::RowLine;
-use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::MIN_SD_PX;
 use crate::samples::{Observation, Sample};
 
@@ -57,23 +55,6 @@ fn lag_sd_s(views: [usize; 2], training: &[&Sample]) -> Option<f64> {
     (lags_s.len() >= MIN_FLIGHTS).then(|| deviation_from_zero(lags_s.into_iter()))
 }
 
-/// Registered places in both views, pixels.
-fn places_px([reference, view]: [usize; 2], observed: &Observation) -> Option<[DVec2; 2]> {
-    let shift = observed
-        .shift(view)
-        .filter(|shift| shift.reference == reference)?;
-    let (place_px, _) = centre_and_size(observed.best(reference)?);
-    Some([place_px, place_px + shift.shift_px])
-}
-
-/// Standard deviation of that row, including common errors, pixels.
-fn row_sd_px([reference, view]: [usize; 2], observed: &Observation) -> Option<f64> {
-    let own_px = observed.shift(view)?.sd_px.y;
-    let common = observed.common_errors.iter();
-    let common = common.filter(|error| [reference, view].contains(&error.view));
-    Some(common.fold(own_px, |sd_px, error| sd_px.hypot(error.sd_px.y)))
-}
-
 impl RowRelation {
     /// Relations for all views that were registered with each other often enough.
     pub(super) fn all(views: usize, training: &[&Sample]) -> Vec<Self> {
@@ -103,7 +84,7 @@ impl RowRelation {
     fn of(views: [usize; 2], training: &[&Sample]) -> Option<Self> {
         let places = training.iter();
         let places: Vec<_> = places
-            .filter_map(|sample| places_px(views, sample))
+            .filter_map(|sample| Some(sample.registered_places(views)?.1))
             .collect();
         if places.len() < MIN_SHIFTS {
             return None;
@@ -127,8 +108,9 @@ pub(super) fn row_misfits(
 ) -> Vec<([usize; 2], f64)> {
     let misfits = relations.iter().filter_map(|relation| {
         let [reference, view] = relation.views;
-        let off_px = relation.row.off_px(places_px(relation.views, observed)?);
-        let sd_px = MIN_SD_PX.hypot(row_sd_px(relation.views, observed)?);
+        let (shift, places_px) = observed.registered_places(relation.views)?;
+        let off_px = relation.row.off_px(places_px);
+        let sd_px = MIN_SD_PX.hypot(observed.row_sd_px(relation.views, shift.sd_px.y));
         Some(if reference < view {
             ([reference, view], off_px / sd_px)
         } else {

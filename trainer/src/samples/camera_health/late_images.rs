@@ -15,7 +15,6 @@ use std::collections::BTreeMap;
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{EpipolarLine, across_sd_px};
 use dataset::numbers::motion::scatter;
-use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Watch;
 use glam::DVec2;
 use sight::lag::{
@@ -25,7 +24,6 @@ use sight::sight::{CERTAIN_SD, CONTRADICTS_SD};
 
 use crate::samples::camera_health::{Corrections, first_of};
 use crate::samples::trusted_boxes::centre_and_size;
-use crate::samples::view_shift::ViewShift;
 use crate::samples::{CommonError, Observation, ScenarioSummary};
 
 /// Standard deviation of a lag, relative to it. Views that were five seconds late (`late-5s` of scripts/moved_cameras.py) had lags that
@@ -100,10 +98,8 @@ impl Pair<'_> {
     ) -> Option<lag::Fit> {
         let tracks = sightings(self.views, self.row_sd_px, flight);
         let row_sds_px = flight.iter().filter_map(|observed| {
-            seen_by(self.views, observed)?;
-            let common = observed.common_errors.iter();
-            let common = common.filter(|of| self.views.contains(&of.view));
-            Some(common.fold(ROW_SD_PX, |sum_px, of| sum_px.hypot(of.sd_px.y)))
+            observed.registered_places(self.views)?;
+            Some(observed.row_sd_px(self.views, ROW_SD_PX))
         });
         let row_sd_px = row_sds_px.fold(ROW_SD_PX.max(self.row_sd_px), f64::max);
         let slope_sd_px = SLOPE_SD_PX.hypot(row_sd_px - ROW_SD_PX);
@@ -120,26 +116,20 @@ impl Pair<'_> {
     }
 }
 
-/// The aircraft at a tick that both views see: its shift, and its box in the first one.
-fn seen_by([first, second]: [usize; 2], observed: &Observation) -> Option<(ViewShift, &PixelBox)> {
-    let shift = observed.shift(second).filter(|of| of.reference == first)?;
-    Some((shift, observed.best(first)?))
-}
-
 /// What two views see, by the tracks of both: of one aircraft each.
 fn sightings(views: [usize; 2], min_sd_px: f64, flight: &[&Observation]) -> Vec<Vec<Sighting>> {
     let mut tracks: BTreeMap<[Option<u32>; 2], Vec<Sighting>> = BTreeMap::new();
     for observed in flight {
-        let Some((shift, seen)) = seen_by(views, observed) else {
+        let seen = observed.registered_places(views);
+        let Some(((shift, places_px), seen)) = seen.zip(observed.best(views[0])) else {
             continue;
         };
-        let here_px = centre_and_size(seen).0;
         let own_sd_px = shift.sd_px.y.hypot(across_sd_px(seen.width_px));
         let of_tracks = tracks.entry(views.map(|view| observed.track(view)));
         of_tracks.or_default().push(Sighting {
             time_s: observed.time_s(),
             taken_off_s: 0.0,
-            places_px: [here_px, here_px + shift.shift_px],
+            places_px,
             width_px: seen.width_px,
             sd_px: own_sd_px.max(min_sd_px),
         });

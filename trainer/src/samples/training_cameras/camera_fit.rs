@@ -21,7 +21,8 @@ const STEPS: [f64; UNKNOWNS] = [1e-4, 1e-4, 1e-4, 1e-3, 1e-2, 1e-2, 1e-2];
 /// Box centre error, pixels, and its distance from the labelled point, metres: a gear, half a fin.
 const BOX_SD_PX: f64 = 1.0;
 const POINT_SD_M: f64 = 3.0;
-/// Factor of the gate, beyond which residuals hardly count, per step: if it shrank faster, it would close before the few near boxes have turned the camera.
+/// Factor per step of the gate, beyond which residuals hardly count: if it shrank faster, it would close before the few near boxes have
+/// turned the camera.
 const SHRINKS_BY: f64 = 0.85;
 const MAX_STEPS: usize = 60;
 /// Length of the last step, relative to the prior standard deviation.
