@@ -26,8 +26,8 @@ const NEXT_OUTLIER: f64 = 0.7;
 const BEGINNING: f64 = 1e-4;
 /// Probability that errors halve or double.
 const LEVEL_CHANGE: f64 = 0.003;
-/// Maximum factor of new errors: a camera that shakes by two pixels makes them 65 times as large.
-const MAX_ERROR: f64 = 100.0;
+/// Highest level of new errors: a camera that shakes by two pixels makes all errors 65 times as large, and the new part may be small.
+const MAX_LEVEL: u8 = 10;
 const MAX_HYPOTHESES: usize = 10;
 /// Minimum tick weight, and minimum hypothesis weight relative to the heaviest at a usual tick.
 const MIN_WEIGHT: f64 = 1e-3;
@@ -53,21 +53,12 @@ pub(super) struct Filtered {
 }
 
 pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
-    let mut filter = Filter::new(model, fits_of(ticks));
+    let mut filter = Filter::new(fits_of(ticks));
     filter.decided = Some(Vec::new());
     Filtered {
         known: ticks.iter().map(|tick| filter.take(model, tick)).collect(),
         decisions: filter.decisions(ticks.len()),
     }
-}
-
-/// Number of error levels, up to the maximum error of the most precise fit.
-fn levels(model: Model) -> u8 {
-    let new_share = model.errors.first().map_or(1.0, |error| error.new_share);
-    (MAX_ERROR / new_share.sqrt())
-        .log2()
-        .ceil()
-        .clamp(0.0, 10.0) as u8
 }
 
 #[derive(Clone)]
@@ -100,8 +91,6 @@ struct Branch {
 pub(super) struct Filter {
     /// Fits with unknown errors, ascending.
     fits: Vec<usize>,
-    /// Maximum error level.
-    levels: u8,
     /// Time of the last tick, seconds.
     time_s: f64,
     /// Last step with its duration: ticks are equally far apart, except for rounding.
@@ -114,9 +103,8 @@ pub(super) struct Filter {
 }
 
 impl Filter {
-    pub(super) fn new(model: Model, fits: Vec<usize>) -> Self {
+    pub(super) fn new(fits: Vec<usize>) -> Self {
         Self {
-            levels: levels(model),
             fits,
             time_s: 0.0,
             step: None,
@@ -189,7 +177,7 @@ impl Filter {
 
     /// Starts with the first measurement, at every error level.
     fn begin(&mut self, model: Model, number: usize, best: &Measurement) {
-        for level in 0..=self.levels {
+        for level in 0..=MAX_LEVEL {
             let decided = self.decide(Decision::Begun { level }, number, None);
             self.hypotheses.push(WeightedHypothesis {
                 hypothesis: Hypothesis::begun(model, &self.fits, best, level),
@@ -254,7 +242,7 @@ impl Filter {
         for (next, chance) in [
             (level.checked_sub(1), change),
             (Some(level), 1.0 - 2.0 * change),
-            ((level < self.levels).then_some(level + 1), change),
+            ((level < MAX_LEVEL).then_some(level + 1), change),
         ] {
             if let Some(level) = next {
                 let likelihood = hypothesis.log_taken(reading, level);
