@@ -140,16 +140,14 @@ impl Filter {
         self.merge();
         let is_measured = tick.best().is_some();
         let states = self.hypotheses.iter().map(|of| {
-            let is_outlier = of.hypothesis.is_outlier;
-            let is_taken = is_measured && !is_outlier;
+            let is_taken = is_measured && !of.hypothesis.is_outlier;
             Component {
                 weight: of.log_weight.exp(),
                 known: &of.hypothesis.known,
                 inflation: of.hypothesis.inflation(is_taken, count),
-                is_outlier,
             }
         });
-        mixed(&states.collect::<Vec<_>>(), is_measured)
+        mixed(&states.collect::<Vec<_>>())
     }
 
     fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {
