@@ -14,8 +14,7 @@ use crate::samples::{Observation, Sample};
 
 /// Minimum number of shifts.
 const MIN_SHIFTS: usize = 30;
-/// Number of parts in which flights are left out, and the minimum number of flights that show how accurate lags are.
-const PARTS: usize = 4;
+/// Minimum number of flights that show how accurate lags are.
 const MIN_FLIGHTS: usize = 4;
 /// Maximum number of shifts; more do not change the fit.
 const MAX_SHIFTS: usize = 20_000;
@@ -33,38 +32,23 @@ pub(super) struct RowRelation {
     lag_sd_s: Option<f64>,
 }
 
-/// Standard deviation of lags by rows of other flights, seconds; `None` with too few flights.
-fn lag_sd_s(views: [usize; 2], training: &[&Sample]) -> Option<f64> {
-    let flights: Vec<&[&Sample]> = (training.chunk_by(|a, b| a.scenario == b.scenario)).collect();
-    let parts = (0..PARTS).flat_map(|part| {
-        let flights = flights.iter().enumerate();
-        let (own, others): (Vec<_>, Vec<_>) = flights.partition(|(index, _)| index % PARTS == part);
-        let others: Vec<&Sample> = others
-            .into_iter()
-            .flat_map(|(_, of)| *of)
-            .copied()
-            .collect();
-        let relation = RowRelation::of(views, &others);
-        let lag_s = move |flight: &[&Sample]| {
-            let observed: Vec<&Observation> = flight.iter().map(|of| &of.observed).collect();
-            relation.as_ref()?.pair_of(0.0).lag_s(&observed)
-        };
-        own.into_iter().filter_map(move |(_, flight)| lag_s(flight))
-    });
-    let lags_s: Vec<f64> = parts.collect();
-    (lags_s.len() >= MIN_FLIGHTS).then(|| deviation_from_zero(lags_s.into_iter()))
-}
-
 impl RowRelation {
     /// Relations for all views that were registered with each other often enough.
     pub(super) fn all(views: usize, training: &[&Sample]) -> Vec<Self> {
         let pairs = (0..views).flat_map(|a| (0..views).map(move |b| [a, b]));
-        let learned = pairs.filter_map(|pair| Self::of(pair, training));
-        let learned = learned.map(|relation| Self {
-            lag_sd_s: lag_sd_s(relation.views, training),
-            ..relation
+        pairs.filter_map(|pair| Self::of(pair, training)).collect()
+    }
+
+    /// Learns how accurate lags are, from flights that have none, each with relations that others taught.
+    pub(super) fn learn_lags(&mut self, flights: &[(&[Self], &[&Sample])]) {
+        let lags_s = flights.iter().filter_map(|(relations, flight)| {
+            let relation = relations.iter().find(|of| of.views == self.views)?;
+            let observed: Vec<&Observation> = flight.iter().map(|of| &of.observed).collect();
+            relation.pair_of(0.0).lag_s(&observed)
         });
-        learned.collect()
+        let lags_s: Vec<f64> = lags_s.collect();
+        let is_known = lags_s.len() >= MIN_FLIGHTS;
+        self.lag_sd_s = is_known.then(|| deviation_from_zero(lags_s.into_iter()));
     }
 
     /// The rows of these views, for measuring lags; `None` if too few flights showed how accurate such lags are.
