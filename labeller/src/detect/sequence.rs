@@ -104,7 +104,7 @@ impl Sequence {
     /// Forgets all images up to now.
     pub(super) fn begin_again(&mut self) {
         *self = Self {
-            strips: mem::take(&mut self.strips),
+            strips: self.strips.begun_again(),
             is_spread: self.is_spread,
             ..Self::new(self.tiling, self.mode, None)
         };

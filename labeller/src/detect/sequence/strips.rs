@@ -25,6 +25,14 @@ pub(super) struct Strips {
 }
 
 impl Strips {
+    /// The strips of the next images, of which a whole one takes as long.
+    pub(super) fn begun_again(&self) -> Self {
+        Self {
+            whole_s: self.whole_s,
+            ..Self::default()
+        }
+    }
+
     /// The part of these rows to search in the image at `now_s`, `since_s` after the one before; `None` if no strip is due. All are
     /// searched within `period_s`, or later if that would take too much time.
     pub(super) fn due(
