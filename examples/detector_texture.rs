@@ -102,7 +102,6 @@ fn search_all(
         library: None,
         device: Device::CPU,
         threads: std::thread::available_parallelism().map_or(1, usize::from),
-        batch: 1,
     };
     let mut detector = OrtDetector::of(&ModelFile::read(model)?, &options)?;
     let mut rng = ChaCha8Rng::seed_from_u64(4);

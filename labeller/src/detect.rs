@@ -69,8 +69,6 @@ pub struct DetectOptions {
     pub workers: usize,
     /// Threads that a worker's model uses.
     pub threads_per_worker: usize,
-    /// Maximum number of windows per run of the model.
-    pub batch: usize,
     /// Search only these scenarios; `None`: all.
     pub only: Option<BTreeSet<String>>,
     /// Detect again even if this model's detections with these settings exist.
@@ -90,7 +88,6 @@ impl Default for DetectOptions {
             mode: Mode::default(),
             workers: cores,
             threads_per_worker: 1,
-            batch: 1,
             only: None,
             force: false,
             registration_of: None,
@@ -116,7 +113,6 @@ impl DetectOptions {
             library: self.onnx_runtime.clone(),
             device: self.device,
             threads: self.threads_per_worker,
-            batch: self.batch,
         }
     }
 }

@@ -62,14 +62,11 @@ pub(crate) struct Tracker {
 struct Track {
     number: u32,
     motion: Motion,
-    /// Last images that were searched for it, the newest in the lowest bit: 1 with a box.
+    /// Last images that were searched for it, the newest in the lowest bit: 1 with a box, and before the first one.
     outcomes: u32,
     /// The same bits: 1 with a clear box.
     clear: u32,
-    /// Number of images that were searched for it.
-    looks: u32,
     misses: u32,
-    seen_s: f64,
     history: History,
 }
 
@@ -191,7 +188,7 @@ impl Tracker {
             let was_looked_for = searched.has_row_of(&track.motion.expected())
                 || matches!(searched, SearchedParts::Around(tracks, _) if tracks.contains(&track.number));
             if found.is_some() || was_looked_for {
-                track.note(found, self.now_s);
+                track.note(found);
                 if hits_in(track.clear) >= hits {
                     track.history.confirm(hits);
                 }
@@ -267,19 +264,17 @@ impl Tracker {
         self.followed.push(Track {
             number,
             motion: Motion::starting_at(&seen.pixel_box),
-            outcomes: 1,
+            outcomes: u32::MAX,
             clear,
-            looks: 1,
             misses: 0,
-            seen_s: self.now_s,
             history,
         });
         number
     }
 
-    /// True if a followed track is confirmed.
-    pub(crate) fn is_confirmed(&self, track: u32) -> bool {
-        self.history(track).is_some_and(History::is_confirmed)
+    /// Time of the first of the clear boxes that confirmed a followed track.
+    pub(crate) fn confirmed_s(&self, track: u32) -> Option<f64> {
+        self.history(track).and_then(History::confirmed_s)
     }
 
     /// True if a followed track counts at this moment: it is confirmed, has lasted, and does not stand still.
@@ -295,29 +290,23 @@ impl Tracker {
 }
 
 impl Track {
-    fn note(&mut self, found: Option<FoundBox>, now_s: f64) {
+    fn note(&mut self, found: Option<FoundBox>) {
         let was_found = found.is_some();
         let is_clear = found.is_some_and(|seen| !seen.is_faint);
         self.outcomes = self.outcomes << 1 | u32::from(was_found);
         self.clear = self.clear << 1 | u32::from(is_clear);
-        self.looks = self.looks.saturating_add(1);
-        if was_found {
-            self.misses = 0;
-            self.seen_s = now_s;
-        } else {
-            self.misses += 1;
-        }
+        self.misses = if was_found { 0 } else { self.misses + 1 };
     }
 
     /// True if a confirmed track is no longer searched for.
     fn is_gone(&self, now_s: f64) -> bool {
-        self.misses >= MAX_MISSES && now_s - self.seen_s >= MAX_GAP_S
+        let seen_s = self.history.boxes().last().map_or(now_s, |(at_s, _)| *at_s);
+        self.misses >= MAX_MISSES && now_s - seen_s >= MAX_GAP_S
     }
 
     /// True if too few of the last images had a box for a track that is not confirmed.
     fn has_failed(&self, hits: u32) -> bool {
-        let is_known = self.looks >= OUTCOMES;
-        self.misses > OUTCOMES - HITS || is_known && hits_in(self.outcomes) < hits
+        self.misses > OUTCOMES - HITS || hits_in(self.outcomes) < hits
     }
 }
 

@@ -17,7 +17,7 @@ use dataset::tables::health::{CameraTurn, HealthState};
 use dataset::tables::pixel_box::PixelBox;
 use dataset::video::Luma;
 use glam::DVec2;
-use sight::background::{Background, Collected};
+use sight::background::{Background, Collected, MAX_OFF_PX};
 use sight::ground::Motion;
 use sight::watched::{Measured, Watched};
 
@@ -36,9 +36,8 @@ pub(crate) const MIN_OFF_PX: f64 = 0.3;
 const MIN_OFF_SD: f64 = 6.0;
 /// Ticks that must be off for a lasting move.
 const MIN_MOVED: usize = 3;
-/// Maximum distance of the usual direction, in scatters and px.
+/// Maximum distance of the usual direction, in scatters, and at least [`MAX_OFF_PX`].
 const SCATTER: f64 = 1.5;
-const SAME_PX: f64 = 0.5;
 
 /// Evidence from an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -158,27 +157,14 @@ pub(crate) fn judge(
     let off: Vec<Option<Measured>> = (looks.iter())
         .map(|look| Some(off_from(look.turn?, usual?.turn)))
         .collect();
-    let states: Vec<Option<HealthState>> = (0..looks.len())
-        .map(|tick| direction_at(tick, looks, &off))
-        .collect();
-    let [before, after] = nearest(&states);
-    let known = |tick: usize| match states[tick] {
-        None | Some(HealthState::Steady) if shakes_around(tick, looks, &states) => {
-            HealthState::Shaking
-        }
-        Some(state) => state,
-        // It may be off if its neighbours are.
-        None if [before[tick], after[tick]].contains(&Some(HealthState::Moved)) => {
-            HealthState::Moved
-        }
-        None => HealthState::Unknown,
-    };
+    let mut last = None;
     let judged = (0..looks.len()).map(|tick| {
         let turn = off[tick].as_ref().map(camera_turn);
+        let direction = known(direction_at(tick, looks, &off), &mut last);
         let state = if frozen[tick] {
             HealthState::Frozen
         } else {
-            known(tick)
+            direction
         };
         (state, turn)
     });
@@ -245,7 +231,7 @@ pub(crate) fn usual(looks: &[Look]) -> Option<Measured> {
         .collect();
     let off = turns.iter().zip(&medians);
     let scatter_px = deviation_from_zero(off.map(|(turn, median)| turn.shift_px.distance(*median)));
-    let tolerated_px = SAME_PX.max(SCATTER * scatter_px);
+    let tolerated_px = MAX_OFF_PX.max(SCATTER * scatter_px);
     let mut direction_px = *medians.first()?;
     let mut there: Vec<&Motion> = Vec::new();
     for _ in 0..3 {
@@ -301,23 +287,11 @@ fn direction_at(tick: usize, looks: &[Look], off: &[Option<Measured>]) -> Option
     })
 }
 
-/// True if most measured ticks around a tick shake: in haze some are measured too badly to tell.
-fn shakes_around(tick: usize, looks: &[Look], states: &[Option<HealthState>]) -> bool {
-    let near = states[around(tick, looks)].iter().flatten();
-    let shaking = near.clone().filter(|state| **state == HealthState::Shaking);
-    shaking.count() * 2 > near.count()
-}
-
-/// The last known state up to each tick, and the next one from it on.
-fn nearest(states: &[Option<HealthState>]) -> [Vec<Option<HealthState>>; 2] {
-    let latest = |last: &mut Option<HealthState>, state: &Option<HealthState>| {
-        *last = state.or(*last);
-        Some(*last)
-    };
-    let before = states.iter().scan(None, latest).collect();
-    let mut after: Vec<_> = states.iter().rev().scan(None, latest).collect();
-    after.reverse();
-    [before, after]
+/// State at a tick. A camera that was off is so until its direction is measured again. `last`: the state of the tick before.
+fn known(measured: Option<HealthState>, last: &mut Option<HealthState>) -> HealthState {
+    let is_off = |state: &HealthState| [HealthState::Moved, HealthState::Shaking].contains(state);
+    *last = measured.or(last.filter(is_off));
+    last.unwrap_or(HealthState::Unknown)
 }
 
 /// Median of each axis; zero without any.

@@ -68,7 +68,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         model_hash: Some(detected.model_hash.clone()),
         ..TrainConfig::demo()
     };
-    train(slice::from_ref(&corpus), &run, &config)?;
+    train(slice::from_ref(&corpus), &run, &config, false)?;
     let metrics = evaluate(&run, &corpus, &EvaluationConfig::default())?;
     let run_folder = RunFolder::at(&run);
     let result = DemoResult {

@@ -32,7 +32,7 @@ use super::evaluate_detector;
 use super::generate::{ending_of, generate, options};
 use super::label::{self, label};
 use super::output::{Next, finish, print_json};
-use super::train::{settings_in, train_unless_done};
+use super::train::{settings_in, train};
 use crate::args::experiment::{PaperArgs, Scale};
 use crate::failure::{Ending, Failure};
 use crate::shipped::Detector;
@@ -332,7 +332,7 @@ impl Experiment<'_> {
             ..self.training.clone()
         };
         let corpus = self.corpus()?;
-        let outcome = train_unless_done(slice::from_ref(&corpus), &self.place(place), &config)?;
+        let outcome = train(slice::from_ref(&corpus), &self.place(place), &config, true)?;
         if matches!(place, Place::ByTrajectory) {
             self.notes.found.recommended = Some(outcome.choice.estimator);
             self.notes.found.lateral_spread_m = Some(outcome.choice.lateral_spread_m);

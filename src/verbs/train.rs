@@ -44,7 +44,7 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
     if let Some(path) = &args.search {
         return Ok(search::run(args, path, &corpora)?.and(ending));
     }
-    let outcome = train(&corpora, &args.out, &config)?;
+    let outcome = train(&corpora, &args.out, &config, false)?;
     let run = outcome.run.root();
     if args.json {
         print_json(&Trained {
@@ -87,24 +87,15 @@ pub(crate) fn has_scenario_on(corpus: &Corpus, side: Side) -> bool {
     sides.any(|assignment| assignment.side == side)
 }
 
-/// Trains with a progress bar per stage.
+/// Trains with a progress bar per stage. `reuses_finished`: unless there is a finished run with equal settings, samples and version.
 pub(crate) fn train(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
+    reuses_finished: bool,
 ) -> Result<TrainOutcome, Failure> {
     let watch = VerbWatch::new("train", "steps");
-    trainer::train_on_all(corpora, out, config, &watch).map_err(failure_of)
-}
-
-/// Trains, unless there is a finished run with equal settings, samples and version.
-pub(crate) fn train_unless_done(
-    corpora: &[Corpus],
-    out: &Path,
-    config: &TrainConfig,
-) -> Result<TrainOutcome, Failure> {
-    let watch = VerbWatch::new("train", "steps");
-    trainer::train_unless_done(corpora, out, config, &watch).map_err(failure_of)
+    trainer::train_on_all(corpora, out, config, reuses_finished, &watch).map_err(failure_of)
 }
 
 /// An error of the trainer that the caller must fix, or one of the machine.

@@ -57,4 +57,4 @@ pub use run::refitted_view::Refit;
 pub use samples::Moment;
 pub use training::refit::{MAX_APPROACHES, RefitConfig, refit};
 pub use training::search::{Search, SearchTable, TrainingResult, VariantResult, search};
-pub use training::{TrainOutcome, train, train_on_all, train_unless_done};
+pub use training::{TrainOutcome, train, train_on_all};

@@ -163,11 +163,7 @@ pub(crate) struct Samples {
 impl Samples {
     pub(crate) fn read(corpus: &Corpus, asked: Option<&str>) -> Result<Self> {
         let splits = corpus.splits()?;
-        let planned = PlannedScenarios::read(corpus)?;
-        let folders = corpus.scenarios()?;
-        refuse_unplanned(&planned, &folders)?;
-        let detections = choose_detections(corpus, &folders, asked)?;
-        let mut found = Self::empty(corpus, &folders, detections)?;
+        let (mut found, folders) = Self::begin(corpus, asked)?;
         found.absent_scenarios = absent(&splits, &folders);
         for folder in &folders {
             let scenario = folder.open()?;
@@ -226,11 +222,7 @@ impl Samples {
         asked: Option<&str>,
         moment: Moment,
     ) -> Result<(Self, Vec<Observation>)> {
-        let planned = PlannedScenarios::read(corpus)?;
-        let folders = corpus.scenarios()?;
-        refuse_unplanned(&planned, &folders)?;
-        let detections = choose_detections(corpus, &folders, asked)?;
-        let mut found = Self::empty(corpus, &folders, detections)?;
+        let (mut found, folders) = Self::begin(corpus, asked)?;
         let mut flights = Vec::new();
         for folder in &folders {
             let scenario = folder.open()?;
@@ -242,6 +234,15 @@ impl Samples {
         }
         found.refuse_mixed_registrations()?;
         Ok((found, flights))
+    }
+
+    /// Nothing yet of a corpus whose scenarios are all planned, and its scenarios.
+    fn begin(corpus: &Corpus, asked: Option<&str>) -> Result<(Self, Vec<ScenarioFolder>)> {
+        let planned = PlannedScenarios::read(corpus)?;
+        let folders = corpus.scenarios()?;
+        refuse_unplanned(&planned, &folders)?;
+        let detections = choose_detections(corpus, &folders, asked)?;
+        Ok((Self::empty(corpus, &folders, detections)?, folders))
     }
 
     fn empty(
@@ -403,7 +404,6 @@ impl Samples {
             .into_iter()
             .map(|registration| ((registration.tick, registration.view.clone()), registration))
             .collect();
-        let mut corrections = Corrections::default();
         let frames = scenario.frames()?;
         let mut summary = ScenarioSummary::of(scenario, record, cameras, &frames, side);
         summary.registered_with = registered_with(folder, &self.detections.hash)?;
@@ -425,19 +425,15 @@ impl Samples {
             let looks = views.map(|view| look(row.tick, view));
             Observation::of(at, found, shifts, looks.collect())
         };
-        if moment == Moment::Live {
-            let observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
-            return Ok((summary, frames, observations));
+        let mut observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
+        if moment == Moment::Hindsight {
+            let times_s = observations.iter();
+            let times_s = times_s.map(|of| (of.tick, of.time_s())).collect();
+            let health = CameraHealth::of(&self.views, &summary.cameras, &health, &times_s);
+            for observed in &mut observations {
+                *observed = health.corrected(observed, &mut summary.corrections);
+            }
         }
-        let times_s = frames.rows.iter();
-        let times_s = times_s
-            .map(|row| (row.tick, row.time_ns as f64 / 1e9))
-            .collect();
-        let health = CameraHealth::of(&self.views, &summary.cameras, &health, &times_s);
-        let observations = (frames.rows.iter().map(observe))
-            .map(|observed| health.corrected(observed, &mut corrections))
-            .collect();
-        summary.corrections = corrections;
         Ok((summary, frames, observations))
     }
 

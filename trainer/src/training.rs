@@ -57,30 +57,12 @@ pub fn train(
     config: &TrainConfig,
     watch: &dyn Watch,
 ) -> Result<TrainOutcome> {
-    train_on_all(slice::from_ref(corpus), out, config, watch)
+    train_on_all(slice::from_ref(corpus), out, config, false, watch)
 }
 
-/// [`train`] on several corpora with the same rig. Flights on different sides in different corpora do not train.
+/// [`train`] on several corpora with the same rig. Flights on different sides in different corpora do not train. `reuses_finished`: a
+/// finished run with the same settings, samples and version stays.
 pub fn train_on_all(
-    corpora: &[Corpus],
-    out: &Path,
-    config: &TrainConfig,
-    watch: &dyn Watch,
-) -> Result<TrainOutcome> {
-    train_run(corpora, out, config, false, watch)
-}
-
-/// [`train_on_all`], except that a finished run with the same settings, samples and version stays.
-pub fn train_unless_done(
-    corpora: &[Corpus],
-    out: &Path,
-    config: &TrainConfig,
-    watch: &dyn Watch,
-) -> Result<TrainOutcome> {
-    train_run(corpora, out, config, true, watch)
-}
-
-fn train_run(
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,

@@ -63,7 +63,14 @@ fn a_split_by_scenario_is_judged_on_what_was_drawn_and_says_which_flights_are_sh
     let error = evaluate(&run, &other, &EvaluationConfig::default(), &Silent).unwrap_err();
     assert!(error.to_string().contains("--side all"), "{error}");
     let twice = [corpus.clone(), corpus.clone()];
-    let error = train_on_all(&twice, &folder.path().join("twice"), &config, &Silent).unwrap_err();
+    let error = train_on_all(
+        &twice,
+        &folder.path().join("twice"),
+        &config,
+        false,
+        &Silent,
+    )
+    .unwrap_err();
     assert!(error.to_string().contains("set for 2 corpora"), "{error}");
 
     let both = TrainConfig {

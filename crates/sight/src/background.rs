@@ -17,7 +17,7 @@ pub const IMAGES: u32 = 24;
 /// Noise by the rounding of a mean, grey levels.
 const ROUNDING_LEVELS: f64 = 0.3;
 /// Images that are off by more are left out, pixels: the rest of a shake blurs the mean by less than the images are blurred.
-const MAX_OFF_PX: f64 = 0.5;
+pub const MAX_OFF_PX: f64 = 0.5;
 
 /// A background.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,17 +13,18 @@ use dataset::numbers::least_squares::robust_fit;
 use dataset::numbers::motion::{Motion, motion_at, scatter};
 use glam::DVec2;
 
+use crate::sight::CERTAIN_SD;
+
 /// Terms of what cameras add to rows: constant, and change with column and row in the first view and with the columns between the views.
 pub const PLACE_TERMS: usize = 4;
 /// Terms of the cameras, and one of the size.
 const TERMS: usize = PLACE_TERMS + 1;
-/// Unit of places, pixels.
-const UNIT_PX: f64 = 1_000.0;
+/// Unit of places and widths, pixels.
+pub const UNIT_PX: f64 = 1_000.0;
 /// Images that were taken at different times show an aircraft in different sizes. A registration then follows a point beside the one that
-/// it should, by part of the height: rows are off by up to this much for each second of lag, for an aircraft this wide. Views that were
-/// five seconds late had -0.12 (`late-5s` of scripts/moved_cameras.py).
-const SIZE_SD_PX_PER_S: f64 = 0.15;
-const SIZE_UNIT_PX: f64 = 100.0;
+/// it should, by part of the height: rows are off by up to this much for each second of lag, for an aircraft that is a unit wide. Views
+/// that were five seconds late had -1.2 (`late-5s` of scripts/moved_cameras.py).
+const SIZE_SD_PX_PER_S: f64 = 1.5;
 /// Minimum number of sightings before and after a change.
 const MIN_SIGHTINGS: usize = 5;
 /// Standard deviation of a lag before any sighting, seconds; a fit that ends beyond it has failed. `dtd detect` writes no larger lag.
@@ -38,8 +39,6 @@ const REWEIGHTINGS: usize = 5;
 /// Reduction of the loss by which a change of the lag is certain. In 32 flights without one, no change reduced it by more than 6; a view
 /// that began to be late by a second reduced it by hundreds.
 const CERTAIN: f64 = 50.0;
-/// Minimum change of a lag, in standard deviations.
-const JUMP_SD: f64 = 5.0;
 
 /// An aircraft in the images of two cameras that have the same time, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -174,7 +173,7 @@ impl Sighting {
 
     fn terms(&self, left_s: f64) -> [f64; TERMS] {
         let [first, second] = self.places_px.map(|place_px| place_px / UNIT_PX);
-        let of_size = left_s * self.width_px / SIZE_UNIT_PX;
+        let of_size = left_s * self.width_px / UNIT_PX;
         [1.0, first.x, first.y, second.x - first.x, of_size]
     }
 }
@@ -207,7 +206,7 @@ pub fn changing(tracks: &[Vec<Sighting>], rows: &Rows) -> Option<Fit> {
         };
         let [before, after] = [changed.lags[place - 1], changed.lags[place]];
         let jump = (after.seconds - before.seconds).abs() / after.sd_s.hypot(before.sd_s);
-        if now.loss - better.loss < CERTAIN * better.excess.powi(2) || jump < JUMP_SD {
+        if now.loss - better.loss < CERTAIN * better.excess.powi(2) || jump < CERTAIN_SD {
             return Some(fit);
         }
         fit = changed;

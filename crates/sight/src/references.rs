@@ -16,7 +16,7 @@ const MAX_OTHER_RESEMBLANCE: f64 = 0.3;
 /// Minimum information of a background that shows other surroundings, as a part of a reference's: fog resembles nothing.
 const MIN_INFORMATION_PART: f64 = 0.3;
 /// Maximum standard deviation of a comparison that counts, pixels.
-const MAX_SD_PX: f64 = 0.5;
+pub const MAX_SD_PX: f64 = 0.5;
 
 /// The references of a view.
 #[derive(Debug, Clone)]

@@ -10,6 +10,7 @@ use glam::DVec2;
 
 use crate::fit::MIN_SD_PX;
 use crate::ground::Motion;
+use crate::sight::CERTAIN_SD;
 use crate::watched::Measured;
 
 /// Rates of the walk apart from 0: this one, and each further one larger by the factor, up to 12; pixels per root second. A mast that turns
@@ -17,9 +18,7 @@ use crate::watched::Measured;
 const MIN_RATE: f64 = 3e-3;
 const RATE_FACTOR: f64 = 2.0;
 const RATES: i32 = 13;
-/// A measurement further from the expected one, in standard deviations, is wild or follows a step.
-const WILD_SD: f64 = 5.0;
-/// Logarithm of the share of such measurements: one in a hundred.
+/// Logarithm of the share of measurements that are wild or follow a step: one in a hundred.
 const WILD_LN: f64 = -4.6;
 
 /// A turn at an image.
@@ -98,7 +97,7 @@ impl Axis {
         axis.look_back();
         for (estimate, measured) in axis.estimates.iter_mut().zip(&measured) {
             let off = estimate.value - measured.value;
-            if off * off > WILD_SD * WILD_SD * measured.variance {
+            if off * off > CERTAIN_SD * CERTAIN_SD * measured.variance {
                 // A jolt in one image, or an error: the walk does not know.
                 estimate.variance += off * off;
             }
@@ -115,7 +114,7 @@ impl Axis {
             let mut step = growth * (between_s[1] - between_s[0]);
             let mut noise = measured.variance;
             let off = measured.value - now.value;
-            if off * off > WILD_SD * WILD_SD * (now.variance + step + noise) {
+            if off * off > CERTAIN_SD * CERTAIN_SD * (now.variance + step + noise) {
                 step += off * off;
                 noise += off * off;
                 likelihood_ln += WILD_LN;

@@ -96,7 +96,7 @@ impl ViewSearch {
         self.last_s = Some(time_s);
         let detector = &mut *self.detector;
         let TrackedImage { boxes, mode, .. } = self.sequence.look(detector, image, time_s)?;
-        let ranked = |found: &Tracked| (found.is_confirmed, found.score, found.pixel_box);
+        let ranked = |found: &Tracked| (found.confirmed_s.is_some(), found.score, found.pixel_box);
         let best = best_of(boxes.iter().map(ranked));
         let counted = best_of(boxes.iter().filter(|found| found.counts).map(ranked));
         let at = (self.images, time_s);

@@ -5,6 +5,7 @@
 
 mod strips;
 
+use std::mem;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -31,21 +32,17 @@ pub(super) const FULL_SEARCH_S: f64 = 1.0;
 const LOSS_PART: f64 = 0.25;
 /// While an aircraft is followed, the shortest time between two periodic searches of whole images, in images.
 const MIN_PERIOD: f64 = 5.0;
-/// An image that is due within this part of the time since the last one is due now.
-const DUE_PART: f64 = 0.5;
-/// Maximum motion of an aircraft between two images, in box lengths; a faster one is looked for everywhere.
-const MAX_LENGTHS: f64 = 1.0;
 
 /// View search. Memory does not grow with the number of images.
 pub(super) struct Sequence {
     tiling: TilingSettings,
     mode: Mode,
     tracker: Tracker,
-    /// Times of the last image and of the last one that was searched whole.
+    /// Time of the last image.
     last_s: Option<f64>,
-    last_full_s: Option<f64>,
-    /// If searches of whole images are spread.
-    strips: Option<Strips>,
+    /// A single one, unless searches of whole images are spread.
+    strips: Strips,
+    is_spread: bool,
 }
 
 /// Results for one image.
@@ -69,7 +66,8 @@ pub(super) struct Tracked {
     pub(super) track: u32,
     /// Too uncertain to count alone.
     pub(super) is_faint: bool,
-    pub(super) is_confirmed: bool,
+    /// Time of the first of the boxes that confirmed its track.
+    pub(super) confirmed_s: Option<f64>,
     pub(super) counts: bool,
 }
 
@@ -90,24 +88,26 @@ impl Sequence {
             mode,
             tracker: pictures.map_or_else(Tracker::endless, Tracker::of_pictures),
             last_s: None,
-            last_full_s: None,
-            strips: None,
+            strips: Strips::default(),
+            is_spread: false,
         }
     }
 
     /// This search with whole images spread over several ones, for images that come in real time.
     pub(super) fn spread(self) -> Self {
         Self {
-            strips: Some(Strips::default()),
+            is_spread: true,
             ..self
         }
     }
 
     /// Forgets all images up to now.
     pub(super) fn begin_again(&mut self) {
-        let fresh = Self::new(self.tiling, self.mode, None);
-        let strips = self.strips.take();
-        *self = Self { strips, ..fresh };
+        *self = Self {
+            strips: self.strips.begun_again(),
+            is_spread: self.is_spread,
+            ..Self::new(self.tiling, self.mode, None)
+        };
     }
 
     /// Time of the last image since the first one, seconds.
@@ -126,50 +126,19 @@ impl Sequence {
         let looked = match self.mode {
             Mode::Full => self.everywhere(detector, picture)?,
             Mode::Scaled => self.shrunk(detector, picture)?,
-            Mode::Tracked | Mode::Auto => match self.strips.take() {
-                Some(mut strips) => {
-                    let looked = self.in_strips(&mut strips, detector, picture, [time_s, since_s]);
-                    self.strips = Some(strips);
-                    looked?
-                }
-                None => self.where_expected(detector, picture, time_s, since_s)?,
-            },
+            Mode::Tracked | Mode::Auto => {
+                let mut strips = mem::take(&mut self.strips);
+                let looked = self.where_expected(&mut strips, detector, picture, [time_s, since_s]);
+                self.strips = strips;
+                looked?
+            }
         };
         self.last_s = Some(time_s);
-        if looked.mode == SearchMode::Full {
-            self.last_full_s = Some(time_s);
-        }
         Ok(self.shown(looked))
     }
 
-    /// Searches the expected places of the tracked aircraft, or the whole image if that is due.
-    fn where_expected(
-        &self,
-        detector: &mut dyn Detector,
-        picture: &mut dyn Image,
-        now_s: f64,
-        since_s: f64,
-    ) -> Result<SearchedImage> {
-        let expected = self.tracker.expected(since_s);
-        let is_fast = |expected: &ExpectedBox| expected.lengths_moved > MAX_LENGTHS;
-        let is_too_fast = self.mode == Mode::Auto && expected.iter().any(is_fast);
-        let has_passed = |period_s: f64| {
-            self.last_full_s
-                .is_none_or(|last_s| now_s - last_s >= period_s - DUE_PART * since_s)
-        };
-        let may_follow_loss = has_passed(LOSS_PART * FULL_SEARCH_S);
-        if is_too_fast || has_passed(full_period_s(&expected, since_s)) {
-            return self.everywhere(detector, picture);
-        }
-        let looked = self.around(detector, picture, &expected)?;
-        if may_follow_loss && self.tracker.lost(&self.seen(&looked.sightings)).is_some() {
-            return self.everywhere(detector, picture);
-        }
-        Ok(looked)
-    }
-
     /// Searches the expected places of the tracked aircraft, and the strip of rows that is due or where one of them was lost.
-    fn in_strips(
+    fn where_expected(
         &self,
         strips: &mut Strips,
         detector: &mut dyn Detector,
@@ -177,15 +146,21 @@ impl Sequence {
         [now_s, since_s]: [f64; 2],
     ) -> Result<SearchedImage> {
         let expected = self.tracker.expected(since_s);
+        let is_fast = |expected: &ExpectedBox| expected.lengths_moved > 1.0;
+        let is_too_fast = self.mode == Mode::Auto && expected.iter().any(is_fast);
         let all = self.rows(detector, picture);
-        let period_s = full_period_s(&expected, since_s);
-        let (looked, rows) = match strips.due(&all, now_s, since_s, period_s) {
+        let due = if is_too_fast {
+            Some(all.clone())
+        } else {
+            strips.due(&all, [now_s, since_s], full_period_s(&expected, since_s))
+        };
+        let (looked, rows) = match due {
             Some(rows) if rows == all => (None, rows),
             due => {
                 let looked = self.around(detector, picture, &expected)?;
                 let lost = self.tracker.lost(&self.seen(&looked.sightings));
                 let wait_s = LOSS_PART * FULL_SEARCH_S;
-                match due.or_else(|| strips.around(&all, lost?.cy_px, now_s, wait_s)) {
+                match due.or_else(|| strips.around(&all, lost?.cy_px, [now_s, since_s], wait_s)) {
                     None => return Ok(looked),
                     Some(rows) => (Some(looked), rows),
                 }
@@ -199,7 +174,13 @@ impl Sequence {
             }
             _ => (self.everywhere(detector, picture)?, 1.0),
         };
-        strips.took(now_s, began.elapsed().as_secs_f64(), part);
+        // Recordings are searched alike by machines of any speed.
+        let took_s = if self.is_spread {
+            began.elapsed().as_secs_f64()
+        } else {
+            0.0
+        };
+        strips.took(now_s, took_s, part);
         Ok(looked)
     }
 
@@ -342,7 +323,7 @@ impl Sequence {
                 tile: found.tile,
                 track,
                 is_faint: seen.is_faint,
-                is_confirmed: self.tracker.is_confirmed(track),
+                confirmed_s: self.tracker.confirmed_s(track),
                 counts: self.tracker.counts(track),
             })
         };

@@ -106,7 +106,7 @@ pub(crate) fn search_view(
             },
             score: tiling.score,
             sequence: Sequence::new(*tiling, mode, Some(count)),
-            hindsight: Hindsight::of_pictures(count),
+            hindsight: Hindsight::default(),
         })),
         Finder::Known(detections) => Source::Known(detections),
     };
@@ -208,7 +208,7 @@ impl Search<'_> {
             track: seen.track,
             pixel_box: seen.pixel_box,
             is_faint: seen.is_faint,
-            is_confirmed: seen.is_confirmed,
+            confirmed_s: seen.confirmed_s,
         });
         self.hindsight.take(self.sequence.now_s(), tracked);
         Ok(rows_of(&shown, view, at.tick))
@@ -230,7 +230,7 @@ fn rows_of(shown: &TrackedImage, view: &str, tick: u32) -> Detections {
     let row = |seen: &Tracked| Detection {
         track: Some(seen.track),
         mode: shown.mode,
-        confirmed: seen.is_confirmed,
+        confirmed: seen.confirmed_s.is_some(),
         counts_live: Some(seen.counts),
         ..Detection::untracked(tick, view, seen.pixel_box, seen.score, seen.tile)
     };

@@ -25,15 +25,6 @@ const COPIES: usize = 2;
 /// Windows in one run.
 const MAX_BATCH: usize = 256;
 
-/// Windows per run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Batch {
-    /// The model takes exactly this many; missing ones are left empty.
-    Exactly(usize),
-    /// The model takes any number.
-    UpTo(usize),
-}
-
 /// Sizes of windows that a model takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WindowSize {
@@ -89,17 +80,16 @@ impl fmt::Display for WindowSize {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Input {
     pub(super) size: WindowSize,
-    pub(super) batch: Batch,
+    /// Windows per run: as many as the model takes, of which missing ones are left empty, or one if it takes any number.
+    pub(super) windows: usize,
 }
 
 impl Input {
-    /// Input of the loaded model. If the model leaves them open, `batch` limits the windows per run, and `stride_px` (from the metadata)
-    /// divides the sides.
+    /// Input of the loaded model. If the model leaves them open, `stride_px` (from the metadata) divides the sides.
     pub(super) fn of(
         session: &Session,
         profile: &ModelProfile,
         stride_px: Option<u32>,
-        batch: usize,
     ) -> Result<Self, ModelFault> {
         let [input] = session.inputs() else {
             let names: Vec<&str> = session.inputs().iter().map(|input| input.name()).collect();
@@ -128,7 +118,7 @@ impl Input {
                 ..
             } => {
                 let said_px = profile.input.size_px;
-                Self::of_shape(input.name(), shape, said_px, stride_px, batch)?.in_memory()
+                Self::of_shape(input.name(), shape, said_px, stride_px)?.in_memory()
             }
             other => Err(other_form(input.name(), other)),
         }
@@ -140,7 +130,6 @@ impl Input {
         shape: &[i64],
         size_of_profile_px: Option<u32>,
         stride_px: Option<u32>,
-        batch: usize,
     ) -> Result<Self, ModelFault> {
         let &[fixed_batch, channels, height, width] = shape else {
             return Err(other_form(name, &format_args!("of the shape {shape:?}")));
@@ -184,16 +173,16 @@ impl Input {
             )));
         }
         let most = most_windows(size.usual_px());
-        let batch = match usize::try_from(fixed_batch) {
-            Err(_) => Batch::UpTo(batch.clamp(1, most)),
-            Ok(fixed) if (1..=most).contains(&fixed) => Batch::Exactly(fixed),
+        let windows = match usize::try_from(fixed_batch) {
+            Err(_) => 1,
+            Ok(fixed) if (1..=most).contains(&fixed) => fixed,
             Ok(_) => {
                 return Err(ModelFault::new(format!(
                     "input {name:?} takes {fixed_batch} {size} in a run, expected at most {most}"
                 )));
             }
         };
-        Ok(Self { size, batch })
+        Ok(Self { size, windows })
     }
 
     /// Replaces the open size by the usual one.
@@ -206,23 +195,13 @@ impl Input {
         Self { size, ..self }
     }
 
-    /// Limits an open number of windows per run to the available memory.
+    /// Checks that a run fits into the available memory.
     fn in_memory(self) -> Result<Self, ModelFault> {
-        let Self { size, batch } = self;
+        let Self { size, windows } = self;
         let window_bytes = (numbers_in(size.usual_px()) * size_of::<f32>() * COPIES) as u64;
-        let (windows, batch) = match batch {
-            Batch::Exactly(windows) => (windows, batch),
-            Batch::UpTo(windows) => {
-                let fitting = memory::available().bytes / window_bytes;
-                let windows = windows
-                    .min(usize::try_from(fitting).unwrap_or(usize::MAX))
-                    .max(1);
-                (windows, Batch::UpTo(windows))
-            }
-        };
         let what = format!("a run of {windows} {size}");
         memory::check(what, windows as u64 * window_bytes).map_err(ModelFault::new)?;
-        Ok(Self { size, batch })
+        Ok(self)
     }
 }
 
@@ -238,7 +217,7 @@ pub(super) fn numbers_in([width_px, height_px]: [u32; 2]) -> usize {
 }
 
 /// Number of windows that fit into a run's memory.
-pub(super) fn most_windows(size_px: [u32; 2]) -> usize {
+fn most_windows(size_px: [u32; 2]) -> usize {
     (MAX_RUN_BYTES / (numbers_in(size_px) * size_of::<f32>())).min(MAX_BATCH)
 }
 
@@ -262,20 +241,20 @@ mod tests {
     use super::*;
 
     fn of(shape: &[i64], size_of_profile_px: Option<u32>) -> Result<Input, ModelFault> {
-        Input::of_shape("pictures", shape, size_of_profile_px, None, 6)
+        Input::of_shape("pictures", shape, size_of_profile_px, None)
     }
 
     #[test]
     fn open_lengths_are_chosen_and_fixed_ones_are_kept() {
         let any = Input {
             size: WindowSize::Any { multiple_px: 32 },
-            batch: Batch::UpTo(6),
+            windows: 1,
         };
         assert_eq!(of(&[-1, 3, -1, -1], None), Ok(any));
         assert_eq!(any.of_usual_size().size, WindowSize::square(640));
         let small = Input {
             size: WindowSize::square(416),
-            batch: Batch::Exactly(4),
+            windows: 4,
         };
         assert_eq!(of(&[4, 3, -1, -1], Some(416)), Ok(small));
         assert_eq!(of(&[4, 3, 416, -1], None), Ok(small));

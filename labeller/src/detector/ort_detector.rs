@@ -9,7 +9,7 @@ use ort::session::{Session, SessionOutputs};
 use ort::value::TensorRef;
 
 use super::device::Device;
-use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
+use super::input::{CHANNELS, Input, WindowSize, numbers_in};
 use super::layout::meaning::{KnownModel, Meaning};
 use super::layout::{Decoding, Layout};
 use super::model_file::ModelFile;
@@ -36,8 +36,6 @@ pub struct OrtOptions {
     pub device: Device,
     /// Threads within one run.
     pub threads: usize,
-    /// Maximum number of windows per run; a model with a fixed batch uses its own number.
-    pub batch: usize,
 }
 
 /// A detector from an ONNX file.
@@ -75,10 +73,9 @@ impl OrtDetector {
             return Err(Error::model(path, message));
         }
         let profile = model.settings(metadata.profile.as_deref())?;
-        let input =
-            Input::of(session, &profile, metadata.stride_px, options.batch).map_err(|fault| {
-                Error::model(path, format!("{fault}; {}", inputs_in_words(session)))
-            })?;
+        let input = Input::of(session, &profile, metadata.stride_px).map_err(|fault| {
+            Error::model(path, format!("{fault}; {}", inputs_in_words(session)))
+        })?;
         let mut detector = Self {
             path: path.to_owned(),
             sessions,
@@ -107,10 +104,7 @@ impl OrtDetector {
     /// Runs the model on blank windows, finds out how it answers (from the settings, else from names, shapes and numbers of its outputs),
     /// and reads the answer, so that a mismatch shows before the first image.
     fn probe(&mut self, size_px: [u32; 2]) -> Result<()> {
-        let windows = match self.input.batch {
-            Batch::Exactly(windows) => windows,
-            Batch::UpTo(_) => 1,
-        };
+        let windows = self.input.windows;
         self.planes.resize(windows * numbers_in(size_px), 0.0);
         let inputs = inputs_in_words(self.sessions.any());
         let settings = ModelFile::profile_path(&self.path).display().to_string();
@@ -218,15 +212,8 @@ impl Detector for OrtDetector {
         let size_of = |window: &Window| [window.width_px, window.height_px];
         for same in windows.chunk_by(|a, b| size_of(a) == size_of(b)) {
             let size_px = size_of(&same[0]);
-            let most = match self.input.batch {
-                Batch::Exactly(most) => most,
-                Batch::UpTo(most) => most.min(most_windows(size_px)).max(1),
-            };
-            for some in same.chunks(most) {
-                let in_run = match self.input.batch {
-                    Batch::Exactly(windows) => windows,
-                    Batch::UpTo(_) => some.len(),
-                };
+            let in_run = self.input.windows;
+            for some in same.chunks(in_run) {
                 let numbers = numbers_in(size_px);
                 if self.planes.len() < in_run * numbers {
                     self.planes.resize(in_run * numbers, 0.0);

@@ -6,8 +6,6 @@ use glam::{DMat2, DVec2, DVec3};
 
 /// Minimum distance where rays meet, m; otherwise the boxes do not show the same aircraft.
 const MIN_RANGE_M: f64 = 10.0;
-/// Steps of the numerical derivatives, metres.
-const STEP_M: f64 = 1.0;
 
 /// The difference of two views near the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,10 +34,11 @@ impl ExpectedDifference {
             let place_m = meeting_point_m(reference, view, reference_px, view_px)?;
             let [right, down, forward] =
                 [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| reference.ecef_from_camera * axis);
+            // By a metre to both sides.
             let move_of = |camera: &Camera, by: DVec3| {
-                let ahead = camera.project(place_m + STEP_M * by)?;
-                let behind = camera.project(place_m - STEP_M * by)?;
-                Some((ahead - behind) / (2.0 * STEP_M))
+                let ahead = camera.project(place_m + by)?;
+                let behind = camera.project(place_m - by)?;
+                Some((ahead - behind) / 2.0)
             };
             let [from, to] = [reference, view].map(|camera| {
                 Some(DMat2::from_cols(

@@ -9,12 +9,9 @@ use dataset::tables::registrations::NoShift;
 use dataset::video::PicturePart;
 use glam::DVec2;
 
-use super::{MIN_CONTRAST, SEARCH_PART};
+use super::{MIN_CONTRAST, SEARCH_PART, SEARCH_PX};
 use crate::detector::PictureView;
 
-/// Margin around the box, px, besides the length-dependent parts for glow and search: the aircraft's edge, the background ring and room to
-/// search.
-const MARGIN_PX: f64 = 26.0;
 /// A box whose edge is closer to the image's edge than this may be cut off.
 pub(crate) const EDGE_PX: f64 = 1.5;
 /// Maximum box size in full resolution, px: for larger aircraft, perspective limits the accuracy.
@@ -52,7 +49,9 @@ impl Patch {
             return Err(NoShift::Edge);
         }
         let longer = pixel_box.width_px.max(pixel_box.height_px);
-        let margin = bin_of(pixel_box) as f64 * MARGIN_PX + (GLOW_PART + SEARCH_PART) * longer;
+        // The aircraft's edge, the background ring and room to search.
+        let margin_px = 1.0 + GLOW_PX + RING_PX + SEARCH_PX;
+        let margin = bin_of(pixel_box) as f64 * margin_px + (GLOW_PART + SEARCH_PART) * longer;
         let start = |edge: f64| (edge - margin).max(0.0) as u32;
         let end = |edge: f64, length: u32| ((edge + margin).max(0.0) as u32).min(length);
         Ok(PicturePart {

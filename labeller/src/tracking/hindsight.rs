@@ -5,17 +5,16 @@
 
 use dataset::tables::pixel_box::PixelBox;
 
+use super::MIN_TRACK_S;
 use super::lamps::Places;
 use super::standing::{TimedBox, is_mostly_at, is_same_thing, place_if_still, stands_still, stays};
-use super::{HITS, MIN_TRACK_S};
 
 /// Minimum track duration in a video shorter than twice [`MIN_TRACK_S`], as a part of the video.
 const MIN_VIDEO_PART: f64 = 0.5;
 
 /// Boxes of all tracks in a view.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Hindsight {
-    hits: usize,
     tracks: Vec<Whole>,
     /// Times of the first and of the last image.
     began_s: Option<f64>,
@@ -29,8 +28,8 @@ pub(crate) struct TrackedBox {
     pub(crate) pixel_box: PixelBox,
     /// Too uncertain to count alone.
     pub(crate) is_faint: bool,
-    /// Its track was confirmed by then.
-    pub(crate) is_confirmed: bool,
+    /// Time of the first of the clear boxes that had confirmed its track by then.
+    pub(crate) confirmed_s: Option<f64>,
 }
 
 /// A track.
@@ -39,21 +38,10 @@ struct Whole {
     boxes: Vec<TimedBox>,
     /// The clear ones, whose sizes can be relied on.
     clear: Vec<TimedBox>,
-    /// Time of the first of the clear boxes that confirmed it.
     confirmed_s: Option<f64>,
 }
 
 impl Hindsight {
-    /// For a view with this number of images, as for its tracker.
-    pub(crate) fn of_pictures(pictures: usize) -> Self {
-        Self {
-            hits: pictures.min(HITS as usize),
-            tracks: Vec::new(),
-            began_s: None,
-            now_s: 0.0,
-        }
-    }
-
     /// Takes the boxes of the next image.
     pub(crate) fn take(&mut self, now_s: f64, boxes: impl IntoIterator<Item = TrackedBox>) {
         self.began_s.get_or_insert(now_s);
@@ -63,7 +51,7 @@ impl Hindsight {
             if self.tracks.len() <= number {
                 self.tracks.resize_with(number + 1, Whole::default);
             }
-            self.tracks[number].push(now_s, &seen, self.hits);
+            self.tracks[number].push(now_s, &seen);
         }
     }
 
@@ -105,15 +93,12 @@ impl Hindsight {
 }
 
 impl Whole {
-    fn push(&mut self, now_s: f64, seen: &TrackedBox, hits: usize) {
+    fn push(&mut self, now_s: f64, seen: &TrackedBox) {
         self.boxes.push((now_s, seen.pixel_box));
         if !seen.is_faint {
             self.clear.push((now_s, seen.pixel_box));
         }
-        if seen.is_confirmed && self.confirmed_s.is_none() {
-            let first = self.clear.len().saturating_sub(hits);
-            self.confirmed_s = self.clear.get(first).map(|(at_s, _)| *at_s);
-        }
+        self.confirmed_s = self.confirmed_s.or(seen.confirmed_s);
     }
 
     /// Time from the first confirming box to the last clear one, s.

@@ -19,7 +19,6 @@ pub(super) struct History {
     /// Some of the clear ones, whose sizes can be relied on.
     clear: Vec<TimedBox>,
     clear_s: [Option<f64>; 3],
-    /// Time of the first of the clear boxes that confirmed it.
     confirmed_s: Option<f64>,
     is_still: bool,
     judged_s: f64,
@@ -67,6 +66,11 @@ impl History {
     /// Remembered boxes, by time.
     pub(super) fn boxes(&self) -> &[TimedBox] {
         &self.boxes
+    }
+
+    /// Time of the first of the clear boxes that confirmed it.
+    pub(super) fn confirmed_s(&self) -> Option<f64> {
+        self.confirmed_s
     }
 
     pub(super) fn is_confirmed(&self) -> bool {

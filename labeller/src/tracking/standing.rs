@@ -18,6 +18,7 @@ use std::ops::Range;
 
 use dataset::numbers::spread::Spread;
 use dataset::tables::pixel_box::PixelBox;
+use sight::sight::CONTRADICTS_SD;
 
 /// A box with its time, seconds.
 pub(super) type TimedBox = (f64, PixelBox);
@@ -38,8 +39,6 @@ const MIN_MOVED_LENGTHS: f64 = 0.25;
 const MIN_MOVED_PX: f64 = 1.0;
 /// ... or as large as this, if chance explains it, which leaves a fifth of that motion.
 pub(super) const MAX_MOVED_BY_CHANCE_PX: f64 = 1.5;
-/// Standard errors that chance explains.
-const SURE_MOVE: f64 = 3.0;
 /// Minimum number of boxes at a place...
 const MIN_BOXES_OF_A_PLACE: usize = 5;
 /// ... over this part of [`GROWTH_SHOWS_S`].
@@ -150,7 +149,7 @@ pub(super) fn hops(boxes: &[TimedBox], to: &PixelBox) -> bool {
     }
     let [_, place] = Middle::of_thirds(recent);
     // Both boxes may be off by chance.
-    let hop_px = 2.0 * MAX_MOVED_BY_CHANCE_PX.max(SURE_MOVE * place.deviation_px);
+    let hop_px = 2.0 * MAX_MOVED_BY_CHANCE_PX.max(CONTRADICTS_SD * place.deviation_px);
     place.distance_px(to) > hop_px && keeps_its_place(recent)
 }
 
@@ -160,7 +159,7 @@ fn keeps_its_place(boxes: &[TimedBox]) -> bool {
     let deviation_px = before.deviation_px.max(after.deviation_px);
     // Medians of normal errors scatter by that much more than means.
     let error = FRAC_PI_2.sqrt() * (1.0 / before.boxes + 1.0 / after.boxes).sqrt();
-    let chance_px = SURE_MOVE * error * deviation_px.max(MIN_CENTRE_DEVIATION_PX);
+    let chance_px = CONTRADICTS_SD * error * deviation_px.max(MIN_CENTRE_DEVIATION_PX);
     (after.cx_px - before.cx_px).hypot(after.cy_px - before.cy_px)
         < chance_px.clamp(MIN_MOVED_PX, MAX_MOVED_BY_CHANCE_PX)
 }

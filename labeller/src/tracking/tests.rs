@@ -51,7 +51,7 @@ fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>
 
 fn track_seen(period_s: f64, pictures: &[Vec<FoundBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let mut tracker = Tracker::of_pictures(pictures.len());
-    let mut hindsight = Hindsight::of_pictures(pictures.len());
+    let mut hindsight = Hindsight::default();
     let tracks = pictures
         .iter()
         .map(|boxes| {
@@ -63,7 +63,7 @@ fn track_seen(period_s: f64, pictures: &[Vec<FoundBox>]) -> (Vec<Vec<u32>>, Vec<
                     track,
                     pixel_box: seen.pixel_box,
                     is_faint: seen.is_faint,
-                    is_confirmed: tracker.is_confirmed(track),
+                    confirmed_s: tracker.confirmed_s(track),
                 })
             });
             hindsight.take(tracker.now_s(), tracked);

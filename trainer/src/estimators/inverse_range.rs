@@ -25,6 +25,7 @@ use std::collections::BTreeSet;
 use dataset::numbers::least_squares::dot;
 use serde::{Deserialize, Serialize};
 
+use crate::estimators::MAX_SETBACK_M;
 use crate::estimators::minimum::Search;
 use crate::samples::camera_health::late_images::Pair;
 use crate::samples::view_shift::Places;
@@ -42,8 +43,6 @@ const TICKS_PER_COEFFICIENT: usize = 3;
 /// Maximum number of views in a separate fit, because the number of coefficients grows with the square; larger sets are covered by their
 /// pairs.
 const MAX_VIEWS: usize = 4;
-/// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
-const FARTHEST_SETBACK_M: f64 = 20_000.0;
 /// Move of residuals that ends the iteration for the coefficients, in deviations.
 const EXACTLY: f64 = 1e-6;
 /// Maximum number of ticks in the search for `s`; more do not change it.
@@ -259,7 +258,7 @@ impl Fit {
         let distances_m = || rows.iter().map(|row| row.distance_m);
         let search = Search {
             from: -distances_m().reduce(f64::min)?,
-            to: distances_m().fold(FARTHEST_SETBACK_M, f64::max),
+            to: distances_m().fold(MAX_SETBACK_M, f64::max),
             parts: 20,
             rounds: 5,
         };

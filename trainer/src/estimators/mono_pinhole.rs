@@ -12,12 +12,10 @@ use dataset::numbers::spread::median;
 use onnx_graph::proto::DOUBLE;
 use serde::{Deserialize, Serialize};
 
+use crate::estimators::MAX_SETBACK_M;
 use crate::estimators::minimum::Search;
 use crate::networks::estimator_graph::{BOXES, EstimatorGraph};
 use crate::samples::{Observation, Sample};
-
-/// Maximum distance of a camera behind the touchdown target, unless the training side reaches farther, metres.
-const MAX_SETBACK_M: f64 = 20_000.0;
 
 /// Fitted formula: `dtd = focal_times_span / width - setback`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -16,6 +16,7 @@ use crate::estimators::inverse_range::Tick;
 use crate::estimators::inverse_range::contradiction::MIN_CLOSING_MPS;
 use crate::run::trained::TrainedRun;
 use crate::samples::Observation;
+use crate::samples::paired_views::RECENT_S;
 use crate::samples::trusted_boxes::centre_and_size;
 
 /// Maximum climb for an arrival, and minimum descent that ends a climb, m/s.
@@ -27,8 +28,7 @@ const CLIMB_S: f64 = 3.0;
 const MISSED_WITHIN_M: f64 = 8_000.0;
 /// Significance for decisions, in standard deviations.
 const SURE: f64 = 2.5;
-/// Time window, seconds, and its minimum number of ticks.
-const WINDOW_S: f64 = 10.0;
+/// Minimum number of ticks.
 const MIN_COUNT: usize = 6;
 /// Minimum time between ticks, seconds.
 const STEP_S: f64 = 0.2;
@@ -113,7 +113,7 @@ impl PhaseJudge {
     fn push(&mut self, seen: TrackPoint) {
         let now_s = seen.time_s;
         self.seen.push_back(seen);
-        let is_old = |seen: &TrackPoint| now_s - seen.time_s > WINDOW_S;
+        let is_old = |seen: &TrackPoint| now_s - seen.time_s > RECENT_S;
         while self.seen.len() > MIN_COUNT && self.seen.front().is_some_and(is_old) {
             self.seen.pop_front();
         }

@@ -20,7 +20,7 @@ use follower::ObjectBoxes;
 use path::Path;
 use relation::{MIN_PAIRS, Relation};
 use sighting::Sighting;
-pub(crate) use sighting::{MAX_GAP_S, MEMORY_S, STEP_S, STILL_GROWTH};
+pub(crate) use sighting::{MAX_GAP_S, MEMORY_S, RECENT_S, STEP_S, STILL_GROWTH};
 
 /// Relations between views, and paths in each view.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

@@ -2,8 +2,6 @@
 
 use dataset::numbers::least_squares::robust_fit;
 
-/// Unit of coordinates in a fit, px.
-pub(crate) const UNIT_PX: f64 = 1_000.0;
 /// Unit of widths, and of coordinates whose slopes the ridge must not affect, px.
 pub(crate) const FINE_UNIT_PX: f64 = 100.0;
 /// Mean square of the ridge, for terms of about 1: flights on one line do not determine all slopes.

@@ -138,6 +138,23 @@ impl Observation {
         joins.then_some(shift)
     }
 
+    /// The shift from the first of two views to the second, and what both show, pixels.
+    pub(crate) fn registered_places(
+        &self,
+        [first, second]: [usize; 2],
+    ) -> Option<(ViewShift, [DVec2; 2])> {
+        let shift = self.shift(second).filter(|of| of.reference == first)?;
+        let (here_px, _) = centre_and_size(self.best(first)?);
+        Some((shift, [here_px, here_px + shift.shift_px]))
+    }
+
+    /// Standard deviation of rows between two views, with this one and common errors, pixels.
+    pub(crate) fn row_sd_px(&self, views: [usize; 2], own_px: f64) -> f64 {
+        let common = self.common_errors.iter();
+        let common = common.filter(|error| views.contains(&error.view));
+        common.fold(own_px, |sd_px, error| sd_px.hypot(error.sd_px.y))
+    }
+
     /// The tick with only the boxes that fulfil a condition. The next box replaces a rejected best one.
     pub(crate) fn with_boxes_that(&self, is_kept: impl Fn(usize, &PixelBox) -> bool) -> Self {
         let mut kept = self.clone();

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::TrainConfig;
 use crate::error::{Error, Result};
 use crate::run::folder::RunFolder;
-use crate::training::train_unless_done;
+use crate::training::train_on_all;
 
 const TABLE: &str = "search.json";
 /// Link to the best run.
@@ -91,7 +91,7 @@ pub fn search(
                 ..config.clone()
             };
             let run = format!("{variant}-{seed}");
-            let trained = train_unless_done(corpora, &out.join(&run), &config, watch);
+            let trained = train_on_all(corpora, &out.join(&run), &config, true, watch);
             let validation_mape_pct = match trained {
                 Ok(outcome) => Some(outcome.validation_mape_pct),
                 Err(error @ Error::Diverged { .. }) => {

@@ -10,7 +10,7 @@ use crate::numbers::spread::deviation_from_zero;
 const AROUND_S: f64 = 4.0;
 const MIN_PLACES: usize = 5;
 /// ... but none that are farther away than this, seconds.
-const MAX_DISTANCE_S: f64 = 15.0;
+pub const MAX_DISTANCE_S: f64 = 15.0;
 /// Places whose distance from the cubic is measured for the scatter; more do not change it.
 const MAX_SCATTERED: usize = 1_000;
 /// A place counts in the scatter if this share of the variance remains beside the cubic; at the ends cubics follow places too closely.

@@ -25,13 +25,20 @@ pub(super) struct Strips {
 }
 
 impl Strips {
+    /// The strips of the next images, of which a whole one takes as long.
+    pub(super) fn begun_again(&self) -> Self {
+        Self {
+            whole_s: self.whole_s,
+            ..Self::default()
+        }
+    }
+
     /// The part of these rows to search in the image at `now_s`, `since_s` after the one before; `None` if no strip is due. All are
     /// searched within `period_s`, or later if that would take too much time.
     pub(super) fn due(
         &mut self,
         rows: &Range<u32>,
-        now_s: f64,
-        since_s: f64,
+        [now_s, since_s]: [f64; 2],
         period_s: f64,
     ) -> Option<Range<u32>> {
         if self.next == 0 {
@@ -39,7 +46,7 @@ impl Strips {
             let most = if rows.is_empty() { 1 } else { MAX_STRIPS };
             self.count = (parts.ceil() as u32).clamp(1, most);
         }
-        let has_passed = self.has_passed(now_s + 0.5 * since_s, period_s / f64::from(self.count));
+        let has_passed = self.has_passed([now_s, since_s], period_s / f64::from(self.count));
         has_passed.then(|| {
             let height_px = (rows.end - rows.start).div_ceil(self.count);
             let top_px = rows.start + self.next * height_px;
@@ -53,19 +60,21 @@ impl Strips {
         &self,
         rows: &Range<u32>,
         row_px: f64,
-        now_s: f64,
+        at_s: [f64; 2],
         wait_s: f64,
     ) -> Option<Range<u32>> {
         let height_px = (rows.end - rows.start).div_ceil(self.count.max(1));
         let top_px = (row_px - 0.5 * f64::from(height_px)).max(0.0) as u32;
         let last_px = rows.end.saturating_sub(height_px).max(rows.start);
-        let may_follow = self.has_passed(now_s, wait_s);
+        let may_follow = self.has_passed(at_s, wait_s);
         may_follow.then(|| strip(rows, top_px.clamp(rows.start, last_px), height_px))
     }
 
-    fn has_passed(&self, now_s: f64, wait_s: f64) -> bool {
-        self.last
-            .is_none_or(|(last_s, took_s)| now_s - last_s >= wait_s.max(took_s / MAX_SHARE))
+    /// What is due before half of the time to the next image is due now.
+    fn has_passed(&self, [now_s, since_s]: [f64; 2], wait_s: f64) -> bool {
+        self.last.is_none_or(|(last_s, took_s)| {
+            now_s + 0.5 * since_s - last_s >= wait_s.max(took_s / MAX_SHARE)
+        })
     }
 
     /// Takes the time that a strip with this part of all rows took.
@@ -93,7 +102,7 @@ mod tests {
         let mut all = Vec::new();
         for image in 0..images {
             let now_s = f64::from(image) * since_s;
-            if let Some(rows) = strips.due(&ROWS, now_s, since_s, 1.0) {
+            if let Some(rows) = strips.due(&ROWS, [now_s, since_s], 1.0) {
                 let part = f64::from(rows.end - rows.start) / 1_280.0;
                 strips.took(now_s, whole_s * part, part);
                 all.push((now_s, rows));
@@ -136,9 +145,15 @@ mod tests {
             count: 8,
             ..Strips::default()
         };
-        assert_eq!(strips.around(&ROWS, 600.0, 5.0, 0.25), Some(488..712));
+        assert_eq!(
+            strips.around(&ROWS, 600.0, [5.0, 0.1], 0.25),
+            Some(488..712)
+        );
         strips.took(5.0, 0.02, 0.15);
-        assert_eq!(strips.around(&ROWS, 600.0, 5.2, 0.25), None);
-        assert_eq!(strips.around(&(300..700), 5.0, 5.3, 0.25), Some(300..382));
+        assert_eq!(strips.around(&ROWS, 600.0, [5.1, 0.1], 0.25), None);
+        assert_eq!(
+            strips.around(&(300..700), 5.0, [5.3, 0.1], 0.25),
+            Some(300..382)
+        );
     }
 }

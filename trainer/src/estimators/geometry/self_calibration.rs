@@ -44,8 +44,6 @@ const POINT_SD_M: [f64; AIRCRAFT_UNKNOWNS] = [10.0, 3.0, 5.0];
 /// Maximum number of steps to a position, and the length of the last one, metres.
 const MAX_STEPS: usize = 10;
 const LAST_STEP_M: f64 = 1e-3;
-/// Step for numerical derivatives, metres.
-const PROBE_M: f64 = 1.0;
 
 /// Fitted cameras with their measurement errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -306,13 +304,14 @@ impl Locator<'_> {
             let places_px = self.places_px(point_m);
             let moved: Vec<_> = DMat3::IDENTITY
                 .to_cols_array_2d()
-                .map(|axis| self.places_px(point_m + PROBE_M * DVec3::from_array(axis)))
+                .map(|axis_m| self.places_px(point_m + DVec3::from_array(axis_m)))
                 .into();
             let mut normal = NormalEquations::new(3);
             for measured in measured {
                 let residual = measured.residual(&places_px)?;
                 let slope = |moved: &Vec<Option<DVec2>>| {
-                    let in_view = |view: usize| Some((moved[view]? - places_px[view]?) / PROBE_M);
+                    // Per metre.
+                    let in_view = |view: usize| Some(moved[view]? - places_px[view]?);
                     measured.slope(|view| in_view(view).unwrap_or(DVec2::NAN))
                 };
                 let slopes: Vec<DVec2> = moved.iter().map(slope).collect();

@@ -13,6 +13,8 @@ mod residuals;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
+use sight::references::MAX_SD_PX;
+
 use super::{InverseRange, Measurement, Tick};
 use crate::samples::paired_views::MAX_GAP_S;
 use crate::samples::trusted_boxes::centre_and_size;
@@ -24,15 +26,11 @@ use history::{History, Residual, Window};
 pub(crate) use residuals::KeptInTraining;
 use residuals::{Compared, residuals};
 
-/// Standard deviations up to which measurements agree.
-pub(super) const NEAR_DEVIATIONS: f64 = 3.0;
 /// Duration of a contradiction, s.
 const WINDOW_S: f64 = 20.0;
 /// Duration of a contradiction with the training's paths, s: gusts keep views of the bundled simulator's flights 4 standard deviations
 /// beside them for 20 s, but 1.8 for a minute; a camera that was turned by 20 px is 4 to 6 off.
 const PATHS_WINDOW_S: f64 = 60.0;
-/// Standard deviation of a direction below which a camera counts as not turned, pixels: the largest of a background that is compared.
-const MAX_PLACED_SD_PX: f64 = 0.5;
 
 /// Evidence for a contradiction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -222,11 +220,11 @@ impl ContradictionWatch {
     }
 }
 
-/// True if neither a background nor a stable mast shows where the camera looks.
+/// True if neither a background that is compared nor a stable mast shows where the camera looks.
 fn may_be_turned(view: usize, observed: &Observation) -> bool {
     let errors = observed.common_errors.iter().filter(|of| of.view == view);
     let variance_px2: f64 = errors.map(|of| of.sd_px.length_squared()).sum();
-    observed.looks[view] == Look::Unplaced || variance_px2 > MAX_PLACED_SD_PX.powi(2)
+    observed.looks[view] == Look::Unplaced || variance_px2 > MAX_SD_PX.powi(2)
 }
 
 /// A flight without the boxes of views that contradict each other, and the contradictions. `followed`: the number of the aircraft and the
@@ -269,6 +267,8 @@ pub(super) fn without_contradictions(
 
 #[cfg(test)]
 mod tests {
+    use sight::sight::CONTRADICTS_SD;
+
     use super::*;
 
     #[test]
@@ -280,7 +280,7 @@ mod tests {
             for tick in 0..=10 {
                 let time_s = 2.0 * f64::from(tick);
                 let next = Residual { time_s, deviations };
-                history.take(next, Evidence::Rows.window(), NEAR_DEVIATIONS);
+                history.take(next, Evidence::Rows.window(), CONTRADICTS_SD);
             }
             watch.judge(KeptInTraining::of_rows(1.0))
         };

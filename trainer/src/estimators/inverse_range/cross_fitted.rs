@@ -18,14 +18,18 @@ pub(crate) struct CrossFitted {
 impl CrossFitted {
     /// Fits to these ticks on the training side.
     pub(crate) fn fit(samples: &Samples, training: &[&Sample]) -> Self {
-        let all = InverseRange::fit(samples.views.len(), training);
+        let mut all = InverseRange::fit(samples.views.len(), training);
         let parts = FlightParts::of(samples, samples.ticks_of_side(Side::Train));
         let others = parts.others(training);
-        Self {
-            others: others.map(|others| Some(all.refitted(&others))).collect(),
-            all,
-            parts,
-        }
+        let others: Vec<_> = others.map(|others| Some(all.refitted(&others))).collect();
+        let flights = training.chunk_by(|a, b| a.scenario == b.scenario);
+        let held_out = flights.filter_map(|flight| {
+            let part = (0..others.len()).find(|part| parts.contains(*part, flight[0]))?;
+            Some((others[part].as_ref()?.rows.as_slice(), flight))
+        });
+        let held_out: Vec<_> = held_out.collect();
+        all.rows.iter_mut().for_each(|of| of.learn_lags(&held_out));
+        Self { all, others, parts }
     }
 }
 

@@ -189,7 +189,7 @@ impl FlightFilter {
     pub(crate) fn online(&self) -> OnlineFilter {
         let fits = (0..self.errors.len()).collect();
         OnlineFilter {
-            filter: Filter::new(self.model(), fits),
+            filter: Filter::new(fits),
             common: LastCommonError::default(),
         }
     }

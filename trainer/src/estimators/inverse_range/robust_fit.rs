@@ -21,12 +21,7 @@ pub(super) const NEAREST_M: f64 = 926.0;
 
 /// Relative precision of positions, 1 for the best.
 pub(super) fn precision(places: &Places) -> f64 {
-    precision_of(places.sd_px.unwrap_or(0.0))
-}
-
-/// Relative precision for a standard deviation in pixels.
-pub(super) fn precision_of(sd_px: f64) -> f64 {
-    MIN_SD_PX / MIN_SD_PX.hypot(sd_px)
+    MIN_SD_PX / MIN_SD_PX.hypot(places.sd_px.unwrap_or(0.0))
 }
 
 /// Number of quadratic terms.

@@ -5,19 +5,16 @@
 //! ([`super::flight_filter`]), and they show a view's lag.
 
 use dataset::numbers::spread::deviation_from_zero;
-use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::camera_health::late_images::Pair;
 use crate::samples::row_line::RowLine;
-use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::view_shift::MIN_SD_PX;
 use crate::samples::{Observation, Sample};
 
 /// Minimum number of shifts.
 const MIN_SHIFTS: usize = 30;
-/// Number of parts in which flights are left out, and the minimum number of flights that show how accurate lags are.
-const PARTS: usize = 4;
+/// Minimum number of flights that show how accurate lags are.
 const MIN_FLIGHTS: usize = 4;
 /// Maximum number of shifts; more do not change the fit.
 const MAX_SHIFTS: usize = 20_000;
@@ -35,55 +32,23 @@ pub(super) struct RowRelation {
     lag_sd_s: Option<f64>,
 }
 
-/// Standard deviation of lags by rows of other flights, seconds; `None` with too few flights.
-fn lag_sd_s(views: [usize; 2], training: &[&Sample]) -> Option<f64> {
-    let flights: Vec<&[&Sample]> = (training.chunk_by(|a, b| a.scenario == b.scenario)).collect();
-    let parts = (0..PARTS).flat_map(|part| {
-        let flights = flights.iter().enumerate();
-        let (own, others): (Vec<_>, Vec<_>) = flights.partition(|(index, _)| index % PARTS == part);
-        let others: Vec<&Sample> = others
-            .into_iter()
-            .flat_map(|(_, of)| *of)
-            .copied()
-            .collect();
-        let relation = RowRelation::of(views, &others);
-        let lag_s = move |flight: &[&Sample]| {
-            let observed: Vec<&Observation> = flight.iter().map(|of| &of.observed).collect();
-            relation.as_ref()?.pair_of(0.0).lag_s(&observed)
-        };
-        own.into_iter().filter_map(move |(_, flight)| lag_s(flight))
-    });
-    let lags_s: Vec<f64> = parts.collect();
-    (lags_s.len() >= MIN_FLIGHTS).then(|| deviation_from_zero(lags_s.into_iter()))
-}
-
-/// Registered places in both views, pixels.
-fn places_px([reference, view]: [usize; 2], observed: &Observation) -> Option<[DVec2; 2]> {
-    let shift = observed
-        .shift(view)
-        .filter(|shift| shift.reference == reference)?;
-    let (place_px, _) = centre_and_size(observed.best(reference)?);
-    Some([place_px, place_px + shift.shift_px])
-}
-
-/// Standard deviation of that row, including common errors, pixels.
-fn row_sd_px([reference, view]: [usize; 2], observed: &Observation) -> Option<f64> {
-    let own_px = observed.shift(view)?.sd_px.y;
-    let common = observed.common_errors.iter();
-    let common = common.filter(|error| [reference, view].contains(&error.view));
-    Some(common.fold(own_px, |sd_px, error| sd_px.hypot(error.sd_px.y)))
-}
-
 impl RowRelation {
     /// Relations for all views that were registered with each other often enough.
     pub(super) fn all(views: usize, training: &[&Sample]) -> Vec<Self> {
         let pairs = (0..views).flat_map(|a| (0..views).map(move |b| [a, b]));
-        let learned = pairs.filter_map(|pair| Self::of(pair, training));
-        let learned = learned.map(|relation| Self {
-            lag_sd_s: lag_sd_s(relation.views, training),
-            ..relation
+        pairs.filter_map(|pair| Self::of(pair, training)).collect()
+    }
+
+    /// Learns how accurate lags are, from flights that have none, each with relations that others taught.
+    pub(super) fn learn_lags(&mut self, flights: &[(&[Self], &[&Sample])]) {
+        let lags_s = flights.iter().filter_map(|(relations, flight)| {
+            let relation = relations.iter().find(|of| of.views == self.views)?;
+            let observed: Vec<&Observation> = flight.iter().map(|of| &of.observed).collect();
+            relation.pair_of(0.0).lag_s(&observed)
         });
-        learned.collect()
+        let lags_s: Vec<f64> = lags_s.collect();
+        let is_known = lags_s.len() >= MIN_FLIGHTS;
+        self.lag_sd_s = is_known.then(|| deviation_from_zero(lags_s.into_iter()));
     }
 
     /// The rows of these views, for measuring lags; `None` if too few flights showed how accurate such lags are.
@@ -103,7 +68,7 @@ impl RowRelation {
     fn of(views: [usize; 2], training: &[&Sample]) -> Option<Self> {
         let places = training.iter();
         let places: Vec<_> = places
-            .filter_map(|sample| places_px(views, sample))
+            .filter_map(|sample| Some(sample.registered_places(views)?.1))
             .collect();
         if places.len() < MIN_SHIFTS {
             return None;
@@ -127,8 +92,9 @@ pub(super) fn row_misfits(
 ) -> Vec<([usize; 2], f64)> {
     let misfits = relations.iter().filter_map(|relation| {
         let [reference, view] = relation.views;
-        let off_px = relation.row.off_px(places_px(relation.views, observed)?);
-        let sd_px = MIN_SD_PX.hypot(row_sd_px(relation.views, observed)?);
+        let (shift, places_px) = observed.registered_places(relation.views)?;
+        let off_px = relation.row.off_px(places_px);
+        let sd_px = MIN_SD_PX.hypot(observed.row_sd_px(relation.views, shift.sd_px.y));
         Some(if reference < view {
             ([reference, view], off_px / sd_px)
         } else {

@@ -15,20 +15,17 @@ use std::collections::BTreeMap;
 use dataset::geometry::camera::Camera;
 use dataset::geometry::rays::{EpipolarLine, across_sd_px};
 use dataset::numbers::motion::scatter;
-use dataset::tables::pixel_box::PixelBox;
 use dataset::work::watch::Watch;
 use glam::DVec2;
 use sight::lag::{
     self, Lag, PLACE_TERMS, Rows, Sighting, lag_at, moved, moved_sd_px, with_one_lag,
 };
+use sight::sight::{CERTAIN_SD, CONTRADICTS_SD};
 
 use crate::samples::camera_health::{Corrections, first_of};
 use crate::samples::trusted_boxes::centre_and_size;
-use crate::samples::view_shift::ViewShift;
 use crate::samples::{CommonError, Observation, ScenarioSummary};
 
-/// Minimum significance of a lag that is corrected, in standard deviations: 32 flights without a lag had up to 1.8.
-const CERTAIN: f64 = 3.0;
 /// Standard deviation of a lag, relative to it. Views that were five seconds late (`late-5s` of scripts/moved_cameras.py) had lags that
 /// were off by up to 1 % in clear weather, and by up to 9 % in fog, where only the last five miles are seen.
 const PART_SD: f64 = 0.03;
@@ -43,11 +40,10 @@ const MIN_LAG_SD_S: f64 = 0.01;
 /// Standard deviations of what planned cameras add to rows, pixels: a constant, and slopes over a thousand pixels, for masts surveyed to
 /// half a degree. Within a few miles of the runway, the only part visible in fog, the motion is nearly a linear function of the places.
 const PLANNED_SD_PX: [f64; PLACE_TERMS] = [100.0, 12.0, 12.0, 12.0];
-/// By planned cameras, the minimum number of sightings, the minimum lag, s (0.04 % of the distance at ten kilometres, with masts 600 m
-/// apart), and its minimum significance: twice what none of 385 flights without a lag reached.
+/// By planned cameras, the minimum number of sightings, and the minimum lag, s: 0.04 % of the distance at ten kilometres, with masts 600 m
+/// apart.
 const MIN_SIGHTINGS: usize = 40;
 const MIN_LAG_S: f64 = 0.1;
-const SURE_SD: f64 = 5.0;
 /// Changes of one view's lag that two pairs of views tell are the same if they are so near, s: an image every two seconds.
 const SAME_CHANGE_S: f64 = 2.0;
 /// What the cameras of a flight add to the rows that a run expects, beside their directions, pixels: a constant, and slopes over a thousand
@@ -102,10 +98,8 @@ impl Pair<'_> {
     ) -> Option<lag::Fit> {
         let tracks = sightings(self.views, self.row_sd_px, flight);
         let row_sds_px = flight.iter().filter_map(|observed| {
-            seen_by(self.views, observed)?;
-            let common = observed.common_errors.iter();
-            let common = common.filter(|of| self.views.contains(&of.view));
-            Some(common.fold(ROW_SD_PX, |sum_px, of| sum_px.hypot(of.sd_px.y)))
+            observed.registered_places(self.views)?;
+            Some(observed.row_sd_px(self.views, ROW_SD_PX))
         });
         let row_sd_px = row_sds_px.fold(ROW_SD_PX.max(self.row_sd_px), f64::max);
         let slope_sd_px = SLOPE_SD_PX.hypot(row_sd_px - ROW_SD_PX);
@@ -122,26 +116,20 @@ impl Pair<'_> {
     }
 }
 
-/// The aircraft at a tick that both views see: its shift, and its box in the first one.
-fn seen_by([first, second]: [usize; 2], observed: &Observation) -> Option<(ViewShift, &PixelBox)> {
-    let shift = observed.shift(second).filter(|of| of.reference == first)?;
-    Some((shift, observed.best(first)?))
-}
-
 /// What two views see, by the tracks of both: of one aircraft each.
 fn sightings(views: [usize; 2], min_sd_px: f64, flight: &[&Observation]) -> Vec<Vec<Sighting>> {
     let mut tracks: BTreeMap<[Option<u32>; 2], Vec<Sighting>> = BTreeMap::new();
     for observed in flight {
-        let Some((shift, seen)) = seen_by(views, observed) else {
+        let seen = observed.registered_places(views);
+        let Some(((shift, places_px), seen)) = seen.zip(observed.best(views[0])) else {
             continue;
         };
-        let here_px = centre_and_size(seen).0;
         let own_sd_px = shift.sd_px.y.hypot(across_sd_px(seen.width_px));
         let of_tracks = tracks.entry(views.map(|view| observed.track(view)));
         of_tracks.or_default().push(Sighting {
             time_s: observed.time_s(),
             taken_off_s: 0.0,
-            places_px: [here_px, here_px + shift.shift_px],
+            places_px,
             width_px: seen.width_px,
             sd_px: own_sd_px.max(min_sd_px),
         });
@@ -161,7 +149,8 @@ fn lag_by_cameras(
     };
     let fit = lag::constant(&sightings(views, 0.0, flight), &rows, 0.0)?;
     let lag = fit.lags[0];
-    let is_sure = lag.seconds.abs() >= MIN_LAG_S.max(SURE_SD * sd_s(&lag));
+    // Twice what none of 385 flights without a lag reached.
+    let is_sure = lag.seconds.abs() >= MIN_LAG_S.max(CERTAIN_SD * sd_s(&lag));
     (is_sure && fit.sightings >= MIN_SIGHTINGS).then_some(lag)
 }
 
@@ -246,7 +235,8 @@ fn lags_by(pairs: &[Pair], cameras: &[Camera], flight: &[&Observation]) -> Optio
 /// A lag, if it is more than chance; of recordings that are as synchronous as their ticks say, it is none.
 fn counted(lag: Lag) -> Lag {
     let sd_s = sd_s(&lag);
-    if lag.seconds.abs() >= CERTAIN * sd_s {
+    // 32 flights without a lag had up to 1.8 standard deviations.
+    if lag.seconds.abs() >= CONTRADICTS_SD * sd_s {
         return Lag { sd_s, ..lag };
     }
     Lag {

@@ -7,9 +7,10 @@
 use dataset::numbers::spread::{Spread, deviation_from_zero};
 use dataset::tables::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
+use sight::lag::UNIT_PX;
 
 use super::sighting::{MAX_DEVIATIONS, MAX_GAP_S, MIN_SIZE_SD, RECENT_S, STILL_GROWTH, Sighting};
-use crate::samples::robust_line::{FINE_UNIT_PX, UNIT_PX, robust_line};
+use crate::samples::robust_line::{FINE_UNIT_PX, robust_line};
 
 /// Minimum number of boxes.
 const MIN_BOXES: usize = 30;

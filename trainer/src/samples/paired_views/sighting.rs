@@ -5,7 +5,7 @@ use dataset::tables::pixel_box::PixelBox;
 /// Object memory, s: the time that it may be out of sight.
 pub(crate) const MEMORY_S: f64 = 60.0;
 /// Recent past, s: motion is measured over this time, and it establishes an object; older sightings carry no weight for the present.
-pub(super) const RECENT_S: f64 = 10.0;
+pub(crate) const RECENT_S: f64 = 10.0;
 /// Minimum time between remembered sightings, s.
 pub(crate) const STEP_S: f64 = 1.0;
 /// Maximum gap between compared sightings, s.

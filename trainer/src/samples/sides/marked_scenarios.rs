@@ -9,6 +9,7 @@ use dataset::corpus::effective_weather::ReportedWeather;
 use dataset::corpus::splits::Side;
 
 use crate::samples::Samples;
+use crate::samples::rig::json_differences::named;
 
 /// Drops marked scenarios; returns their identifiers.
 pub(crate) fn leave_out(samples: &mut Samples) -> Vec<String> {
@@ -22,16 +23,10 @@ pub(crate) fn leave_out(samples: &mut Samples) -> Vec<String> {
 }
 
 pub(crate) fn left_out_line(ids: &[String]) -> String {
-    const NAMED: usize = 5;
-    let named = ids.iter().take(NAMED).map(String::as_str);
-    let named = named.collect::<Vec<_>>().join(", ");
-    let more = match ids.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
     format!(
-        "left out, since the weather at the aircraft was not the planned one: {named}{more} (`dtd verify` says what differs; --accept-weather \
-         trains on them)"
+        "left out, since the weather at the aircraft was not the planned one: {} (`dtd verify` says what differs; --accept-weather \
+         trains on them)",
+        named(ids.to_vec()).join(", ")
     )
 }
 

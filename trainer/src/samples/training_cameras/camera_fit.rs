@@ -9,6 +9,7 @@ use dataset::geometry::camera::Camera;
 use dataset::numbers::least_squares::NormalEquations;
 use dataset::numbers::spread::{deviation_from_zero, median_of};
 use glam::{DVec2, DVec3};
+use sight::sight::CONTRADICTS_SD;
 
 use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
 
@@ -20,9 +21,8 @@ const STEPS: [f64; UNKNOWNS] = [1e-4, 1e-4, 1e-4, 1e-3, 1e-2, 1e-2, 1e-2];
 /// Box centre error, pixels, and its distance from the labelled point, metres: a gear, half a fin.
 const BOX_SD_PX: f64 = 1.0;
 const POINT_SD_M: f64 = 3.0;
-/// Standard deviations beyond which residuals hardly count.
-const GATE: f64 = 3.0;
-/// Factor of the gate per step: if it shrank faster, it would close before the few near boxes have turned the camera.
+/// Factor per step of the gate, beyond which residuals hardly count: if it shrank faster, it would close before the few near boxes have
+/// turned the camera.
 const SHRINKS_BY: f64 = 0.85;
 const MAX_STEPS: usize = 60;
 /// Length of the last step, relative to the prior standard deviation.
@@ -112,12 +112,12 @@ fn solve(seen: &[LabelledBox], start: Adjustment) -> Adjustment {
     let mut x = start;
     let mut gate = f64::INFINITY;
     for _ in 0..MAX_STEPS {
-        let least = GATE * spread(seen, &x).max(1.0);
+        let least = CONTRADICTS_SD * spread(seen, &x).max(1.0);
         let shrunk = (gate * SHRINKS_BY).max(least);
         gate = if gate.is_finite() {
             shrunk
         } else {
-            GATE * least
+            CONTRADICTS_SD * least
         };
         let normal = normal(seen, &x, gate, 1.0, Some(&start));
         let Some(step) = normal.solve_for::<UNKNOWNS>() else {
@@ -180,7 +180,7 @@ fn deviations(seen: &[LabelledBox], adjustment: &Adjustment) -> Option<Adjustmen
     let scenarios = seen.chunk_by(|a, b| a.scenario == b.scenario).count();
     let alike = seen.len() as f64 / (BOXES_OF_A_FLIGHT * scenarios as f64);
     let variance = spread.powi(2) * alike.max(1.0);
-    let gate = GATE * spread.max(1.0);
+    let gate = CONTRADICTS_SD * spread.max(1.0);
     let covariance = normal(seen, adjustment, gate, variance, None).inverse()?;
     Some(Adjustment::from_array(std::array::from_fn(|i| {
         covariance[i][i].sqrt()

@@ -1,5 +1,7 @@
 //! Stated cameras that contradict the boxes.
 
+use sight::sight::CERTAIN_SD;
+
 use super::TrainingCameras;
 use super::camera_fit::CameraFit;
 
@@ -8,8 +10,6 @@ use super::camera_fit::CameraFit;
 const MIN_TURN_DEG: f64 = 0.05;
 const MIN_FOCAL_PCT: f64 = 1.0;
 const MIN_MOVE_M: f64 = 15.0;
-/// Minimum significance for differences.
-const MIN_DEVIATIONS: f64 = 5.0;
 
 /// Training message about these views. `registered_again`: the views are registered with fitted cameras.
 pub(super) fn contradictions_line(found: &[String], registered_again: bool) -> String {
@@ -65,7 +65,7 @@ fn differences(fit: &CameraFit) -> Vec<String> {
                 ),
                 _ => (MIN_MOVE_M, format!("stands {by:.0} m {way} (+- {sd:.0})")),
             };
-            (by > least && by > MIN_DEVIATIONS * sd).then_some(words)
+            (by > least && by > CERTAIN_SD * sd).then_some(words)
         })
         .collect()
 }

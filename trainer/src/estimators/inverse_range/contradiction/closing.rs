@@ -5,9 +5,10 @@
 use std::collections::VecDeque;
 
 use glam::DVec2;
+use sight::sight::CONTRADICTS_SD;
 
+use super::WINDOW_S;
 use super::history::{MIN_TICKS, Residual, remember};
-use super::{NEAR_DEVIATIONS, WINDOW_S};
 use crate::samples::paired_views::STILL_GROWTH;
 
 /// Minimum speed of an arrival, m/s: a light aircraft against the wind.
@@ -57,7 +58,7 @@ impl Closing {
         let speed_mps = (from.distance_m - to.distance_m + across_m) / seconds;
         let sd_mps = (from.variance_m2 + to.variance_m2).sqrt() / seconds;
         let deviations = (MIN_CLOSING_MPS - speed_mps) / sd_mps;
-        let is_open = deviations.abs() <= NEAR_DEVIATIONS;
+        let is_open = deviations.abs() <= CONTRADICTS_SD;
         let grows = grown - explained > STILL_GROWTH;
         (!is_open && (deviations < 0.0 || grows)).then_some(Residual {
             time_s: since_s,
@@ -109,7 +110,7 @@ mod tests {
     #[test]
     fn an_aircraft_that_grows_without_coming_nearer_contradicts_itself_unless_it_flies_across() {
         let kept = turning(0.0).unwrap();
-        assert!(kept.deviations > NEAR_DEVIATIONS, "{kept:?}");
+        assert!(kept.deviations > CONTRADICTS_SD, "{kept:?}");
         let on_base_leg = turning(50.0);
         assert!(
             on_base_leg.is_none_or(|kept| kept.deviations < 0.0),

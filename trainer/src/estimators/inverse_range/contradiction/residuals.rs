@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use sight::sight::CONTRADICTS_SD;
 
+use super::Evidence;
 use super::history::{History, Residual};
-use super::{Evidence, NEAR_DEVIATIONS};
 use crate::estimators::inverse_range::{InverseRange, Measurement, Tick};
 
 /// Limit relative to the largest residual that a training flight kept. Beside paths, flights in lights that the training left out keep 0.7
@@ -119,7 +120,7 @@ impl KeptInTraining {
             Evidence::Closing => Some(0.0),
         };
         kept.map_or(f64::INFINITY, |kept| {
-            (TIMES_OF_TRAINING * kept).max(NEAR_DEVIATIONS)
+            (TIMES_OF_TRAINING * kept).max(CONTRADICTS_SD)
         })
     }
 }

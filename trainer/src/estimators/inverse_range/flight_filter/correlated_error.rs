@@ -6,8 +6,9 @@
 
 use dataset::numbers::spread::deviation_from_zero;
 use serde::{Deserialize, Serialize};
+use sight::sight::CERTAIN_SD;
 
-use super::gaussian::{Block, Gaussian, OUTLIER_DEVIATIONS, Step, log_likelihood};
+use super::gaussian::{Block, Gaussian, Step, log_likelihood};
 use crate::estimators::inverse_range::{MIN_DEVIATION, Measurement, scale_m};
 
 /// Ticks per measured deviation, and maximum number of distances.
@@ -105,10 +106,7 @@ impl CorrelatedError {
     fn scaled(&self, flight: &[ErrorSample]) -> Vec<(f64, f64)> {
         let scaled = |observed: &ErrorSample| {
             let error = observed.error / self.deviation_at(observed.distance_m);
-            (
-                observed.time_s,
-                error.clamp(-OUTLIER_DEVIATIONS, OUTLIER_DEVIATIONS),
-            )
+            (observed.time_s, error.clamp(-CERTAIN_SD, CERTAIN_SD))
         };
         flight.iter().map(scaled).collect()
     }
@@ -202,7 +200,7 @@ fn deviations_by_distance(flights: &[Vec<ErrorSample>]) -> Option<(Vec<f64>, Vec
 
 fn deviation(part: &[ErrorSample]) -> f64 {
     let errors = || part.iter().map(|observed| observed.error);
-    let largest = (OUTLIER_DEVIATIONS * deviation_from_zero(errors())).max(MIN_DEVIATION);
+    let largest = (CERTAIN_SD * deviation_from_zero(errors())).max(MIN_DEVIATION);
     let squares = errors().map(|error| error.clamp(-largest, largest).powi(2));
     (squares.sum::<f64>() / part.len().max(1) as f64)
         .sqrt()

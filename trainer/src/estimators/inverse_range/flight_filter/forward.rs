@@ -18,8 +18,6 @@ use super::gaussian::{Gaussian, Step};
 use super::hypothesis::{Decision, Hypothesis, Model, ScaledReading, step};
 use super::mixture::{Component, mixed};
 
-/// Time constant of common errors and of former answers, s.
-pub(super) const MEMORY_S: f64 = 20.0;
 /// Probabilities per usual tick: an outlier after a good measurement, an outlier after an outlier (groups have three on average), and a new
 /// track. Neither these nor the following constants were measured on flights; tests/disturbed.rs has the simulated flights that they were
 /// tuned on.
@@ -28,14 +26,11 @@ const NEXT_OUTLIER: f64 = 0.7;
 const BEGINNING: f64 = 1e-4;
 /// Probability that errors halve or double.
 const LEVEL_CHANGE: f64 = 0.003;
-/// Maximum factor of new errors: a camera that shakes by two pixels makes them 65 times as large.
-const MAX_ERROR: f64 = 100.0;
+/// Highest level of new errors: a camera that shakes by two pixels makes all errors 65 times as large, and the new part may be small.
+const MAX_LEVEL: u8 = 10;
 const MAX_HYPOTHESES: usize = 10;
-/// Minimum tick weight, and minimum hypothesis weight relative to the heaviest at a usual tick. A former answer that a new track displaced
-/// keeps this weight ...
+/// Minimum tick weight, and minimum hypothesis weight relative to the heaviest at a usual tick.
 const MIN_WEIGHT: f64 = 1e-3;
-/// ... until it had no measurement for [`MEMORY_S`] or this many usual ticks: false boxes rarely last longer.
-const DISPLACED_TICKS: f64 = 8.0;
 
 /// Weight of a tick relative to a usual one, by the time since the last tick.
 pub(super) fn tick_count(model: Model, seconds: f64) -> f64 {
@@ -58,7 +53,7 @@ pub(super) struct Filtered {
 }
 
 pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
-    let mut filter = Filter::new(model, fits_of(ticks));
+    let mut filter = Filter::new(fits_of(ticks));
     filter.decided = Some(Vec::new());
     Filtered {
         known: ticks.iter().map(|tick| filter.take(model, tick)).collect(),
@@ -66,28 +61,11 @@ pub(super) fn filter(model: Model, ticks: &[Tick]) -> Filtered {
     }
 }
 
-/// Number of error levels, up to the maximum error of the most precise fit.
-fn levels(model: Model) -> u8 {
-    let new_share = model.errors.first().map_or(1.0, |error| error.new_share);
-    (MAX_ERROR / new_share.sqrt())
-        .log2()
-        .ceil()
-        .clamp(0.0, 10.0) as u8
-}
-
 #[derive(Clone)]
 struct WeightedHypothesis {
     hypothesis: Hypothesis,
     /// Logarithm of the weight relative to the heaviest.
     log_weight: f64,
-    /// Logarithm of the weight from all ticks, without the minimum for a former answer.
-    log_whole: f64,
-    /// Tick number at the start.
-    began: usize,
-    /// True if the heaviest hypothesis once started there.
-    was_answer: bool,
-    /// Time of the last accepted measurement, seconds.
-    taken_s: f64,
     /// Last entry in [`Filter::decided`].
     decided: usize,
 }
@@ -106,9 +84,6 @@ struct Branch {
     of: usize,
     decision: Decision,
     log_weight: f64,
-    /// Change in log weight at this tick.
-    log_change: f64,
-    is_displaced: bool,
 }
 
 /// Filter state. Unless decisions are kept, its memory is bounded.
@@ -116,8 +91,6 @@ struct Branch {
 pub(super) struct Filter {
     /// Fits with unknown errors, ascending.
     fits: Vec<usize>,
-    /// Maximum error level.
-    levels: u8,
     /// Time of the last tick, seconds.
     time_s: f64,
     /// Last step with its duration: ticks are equally far apart, except for rounding.
@@ -130,9 +103,8 @@ pub(super) struct Filter {
 }
 
 impl Filter {
-    pub(super) fn new(model: Model, fits: Vec<usize>) -> Self {
+    pub(super) fn new(fits: Vec<usize>) -> Self {
         Self {
-            levels: levels(model),
             fits,
             time_s: 0.0,
             step: None,
@@ -168,16 +140,14 @@ impl Filter {
         self.merge();
         let is_measured = tick.best().is_some();
         let states = self.hypotheses.iter().map(|of| {
-            let is_outlier = of.hypothesis.is_outlier;
-            let is_taken = is_measured && !is_outlier;
+            let is_taken = is_measured && !of.hypothesis.is_outlier;
             Component {
                 weight: of.log_weight.exp(),
                 known: &of.hypothesis.known,
                 inflation: of.hypothesis.inflation(is_taken, count),
-                is_outlier,
             }
         });
-        mixed(&states.collect::<Vec<_>>(), is_measured)
+        mixed(&states.collect::<Vec<_>>())
     }
 
     fn decide(&mut self, decision: Decision, tick: usize, before: Option<usize>) -> usize {
@@ -205,16 +175,12 @@ impl Filter {
 
     /// Starts with the first measurement, at every error level.
     fn begin(&mut self, model: Model, number: usize, best: &Measurement) {
-        for level in 0..=self.levels {
+        for level in 0..=MAX_LEVEL {
             let decided = self.decide(Decision::Begun { level }, number, None);
             self.hypotheses.push(WeightedHypothesis {
                 hypothesis: Hypothesis::begun(model, &self.fits, best, level),
                 // Each level is half as likely as the one below.
                 log_weight: -f64::from(level) * std::f64::consts::LN_2,
-                log_whole: -f64::from(level) * std::f64::consts::LN_2,
-                began: number,
-                was_answer: true,
-                taken_s: self.time_s,
                 decided,
             });
         }
@@ -227,27 +193,22 @@ impl Filter {
             let reading = weighed.hypothesis.reading(model, &self.fits, best);
             let Some(reading) = reading else { return };
             readings.push(reading);
-            self.ways(model, of, &readings[of], count, &mut ways);
+            self.ways(of, &readings[of], count, &mut ways);
         }
         let ways = Self::heaviest(ways, count);
         let before = std::mem::take(&mut self.hypotheses);
         for way in ways {
             let mut next = before[way.of].clone();
             next.log_weight = way.log_weight;
-            next.log_whole += way.log_change;
             next.decided = self.decide(way.decision, number, Some(next.decided));
             match way.decision {
                 Decision::Unmeasured => {}
                 Decision::Taken { level } => {
                     next.hypothesis.take(&readings[way.of], level, count);
-                    next.taken_s = self.time_s;
                 }
                 Decision::Outlier => next.hypothesis.is_outlier = true,
                 Decision::Begun { level } => {
                     next.hypothesis = Hypothesis::begun(model, &self.fits, best, level);
-                    next.began = number;
-                    next.was_answer = false;
-                    next.taken_s = self.time_s;
                 }
             }
             self.hypotheses.push(next);
@@ -255,26 +216,12 @@ impl Filter {
     }
 
     /// All continuations for a hypothesis.
-    fn ways(
-        &self,
-        model: Model,
-        of: usize,
-        reading: &ScaledReading,
-        count: f64,
-        ways: &mut Vec<Branch>,
-    ) {
+    fn ways(&self, of: usize, reading: &ScaledReading, count: f64, ways: &mut Vec<Branch>) {
         let WeightedHypothesis {
             hypothesis,
             log_weight,
-            was_answer,
-            began,
-            taken_s,
             ..
         } = &self.hypotheses[of];
-        let longest_s = MEMORY_S.max(DISPLACED_TICKS * model.tick_s);
-        let heaviest = &self.hypotheses[0];
-        let is_displaced =
-            *was_answer && *began != heaviest.began && self.time_s - taken_s <= longest_s;
         // Probabilities are per usual tick.
         let outlier = if hypothesis.is_outlier {
             1.0 - (1.0 - NEXT_OUTLIER) * count
@@ -282,13 +229,10 @@ impl Filter {
             OUTLIER * count
         };
         let mut way = |decision, chance: f64, log_likelihood: f64| {
-            let log_change = count * log_likelihood + chance.ln();
             ways.push(Branch {
                 of,
                 decision,
-                log_weight: log_weight + log_change,
-                log_change,
-                is_displaced: is_displaced && !matches!(decision, Decision::Begun { .. }),
+                log_weight: log_weight + count * log_likelihood + chance.ln(),
             });
         };
         let level = hypothesis.level;
@@ -296,7 +240,7 @@ impl Filter {
         for (next, chance) in [
             (level.checked_sub(1), change),
             (Some(level), 1.0 - 2.0 * change),
-            ((level < self.levels).then_some(level + 1), change),
+            ((level < MAX_LEVEL).then_some(level + 1), change),
         ] {
             if let Some(level) = next {
                 let likelihood = hypothesis.log_taken(reading, level);
@@ -314,7 +258,7 @@ impl Filter {
         }
     }
 
-    /// The heaviest branches, and a former answer's heaviest branch, with weights relative to the heaviest.
+    /// The heaviest branches, with weights relative to the heaviest.
     fn heaviest(mut ways: Vec<Branch>, count: f64) -> Vec<Branch> {
         ways.retain(|way| !way.log_weight.is_nan());
         ways.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
@@ -323,17 +267,9 @@ impl Filter {
         };
         let least = highest + (MIN_WEIGHT * count).ln();
         let within = ways.partition_point(|way| way.log_weight >= least);
-        let mut others = ways.split_off(within.min(MAX_HYPOTHESES));
-        if !ways.iter().any(|way| way.is_displaced)
-            && let Some(displaced) = others.iter().position(|way| way.is_displaced)
-        {
-            ways.push(others.swap_remove(displaced));
-        }
+        ways.truncate(within.min(MAX_HYPOTHESES));
         for way in &mut ways {
             way.log_weight -= highest;
-        }
-        if let Some(displaced) = ways.iter_mut().find(|way| way.is_displaced) {
-            displaced.log_weight = displaced.log_weight.max(MIN_WEIGHT.ln());
         }
         ways
     }
@@ -349,25 +285,15 @@ impl Filter {
                 .find(|heavier| heavier.hypothesis.is_like(&of.hypothesis))
             {
                 Some(heavier) => {
-                    if of.log_whole > heavier.log_whole {
-                        heavier.decided = of.decided;
-                    }
                     heavier.log_weight = log_sum(heavier.log_weight, of.log_weight);
-                    heavier.log_whole = log_sum(heavier.log_whole, of.log_whole);
                 }
                 None => merged.push(of),
             }
         }
         merged.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
-        if let Some(WeightedHypothesis {
-            log_weight, began, ..
-        }) = merged.first()
-        {
-            let (highest, began) = (*log_weight, *began);
-            for of in &mut merged {
-                of.log_weight -= highest;
-                of.was_answer |= of.began == began;
-            }
+        let highest = merged.first().map_or(0.0, |of| of.log_weight);
+        for of in &mut merged {
+            of.log_weight -= highest;
         }
         self.hypotheses = merged;
     }
@@ -376,10 +302,7 @@ impl Filter {
     fn decisions(&self, ticks: usize) -> Vec<Decision> {
         let mut decisions = vec![Decision::Unmeasured; ticks];
         let decided = self.decided.as_deref().unwrap_or_default();
-        let by_all_ticks =
-            |a: &&WeightedHypothesis, b: &&WeightedHypothesis| a.log_whole.total_cmp(&b.log_whole);
-        let likeliest = self.hypotheses.iter().max_by(by_all_ticks);
-        let mut next = likeliest.map(|of| of.decided);
+        let mut next = self.hypotheses.first().map(|of| of.decided);
         while let Some(DecisionEntry {
             decision,
             tick,

@@ -4,9 +4,7 @@
 use std::ops::{Index, IndexMut};
 
 use dataset::numbers::least_squares::{CholeskyFactor, dot};
-
-/// Standard deviations beyond which an error is an outlier.
-pub(super) const OUTLIER_DEVIATIONS: f64 = 5.0;
+use sight::sight::CERTAIN_SD;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Gaussian {
@@ -202,7 +200,7 @@ pub(super) fn log_likelihood(
         };
         let total = known.variance_of(&reading);
         // One outlier must not decide a fit.
-        let surprise = (reading.misfit.powi(2) / total).min(OUTLIER_DEVIATIONS.powi(2));
+        let surprise = (reading.misfit.powi(2) / total).min(CERTAIN_SD.powi(2));
         sum -= 0.5 * (total.ln() + surprise);
         known.correct(&reading);
     }

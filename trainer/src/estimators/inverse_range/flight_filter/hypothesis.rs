@@ -3,16 +3,17 @@
 //! Given these decisions, a Kalman filter is exact. All variances share a factor that the flight itself determines: the squared normalised
 //! misfits, with some usual ones as prior. So misfits have Student's t as likelihood.
 
-use crate::estimators::inverse_range::contradiction::NEAR_DEVIATIONS;
+use sight::sight::{CERTAIN_SD, CONTRADICTS_SD};
+
 use crate::estimators::inverse_range::{Measurement, scale_m};
 
 use super::correlated_error::CorrelatedError;
-use super::gaussian::{Gaussian, OUTLIER_DEVIATIONS, Reading, Step};
+use super::gaussian::{Gaussian, Reading, Step};
 use super::motion::Motion;
 
 /// Relative standard deviation of the distance before the first measurement.
 const FIRST_DEVIATION: f64 = 0.3;
-/// Maximum outlier relative to the distance. Outliers are log-uniform in size, from [`NEAR_DEVIATIONS`] on.
+/// Maximum outlier relative to the distance. Outliers are log-uniform in size, from [`CONTRADICTS_SD`] on.
 const MAX_OUTLIER: f64 = 0.5;
 /// Prior weight of the usual error size, in ticks.
 const USUAL_TICKS: f64 = 10.0;
@@ -126,7 +127,7 @@ impl Hypothesis {
 
     /// Log likelihood of the best measurement if it is an outlier.
     pub(super) fn log_outlier(&self, read: &ScaledReading) -> f64 {
-        let least_m = NEAR_DEVIATIONS * (self.factor() * read.variance(self.level)).sqrt();
+        let least_m = CONTRADICTS_SD * (self.factor() * read.variance(self.level)).sqrt();
         let largest_m = (MAX_OUTLIER * read.distance_m).max(least_m);
         let sizes = 1.0 + (largest_m / least_m).ln();
         -(2.0 * sizes * read.reading.misfit.abs().max(least_m)).ln()
@@ -135,7 +136,7 @@ impl Hypothesis {
     /// Accepts the best measurement. `count`: its weight relative to a usual tick.
     pub(super) fn take(&mut self, read: &ScaledReading, level: u8, count: f64) {
         let square = read.reading.misfit.powi(2) / read.variance(level);
-        self.squares += count * square.min(OUTLIER_DEVIATIONS.powi(2) * self.factor());
+        self.squares += count * square.min(CERTAIN_SD.powi(2) * self.factor());
         self.ticks += count;
         self.known.correct(&read.at(level, count));
         self.level = level;

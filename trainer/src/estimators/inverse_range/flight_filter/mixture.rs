@@ -1,14 +1,12 @@
 //! Combination of several hypotheses into one estimate.
 
+use sight::sight::CONTRADICTS_SD;
+
 use super::gaussian::Gaussian;
 use super::motion::Motion;
-use crate::estimators::inverse_range::contradiction::NEAR_DEVIATIONS;
 
 /// Share of the weight within the estimate's covariance.
 const COVERED: f64 = 0.95;
-/// Minimum weight for an answer from hypotheses that accept the last measurement, although the heaviest one rejects it. If they are wrong,
-/// so is the measurement; if they are right, only the filter is wrong.
-const FOLLOWED: f64 = 0.2;
 
 /// A hypothesis.
 pub(super) struct Component<'a> {
@@ -16,16 +14,14 @@ pub(super) struct Component<'a> {
     pub(super) known: &'a Gaussian,
     /// Variance factor.
     pub(super) inflation: f64,
-    /// True if the last measurement is an outlier.
-    pub(super) is_outlier: bool,
 }
 
-/// Combined motion, from hypotheses sorted by weight; `None` without any. `is_measured`: this tick has a measurement.
+/// Combined motion, from hypotheses sorted by weight; `None` without any.
 ///
-/// The mean is taken over hypotheses near the answering one, the covariance over all around it: between distant hypotheses, a mean would
+/// The mean is taken over hypotheses near the heaviest one, the covariance over all around it: between distant hypotheses, a mean would
 /// match none.
-pub(super) fn mixed(states: &[Component], is_measured: bool) -> Option<Gaussian> {
-    let answer = answer(states, is_measured)?;
+pub(super) fn mixed(states: &[Component]) -> Option<Gaussian> {
+    let heaviest = states.first()?;
     let size = Motion::UNKNOWNS;
     let mut covered = 0.0;
     let total: f64 = states.iter().map(|state| state.weight).sum();
@@ -34,15 +30,12 @@ pub(super) fn mixed(states: &[Component], is_measured: bool) -> Option<Gaussian>
         covered += state.weight;
         is_needed
     });
-    let mut used: Vec<&Component> = needed.collect();
-    if !used.iter().any(|state| std::ptr::eq(*state, answer)) {
-        used.push(answer);
-    }
+    let used: Vec<&Component> = needed.collect();
     let total: f64 = used.iter().map(|state| state.weight).sum();
     let mut mixed = Gaussian::independent(vec![0.0; size], &[]);
     let is_near = |state: &&&Component| {
-        let apart = state.known.mean[0] - answer.known.mean[0];
-        apart.powi(2) <= NEAR_DEVIATIONS.powi(2) * (answer.variance() + state.variance())
+        let apart = state.known.mean[0] - heaviest.known.mean[0];
+        apart.powi(2) <= CONTRADICTS_SD.powi(2) * (heaviest.variance() + state.variance())
     };
     let mut near = 0.0;
     for state in used.iter().filter(is_near) {
@@ -65,18 +58,6 @@ pub(super) fn mixed(states: &[Component], is_measured: bool) -> Option<Gaussian>
         }
     }
     Some(mixed)
-}
-
-/// The answering hypothesis.
-fn answer<'s, 'a>(states: &'s [Component<'a>], is_measured: bool) -> Option<&'s Component<'a>> {
-    let heaviest = states.first()?;
-    let taken = || states.iter().filter(|state| !state.is_outlier);
-    let total: f64 = states.iter().map(|state| state.weight).sum();
-    let of_taken: f64 = taken().map(|state| state.weight).sum();
-    if is_measured && heaviest.is_outlier && of_taken >= FOLLOWED * total {
-        return taken().next();
-    }
-    Some(heaviest)
 }
 
 impl Component<'_> {

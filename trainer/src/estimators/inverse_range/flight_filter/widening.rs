@@ -4,8 +4,10 @@
 //! contradictions between measurements from the same views. So it does not affect the weights of measurements; it widens the final
 //! estimate. A tick that happens to be free from it, because a view is missing, does not undo the effect of others on the state.
 
-use super::forward::MEMORY_S;
 use crate::estimators::inverse_range::{Tick, scale_m};
+
+/// Time constant of common errors, s.
+const MEMORY_S: f64 = 20.0;
 
 /// Ticks that an estimate may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use dataset::geometry::rays::LAG_STEP_S;
+use dataset::numbers::motion::MAX_DISTANCE_S;
 use sight::lag::Lag;
 
 use super::{Pair, in_time, is_corrected, lags_by, named};
@@ -12,8 +13,6 @@ use crate::samples::camera_health::Corrections;
 /// Number of ticks, about one a second, after which lags are measured again, and maximum number of them.
 const STEP_TICKS: usize = 5;
 const MAX_TICKS: usize = 300;
-/// Time within which places tell how an aircraft moves, s (`dataset::numbers::motion`).
-const RECENT_S: f64 = 15.0;
 
 /// Lags of the views up to now, with bounded memory.
 #[derive(Debug, Default)]
@@ -54,7 +53,7 @@ impl PastLags {
         }
         let recent = self.seen.iter().filter(|of| {
             let since_s = now_s - of.time_s();
-            since_s > 0.0 && since_s <= RECENT_S
+            since_s > 0.0 && since_s <= MAX_DISTANCE_S
         });
         let mut flight: Vec<Observation> = recent.cloned().collect();
         flight.push(observed.clone());
