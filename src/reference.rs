@@ -19,7 +19,7 @@ const WRITE_VARIABLE: &str = "DTD_WRITE_REFERENCE";
 const COMMAND: &str = "DTD_WRITE_REFERENCE=1 cargo test --release --workspace --bin dtd reference";
 
 /// Name, title, introduction and content of every page.
-fn pages() -> [(&'static str, &'static str, &'static str, String); 8] {
+fn pages() -> [(&'static str, &'static str, &'static str, String); 7] {
     let schema = |text: String| -> Value { serde_json::from_str(&text).unwrap() };
     [
         (
@@ -85,7 +85,6 @@ fn files() -> Vec<(String, String)> {
     let schemas = [
         ("sweep", generator::sweep::schema()),
         ("train", trainer::schema()),
-        ("estimate", live::schema()),
     ];
     let schemas = schemas.map(|(of, text)| (format!("schema/{of}.schema.json"), text));
     pages.into_iter().chain(schemas).collect()

@@ -1,13 +1,11 @@
 //! Refused inputs and outputs, with remedies.
 
 use std::fs;
-use std::path::Path;
 
 use serde_json::Value;
 use testkit::command::{Ending, said, text};
 use testkit::files::copy_folder;
 
-use crate::distances;
 use crate::workshop::{DTD, VIEWS, Workshop, ffmpeg};
 
 #[test]
