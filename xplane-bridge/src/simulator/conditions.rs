@@ -71,9 +71,8 @@ impl Simulator {
 
     /// Weather in the units that this simulator was measured to use.
     fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        let profile = self.profile.current();
-        match profile.and_then(|profile| profile.wind_unit.found()) {
-            Some(unit) => unit.applied_to(writes),
+        match self.profile.current() {
+            Some(profile) => profile.in_its_units(writes),
             None => writes,
         }
     }
@@ -106,6 +105,12 @@ impl Simulator {
         }
         let clock = running_clock_writes(&conditions.clock);
         self.write_until_read_back(&clock).await
+    }
+
+    /// Lets the flight model continue.
+    pub(super) async fn let_aircraft_go(&mut self) -> Result<(), BridgeError> {
+        self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 0.0)])
+            .await
     }
 
     /// Reads all settings and the weather at the aircraft once more, and compares: success proves that all recordings since then were made

@@ -354,13 +354,16 @@ async fn bind_fixed(local: SocketAddr) -> Result<UdpSocket, BridgeError> {
 }
 
 /// The request that ends a subscription by its number alone.
-fn end_datagram(index: i32) -> Option<Vec<u8>> {
-    let end = SubscribeDataref {
+fn end_of(index: i32) -> SubscribeDataref {
+    SubscribeDataref {
         frequency_hz: 0,
         index,
         path: String::new(),
-    };
-    ToSimulator::SubscribeDataref(end).encode().ok()
+    }
+}
+
+fn end_datagram(index: i32) -> Option<Vec<u8>> {
+    ToSimulator::SubscribeDataref(end_of(index)).encode().ok()
 }
 
 fn failed(simulator: SocketAddr, error: &io::Error) -> BridgeError {

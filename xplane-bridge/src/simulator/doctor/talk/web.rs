@@ -29,14 +29,12 @@ pub(crate) async fn check(
     };
     match find(address, capture_port).await {
         Ok(api) => {
-            let can = if api.has_flights() {
-                "begins"
-            } else {
-                "cannot begin"
-            };
+            let can = |what: bool| if what { "yes" } else { "no" };
             let found = format!(
-                "{address}, X-Plane {}, the same simulator; it {can} flights",
-                api.simulator_version()
+                "{address}, X-Plane {}, the same simulator; commands: {}, beginning flights: {}",
+                api.simulator_version(),
+                can(api.has_commands()),
+                can(api.has_flights())
             );
             (Check::ok(NAME, found), Some(api))
         }
