@@ -1,11 +1,10 @@
 #!/usr/bin/env python3
 """Builds all tests in the release profile and runs their programs, six at a time.
 
-`cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: all of them together take
-half an hour of processor time in more than an hour. The output of a program is printed when it ends; one
-failure does not hide the others, and a program that hangs is ended, so that its output tells where. What failed is run once more when
-nothing else runs, because some tests wait for a simulator with deadlines that a busy machine can miss; what passes only then is named at
-the end.
+`cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: together they take half an
+hour of processor time in more than an hour. The output of a program is printed when it ends, and one failure does not hide the others. A
+program that hangs is killed, so that its output shows where. What failed runs once more by itself, because some tests wait for a simulator
+with deadlines that a busy machine misses; what passes only then is named at the end.
 """
 
 import argparse
@@ -20,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 
 CARGO_TEST = ["cargo", "test", "--release", "--locked", "--workspace"]
 AT_ONCE = 6
-# The longest program took 720 s on two busy cores.
+# The longest program took 890 s on two busy cores.
 HANGS_AFTER_S = 1_500
 # Those with limits in real time: they run beside the others, which yield the processor to them.
 IN_REAL_TIME = ["estimate"]

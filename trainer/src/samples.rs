@@ -430,9 +430,9 @@ impl Samples {
             let times_s = observations.iter();
             let times_s = times_s.map(|of| (of.tick, of.time_s())).collect();
             let health = CameraHealth::of(&self.views, &summary.cameras, &health, &times_s);
-            for observed in &mut observations {
-                *observed = health.corrected(observed, &mut summary.corrections);
-            }
+            observations = (observations.into_iter())
+                .map(|observed| health.corrected(observed, &mut summary.corrections))
+                .collect();
         }
         Ok((summary, frames, observations))
     }

@@ -511,7 +511,7 @@ impl Server {
     /// [`Self::swallow`] for some time.
     async fn swallow_for(&self, time: Duration) -> Result<(), MockError> {
         if time.is_zero() {
-            // Even a sleep of no time takes a millisecond, in which whoever connects would be lost.
+            // The shortest sleep lasts a millisecond, and a client that connects within it would be dropped.
             return Ok(());
         }
         tokio::select! {

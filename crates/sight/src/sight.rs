@@ -8,7 +8,7 @@ use crate::ground::{Covariance, Motion, SHIFT, UNKNOWNS, slopes};
 
 /// Evidence that is further away, in standard deviations, contradicts other evidence; in a mean it counts less than half.
 pub const CONTRADICTS_SD: f64 = 3.0;
-/// Chance does not explain a larger deviation, in standard deviations, also among thousands of numbers.
+/// Deviation that chance does not explain, even among thousands of numbers, in standard deviations.
 pub const CERTAIN_SD: f64 = 5.0;
 
 /// A camera's direction and focal length, with their covariance.

@@ -146,6 +146,7 @@ impl Sequence {
         [now_s, since_s]: [f64; 2],
     ) -> Result<SearchedImage> {
         let expected = self.tracker.expected(since_s);
+        // Farther than its own length between two images, it is looked for everywhere.
         let is_fast = |expected: &ExpectedBox| expected.lengths_moved > 1.0;
         let is_too_fast = self.mode == Mode::Auto && expected.iter().any(is_fast);
         let all = self.rows(detector, picture);

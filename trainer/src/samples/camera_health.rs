@@ -152,14 +152,10 @@ impl<'a> CameraHealth<'a> {
     }
 
     /// Maps a tick to the usual directions, and counts the changes.
-    pub(crate) fn corrected(
-        &self,
-        observed: &Observation,
-        counts: &mut Corrections,
-    ) -> Observation {
+    pub(crate) fn corrected(&self, observed: Observation, counts: &mut Corrections) -> Observation {
         let direction = |view: usize| self.directions.get(&(observed.tick, view));
         if (0..observed.views()).all(|view| direction(view).is_none()) {
-            return observed.clone();
+            return observed;
         }
         for (view, _) in observed.seen() {
             match direction(view).filter(|of| of.is_ill) {
@@ -216,7 +212,7 @@ mod tests {
         let times_s = (0..20).map(|tick| (tick, f64::from(tick))).collect();
         let health = CameraHealth::of(&views, &cameras, rows, &times_s);
         let mut counts = Corrections::default();
-        (health.corrected(&observed(tick), &mut counts), counts)
+        (health.corrected(observed(tick), &mut counts), counts)
     }
 
     fn observed(tick: u32) -> Observation {

@@ -25,7 +25,7 @@ pub(super) struct Strips {
 }
 
 impl Strips {
-    /// The strips of the next images, of which a whole one takes as long.
+    /// A new search that takes as long for a whole image.
     pub(super) fn begun_again(&self) -> Self {
         Self {
             whole_s: self.whole_s,
@@ -70,7 +70,7 @@ impl Strips {
         may_follow.then(|| strip(rows, top_px.clamp(rows.start, last_px), height_px))
     }
 
-    /// What is due before half of the time to the next image is due now.
+    /// True if the wait ends before the middle of the time to the next image.
     fn has_passed(&self, [now_s, since_s]: [f64; 2], wait_s: f64) -> bool {
         self.last.is_none_or(|(last_s, took_s)| {
             now_s + 0.5 * since_s - last_s >= wait_s.max(took_s / MAX_SHARE)

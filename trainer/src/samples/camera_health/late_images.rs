@@ -40,9 +40,9 @@ const MIN_LAG_SD_S: f64 = 0.01;
 /// Standard deviations of what planned cameras add to rows, pixels: a constant, and slopes over a thousand pixels, for masts surveyed to
 /// half a degree. Within a few miles of the runway, the only part visible in fog, the motion is nearly a linear function of the places.
 const PLANNED_SD_PX: [f64; PLACE_TERMS] = [100.0, 12.0, 12.0, 12.0];
-/// By planned cameras, the minimum number of sightings, and the minimum lag, s: 0.04 % of the distance at ten kilometres, with masts 600 m
-/// apart.
+/// Minimum number of sightings for a lag by planned cameras.
 const MIN_SIGHTINGS: usize = 40;
+/// Minimum lag by planned cameras, s: 0.04 % of the distance at ten kilometres, with masts 600 m apart.
 const MIN_LAG_S: f64 = 0.1;
 /// Changes of one view's lag that two pairs of views tell are the same if they are so near, s: an image every two seconds.
 const SAME_CHANGE_S: f64 = 2.0;
