@@ -512,10 +512,10 @@ fn the_device_is_recorded_and_one_that_the_library_lacks_is_bad_input_that_says_
         command.args(["--device", device]);
         command
     };
-    // No build for Linux has it.
-    let remedies = ["onnxruntime-directml", "--onnx-runtime", "ORT_DYLIB_PATH"];
-    let words = [&["directml:1", "has only cpu"][..], &remedies].concat();
-    on("directml:1").ends_with(2, &words);
+    // The tests load a build without GPUs.
+    let remedies = ["onnxruntime-gpu", "--onnx-runtime", "ORT_DYLIB_PATH"];
+    let words = [&["cuda:1", "has only cpu"][..], &remedies].concat();
+    on("cuda:1").ends_with(2, &words);
     on("gpu").ends_with(2, &["cuda"]);
     let outcome = json(&on("cpu").succeeds());
     assert_eq!(outcome["device"], "cpu");

@@ -109,12 +109,8 @@ fn introduction(results: &Results) -> String {
         ..
     } = results;
     let deviations = &results.by_scenario.deviations_from_paper;
-    let networks = if deviations.is_empty() {
-        "has the paper's networks, losses and rules".to_owned()
-    } else {
-        let named: Vec<String> = deviations.iter().map(ToString::to_string).collect();
-        format!("differs from the paper in {}", named.join(", "))
-    };
+    let named: Vec<String> = deviations.iter().map(ToString::to_string).collect();
+    let named = named.join(", ");
     let knowledge = match recommended.as_str() {
         "self_calibrated" => "; it also knows the cameras' planned positions",
         _ => "",
@@ -122,8 +118,8 @@ fn introduction(results: &Results) -> String {
     format!(
         "# The paper's experiment\n\n\
          Made by `{command}` (version {dtd}); [paper.json](results/paper.json) has the figures. The images are from\n\
-         {}; the paper's are from X-Plane 11, of other flights. `paper_lstm` {networks}; it trains\n\
-         in mini-batches{}. `{recommended}` is the estimator that its run recommends{knowledge}. Errors are\n\
+         {}; the paper's are from X-Plane 11, of other flights. `paper_lstm` has the paper's\n\
+         networks, losses and rules, except for: {named}{}. `{recommended}` is the estimator that its run recommends{knowledge}. Errors are\n\
          absolute percentage errors from 1 to 10 NM: mean (MAPE), with the standard deviation (SD) in parentheses.",
         corpus.simulators.join(" and "),
         estimators::still_falling(results)

@@ -51,7 +51,7 @@ pub(crate) struct RuntimeArgs {
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
-    /// Device for the detector: cpu, cuda, tensorrt, openvino, coreml or directml, or DEVICE:N for device N [default: cpu]
+    /// Device for the detector: cpu, cuda, tensorrt or openvino, or DEVICE:N for device N [default: cpu]
     ///
     /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md). Indices start at 0. `openvino` uses OpenVINO on the
     /// CPU, which is faster on CPUs with bfloat16; `openvino:N` is Intel's GPU N.

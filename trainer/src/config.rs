@@ -142,9 +142,9 @@ pub struct CalibrationConfig {
     pub ends: StageEnd,
     /// Steps of the first cycle, if a plateau ends the stage.
     pub first_cycle: usize,
-    /// Steps between two entries of the convergence log; each evaluates on the validation side.
+    /// Steps between two entries of the convergence log, at least a pass over the training side; each evaluates on the validation side.
     pub log_every: usize,
-    /// `Min` of Algorithm 1: steps before the set of optimised views may change (again), if no plateau ends the stage; 1500 in the paper.
+    /// `Min` of Algorithm 1: steps before the set of optimised views may change (again); 1500 in the paper.
     pub min_steps: usize,
     /// Plateau threshold of Algorithm 1: spread of the last logged errors per view, and, in all stages, the minimum fall of the errors over
     /// a cycle. Percentage points of MAPE; 0.01 in the paper.

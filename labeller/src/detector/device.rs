@@ -32,19 +32,10 @@ enum Provider {
     Cuda,
     TensorRt,
     OpenVino,
-    CoreMl,
-    DirectMl,
 }
 
 impl Provider {
-    const ALL: [Self; 6] = [
-        Self::Cpu,
-        Self::Cuda,
-        Self::TensorRt,
-        Self::OpenVino,
-        Self::CoreMl,
-        Self::DirectMl,
-    ];
+    const ALL: [Self; 4] = [Self::Cpu, Self::Cuda, Self::TensorRt, Self::OpenVino];
 
     const fn word(self) -> &'static str {
         match self {
@@ -52,8 +43,6 @@ impl Provider {
             Self::Cuda => "cuda",
             Self::TensorRt => "tensorrt",
             Self::OpenVino => "openvino",
-            Self::CoreMl => "coreml",
-            Self::DirectMl => "directml",
         }
     }
 
@@ -71,16 +60,12 @@ impl Provider {
             Self::OpenVino => {
                 "the Python package onnxruntime-openvino has it; a GPU also needs Intel's driver"
             }
-            Self::CoreMl => "builds of ONNX Runtime for macOS have it",
-            Self::DirectMl => {
-                "only builds of ONNX Runtime for Windows have it, such as the Python package onnxruntime-directml"
-            }
         }
     }
 
     /// True if several devices are numbered.
     const fn is_numbered(self) -> bool {
-        !matches!(self, Self::Cpu | Self::CoreMl)
+        !matches!(self, Self::Cpu)
     }
 
     /// True if the loaded library has the provider.
@@ -90,8 +75,6 @@ impl Provider {
             Self::Cuda => ep::CUDA::is_available(),
             Self::TensorRt => ep::TensorRT::is_available(),
             Self::OpenVino => ep::OpenVINO::is_available(),
-            Self::CoreMl => ep::CoreML::is_available(),
-            Self::DirectMl => ep::DirectML::is_available(),
         };
         found.unwrap_or(false)
     }
@@ -149,18 +132,11 @@ impl Device {
                 };
                 vec![openvino.build()]
             }
-            Provider::CoreMl => vec![ep::CoreML::default().build()],
-            Provider::DirectMl => vec![numbered!(ep::DirectML)],
         };
         let providers = providers.into_iter();
         Ok(providers
             .map(ExecutionProviderDispatch::error_on_failure)
             .collect())
-    }
-
-    /// True if a session may plan its memory ahead. DirectML manages its own.
-    pub(super) fn takes_memory_pattern(self) -> bool {
-        self.provider != Provider::DirectMl
     }
 
     /// True if models run faster with a window size that is known before loading.
@@ -215,7 +191,7 @@ impl FromStr for Device {
             .into_iter()
             .find(|provider| provider.word() == word)
             .ok_or(
-                "expected cpu, cuda, tensorrt, openvino, coreml or directml, and :N for number N from 0 on, e.g. cuda:1",
+                "expected cpu, cuda, tensorrt or openvino, and :N for number N from 0 on, e.g. cuda:1",
             )?;
         let number = number.map(|found| {
             if !provider.is_numbered() {
@@ -239,16 +215,7 @@ mod tests {
 
     #[test]
     fn a_device_is_read_as_it_is_written() {
-        for text in [
-            "cpu",
-            "cuda",
-            "cuda:0",
-            "cuda:1",
-            "tensorrt:2",
-            "openvino",
-            "coreml",
-            "directml:3",
-        ] {
+        for text in ["cpu", "cuda", "cuda:0", "cuda:1", "tensorrt:2", "openvino"] {
             assert_eq!(text.parse::<Device>().unwrap().to_string(), text);
         }
         assert_eq!(Device::default().to_string(), "cpu");

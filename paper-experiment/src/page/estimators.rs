@@ -372,7 +372,7 @@ pub(super) fn still_falling(results: &Results) -> String {
     });
     match fall_pct {
         Some(fall_pct) if fall_pct > 0.0 => format!(
-            ", and reached its limit of steps while its validation error still fell (by {fall_pct:.DECIMALS$} points in the last [cycle](#training))"
+            "; it reached its limit of steps while its validation error still fell (by {fall_pct:.DECIMALS$} points in the last [cycle](#training))"
         ),
         _ => String::new(),
     }

@@ -1,19 +1,26 @@
-//! Deviations from the paper, derived from settings and refits, so that no other method passes for the paper's.
+//! Deviations from the paper, derived from settings and refits, so that no other method passes for the paper's. Some are in every
+//! training.
 
 use std::fmt;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, TrainConfig};
+use super::{CalibrationConfig, EstimatorConfig, FeatureScale, Loss, StageEnd, TrainConfig};
 
-/// A part of `paper_lstm` that differs from the paper. Steps and batch sizes do not count: the paper leaves them open, except for the
-/// maximum number of calibration epochs.
+/// A part of `paper_lstm` that differs from the paper. Numbers of steps and samples per batch do not count: the paper leaves them open,
+/// except for the maximum number of calibration epochs.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum PaperDeviation {
+    /// Calibration networks train in mini-batches, and Algorithm 1 decides after a pass of them; the paper's epochs are full batches.
+    MiniBatches,
+    /// `ends` is `plateau`: learning-rate cycles end a stage; in the paper, a number of epochs.
+    StageEnd,
+    /// Features are standardised before the LSTM.
+    UnitFeatures,
     /// `start_from`: the networks start from the weights of an earlier run.
     Start,
     /// `loss` is not `squared`.
@@ -35,6 +42,9 @@ pub enum PaperDeviation {
 impl fmt::Display for PaperDeviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::MiniBatches => "mini-batches in stage one",
+            Self::StageEnd => "ends of the stages",
+            Self::UnitFeatures => "standardised features",
             Self::Start => "weights of another run as the start",
             Self::Loss => "loss",
             Self::OnlyTrueBoxes => "false training boxes removed by the labels",
@@ -48,7 +58,7 @@ impl fmt::Display for PaperDeviation {
 }
 
 impl TrainConfig {
-    /// Deviations of the settings from the paper; empty for the defaults.
+    /// Deviations of a training with these settings from the paper.
     pub fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
         let (c, e) = (&self.calibration, &self.estimator);
         let (paper_c, paper_e) = (CalibrationConfig::default(), EstimatorConfig::default());
@@ -58,7 +68,11 @@ impl TrainConfig {
             let hidden = [&c.hidden, &c.head_hidden, &e.lstm, &e.head_hidden];
             (hidden.map(Vec::clone), c.features)
         };
+        let ends_on_plateau = [c.ends, e.ends].contains(&StageEnd::Plateau);
         let found = [
+            (PaperDeviation::MiniBatches, true),
+            (PaperDeviation::StageEnd, ends_on_plateau),
+            (PaperDeviation::UnitFeatures, self.start_from.is_none()),
             (PaperDeviation::Start, self.start_from.is_some()),
             (PaperDeviation::Loss, self.loss != Loss::Squared),
             (PaperDeviation::OnlyTrueBoxes, self.only_true_boxes),
@@ -90,9 +104,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_defaults_are_the_paper_s_method() {
+    fn the_defaults_are_the_paper_s_method_but_for_how_networks_are_fitted() {
         let config = TrainConfig::default();
-        assert_eq!(config.deviations_from_paper(), []);
+        let fitting = [
+            PaperDeviation::MiniBatches,
+            PaperDeviation::StageEnd,
+            PaperDeviation::UnitFeatures,
+        ];
+        assert_eq!(config.deviations_from_paper(), fitting);
         let (c, e) = (&config.calibration, &config.estimator);
         assert_eq!(
             (
@@ -143,7 +162,10 @@ mod tests {
             ),
         ] {
             let config: TrainConfig = serde_json::from_str(settings).unwrap();
-            assert_eq!(config.deviations_from_paper(), [expected], "{settings}");
+            let found = config.deviations_from_paper();
+            let before = TrainConfig::default().deviations_from_paper();
+            let added: Vec<_> = found.into_iter().filter(|d| !before.contains(d)).collect();
+            assert_eq!(added, [expected], "{settings}");
         }
     }
 
@@ -151,6 +173,8 @@ mod tests {
     fn the_demo_s_settings_are_the_method_at_a_smaller_scale() {
         let deviations = TrainConfig::demo().deviations_from_paper();
         let scale = [
+            PaperDeviation::MiniBatches,
+            PaperDeviation::UnitFeatures,
             PaperDeviation::AlgorithmThresholds,
             PaperDeviation::LayerWidths,
         ];

@@ -120,10 +120,7 @@ fn training(card: &mut String, run: &TrainedRun) {
         .iter()
         .map(ToString::to_string)
         .collect();
-    let method = match deviations.as_slice() {
-        [] => "as in the paper".to_owned(),
-        named => format!("as in the paper, except for: {}", named.join(", ")),
-    };
+    let method = format!("as in the paper, except for: {}", deviations.join(", "));
     let _ = write!(
         card,
         "\n## Training\n\n\

@@ -78,12 +78,6 @@ pub(crate) trait Task {
     fn keeps_best(&self) -> bool {
         false
     }
-    /// Receives the errors after a cycle that lowered no error. The task may then train other parts.
-    fn observe_plateau(&mut self, _errors_pct: &[Option<f64>]) {}
-    /// True if such a plateau ends the training.
-    fn is_settled(&self) -> bool {
-        true
-    }
     /// State for a checkpoint, apart from weights and random numbers.
     fn state(&self) -> serde_json::Result<Value> {
         Ok(Value::Null)
@@ -194,7 +188,7 @@ pub(crate) fn learn<T: Task>(
         None => Position::first(task, network)?,
     };
     let ended_by = loop {
-        if is_on_plateau(&at.cycles) && task.is_settled() {
+        if is_on_plateau(&at.cycles) {
             break EndedBy::Plateau;
         }
         if at.step >= settings.steps {
@@ -216,9 +210,6 @@ pub(crate) fn learn<T: Task>(
                     steps: at.step,
                     validation_mape_pct: errors_pct.clone(),
                 });
-                if is_on_plateau(&at.cycles) {
-                    task.observe_plateau(&errors_pct);
-                }
             }
             let note = task.record(at.step, errors_pct);
             watch.advance(at.step as u64, &note);

@@ -321,7 +321,7 @@ pub(crate) struct TrainedRun {
 }
 
 impl TrainedRun {
-    /// Deviations from the paper; empty for its method.
+    /// Deviations of `paper_lstm` from the paper.
     pub(crate) fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
         let mut found = self.config.deviations_from_paper();
         if !self.summary.refits.is_empty() {

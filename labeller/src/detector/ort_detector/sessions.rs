@@ -152,8 +152,6 @@ fn session(model: &ModelFile, options: &OrtOptions, lengths: &[(&str, usize)]) -
         .map_err(|e| fault(&e))?
         .with_config_entry(EXTERNAL_WEIGHTS, NOWHERE)
         .map_err(|e| fault(&e))?
-        .with_memory_pattern(device.takes_memory_pattern())
-        .map_err(|e| fault(&e))?
         .with_execution_providers(providers)
         .map_err(|e| device.fails(runtime, &e))?;
     for &(name, length) in lengths {

@@ -1,10 +1,8 @@
 //! Stage one: a calibration network per camera and one shared auxiliary head, trained by Algorithm 1.
 //!
 //! The loss of view i is its prediction error plus the distance from the mean prediction of the other views at the same tick
-//! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The paper's
-//! full-batch epochs are mini-batches here.
-//! The stage ends on its plateau ([`crate::networks::stage`]): with every view within the gap threshold of the best, or with the gap that
-//! is left after a cycle of the lagging views alone.
+//! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train. The paper's full-batch epochs are
+//! mini-batches here, and the errors that it decides by are means over a pass of them.
 
 use std::ops::Range;
 
@@ -211,25 +209,25 @@ impl SinceEntry {
     }
 }
 
+impl Calibration<'_> {
+    /// Mini-batches with as many samples as the training side.
+    fn pass_steps(&self) -> usize {
+        let batch_size = self.config.optimisation.batch_size;
+        self.training.len().div_ceil(batch_size)
+    }
+}
+
 impl Task for Calibration<'_> {
     type Network = CalibrationNetworks;
     const NAME: &'static str = "calibration networks";
     const STAGE: &'static str = "calibration networks";
 
     fn judged_every(&self) -> usize {
-        self.config.log_every
+        self.config.log_every.max(self.pass_steps())
     }
 
     fn setup(&mut self) -> &mut Setup {
         &mut self.setup
-    }
-
-    fn observe_plateau(&mut self, errors_pct: &[Option<f64>]) {
-        self.state.balance.observe_plateau(errors_pct);
-    }
-
-    fn is_settled(&self) -> bool {
-        self.state.balance.is_settled()
     }
 
     fn state(&self) -> serde_json::Result<Value> {
@@ -270,14 +268,21 @@ impl Task for Calibration<'_> {
     }
 
     fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let pass_steps = self.pass_steps();
         let CalibrationState {
             balance,
             since_entry,
             log,
         } = &mut self.state;
         let before = log.last().map_or(0, |entry| entry.step);
-        if self.setup.plateau.is_none() {
-            balance.observe(done - before, &errors_pct);
+        let training_mape_pct: Vec<_> = since_entry
+            .errors_pct
+            .iter_mut()
+            .map(RunningMean::take)
+            .collect();
+        // The last entry of a cycle may follow the one before too closely.
+        if done - before >= pass_steps {
+            balance.observe(done - before, &training_mape_pct);
         }
         let note = errors_pct
             .iter()
@@ -286,11 +291,7 @@ impl Task for Calibration<'_> {
         log.push(CalibrationLogEntry {
             step: done,
             training_loss: since_entry.loss.take(),
-            training_mape_pct: since_entry
-                .errors_pct
-                .iter_mut()
-                .map(RunningMean::take)
-                .collect(),
+            training_mape_pct,
             validation_mape_pct: errors_pct,
             optimised: balance.optimised().to_vec(),
         });

@@ -1,10 +1,8 @@
 //! Algorithm 1 of the paper as a state machine: which views' calibration networks are trained next.
 //!
 //! All views train until every view's error stagnates. Views that then lag behind the best one train on alone, with the shared head
-//! frozen, until the errors stagnate again. Input: each view's error on the validation side.
-//!
-//! If a plateau ends the stage, errors stagnate when a whole learning-rate cycle lowers no error; otherwise, when the last log entries
-//! hardly differ. Entries within a cycle do not show stagnation: towards the end the rate falls to almost 0, and the errors fall with it.
+//! frozen, until the errors stagnate again. Input: each view's error, as a mean over at least a whole pass through the training side, which
+//! mini-batches' noise hardly moves.
 
 use dataset::numbers::spread::mean_and_deviation;
 use serde::{Deserialize, Serialize};
@@ -21,7 +19,6 @@ pub(crate) struct GapBalance {
     optimised: Vec<bool>,
     steps_since_change: usize,
     log: Vec<Vec<Option<f64>>>,
-    is_settled: bool,
 }
 
 impl GapBalance {
@@ -39,7 +36,6 @@ impl GapBalance {
             optimised: vec![true; views],
             steps_since_change: 0,
             log: Vec::new(),
-            is_settled: false,
         }
     }
 
@@ -53,7 +49,7 @@ impl GapBalance {
         self.optimised.iter().all(|&optimised| optimised)
     }
 
-    /// Records the errors after `steps` more steps, one per view; `None` for a view that cannot be measured, which then never
+    /// Records the errors over the last `steps` steps, one per view; `None` for a view that cannot be measured, which then never
     /// counts as lagging.
     pub(crate) fn observe(&mut self, steps: usize, errors: &[Option<f64>]) {
         self.steps_since_change += steps;
@@ -68,20 +64,6 @@ impl GapBalance {
         } else {
             self.optimised = vec![true; errors.len()];
         }
-    }
-
-    /// Records the errors after a cycle that lowered no error: lagging views train on alone, unless they have just done so.
-    pub(crate) fn observe_plateau(&mut self, errors: &[Option<f64>]) {
-        let lagging = self.lagging(errors);
-        self.is_settled = !lagging.contains(&true) || lagging == self.optimised;
-        if !self.is_settled {
-            self.optimised = lagging;
-        }
-    }
-
-    /// True after a plateau without lagging views, or reached by the lagging views alone.
-    pub(crate) fn is_settled(&self) -> bool {
-        self.is_settled
     }
 
     /// For each view, true if its error exceeds the lowest by more than the threshold.
@@ -166,24 +148,6 @@ mod tests {
         for _ in 0..5 {
             balance.observe(100, &[None, Some(9.0)]);
         }
-        assert!(balance.all_optimised());
-    }
-
-    #[test]
-    fn after_a_cycle_without_a_fall_lagging_views_train_alone_until_another() {
-        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
-        balance.observe_plateau(&[Some(3.0), Some(1.0)]);
-        assert_eq!(balance.optimised(), [true, false]);
-        assert!(!balance.is_settled());
-        balance.observe_plateau(&[Some(2.9), Some(1.0)]);
-        assert!(balance.is_settled());
-    }
-
-    #[test]
-    fn a_plateau_without_a_gap_is_the_end() {
-        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
-        balance.observe_plateau(&[Some(1.1), Some(1.0)]);
-        assert!(balance.is_settled());
         assert!(balance.all_optimised());
     }
 }
