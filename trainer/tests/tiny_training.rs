@@ -110,14 +110,14 @@ fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
     let deviations = [
         PaperDeviation::MiniBatches,
         PaperDeviation::StageEnd,
-        PaperDeviation::UnitFeatures,
+        PaperDeviation::WhiteFeatures,
         PaperDeviation::LayerWidths,
     ];
     assert_eq!(metrics.deviations_from_paper, deviations);
     let report = fs::read_to_string(run.report_path()).unwrap();
     for needed in [
         "paper_lstm",
-        "deviates from the paper in: mini-batches in stage one, ends of the stages, standardised features, layer widths<",
+        "deviates from the paper in: mini-batches in stage one, ends of the stages, whitened features, layer widths<",
         "<svg",
         "A held-out approach",
         "Convergence",
@@ -256,7 +256,7 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
     let expected = [
         PaperDeviation::MiniBatches,
         PaperDeviation::StageEnd,
-        PaperDeviation::UnitFeatures,
+        PaperDeviation::WhiteFeatures,
         PaperDeviation::Loss,
         PaperDeviation::OnlyTrueBoxes,
         PaperDeviation::AlgorithmThresholds,
@@ -265,7 +265,7 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
     ];
     assert_eq!(deviations, expected);
     for words in [
-        "standardised features, loss, false training boxes removed by the labels",
+        "whitened features, loss, false training boxes removed by the labels",
         "for the figures above. Networks minimise the <em>logarithmic</em> loss",
     ] {
         assert!(report.contains(words), "no {words:?} in the report");

@@ -19,8 +19,8 @@ pub enum PaperDeviation {
     MiniBatches,
     /// `ends` is `plateau`: learning-rate cycles end a stage; in the paper, a number of epochs.
     StageEnd,
-    /// Features are standardised before the LSTM.
-    UnitFeatures,
+    /// Features are whitened before the LSTM.
+    WhiteFeatures,
     /// `start_from`: the networks start from the weights of an earlier run.
     Start,
     /// `loss` is not `squared`.
@@ -44,7 +44,7 @@ impl fmt::Display for PaperDeviation {
         f.write_str(match self {
             Self::MiniBatches => "mini-batches in stage one",
             Self::StageEnd => "ends of the stages",
-            Self::UnitFeatures => "standardised features",
+            Self::WhiteFeatures => "whitened features",
             Self::Start => "weights of another run as the start",
             Self::Loss => "loss",
             Self::OnlyTrueBoxes => "false training boxes removed by the labels",
@@ -72,7 +72,7 @@ impl TrainConfig {
         let found = [
             (PaperDeviation::MiniBatches, true),
             (PaperDeviation::StageEnd, ends_on_plateau),
-            (PaperDeviation::UnitFeatures, self.start_from.is_none()),
+            (PaperDeviation::WhiteFeatures, self.start_from.is_none()),
             (PaperDeviation::Start, self.start_from.is_some()),
             (PaperDeviation::Loss, self.loss != Loss::Squared),
             (PaperDeviation::OnlyTrueBoxes, self.only_true_boxes),
@@ -109,7 +109,7 @@ mod tests {
         let fitting = [
             PaperDeviation::MiniBatches,
             PaperDeviation::StageEnd,
-            PaperDeviation::UnitFeatures,
+            PaperDeviation::WhiteFeatures,
         ];
         assert_eq!(config.deviations_from_paper(), fitting);
         let (c, e) = (&config.calibration, &config.estimator);
@@ -174,7 +174,7 @@ mod tests {
         let deviations = TrainConfig::demo().deviations_from_paper();
         let scale = [
             PaperDeviation::MiniBatches,
-            PaperDeviation::UnitFeatures,
+            PaperDeviation::WhiteFeatures,
             PaperDeviation::AlgorithmThresholds,
             PaperDeviation::LayerWidths,
         ];

@@ -5,7 +5,7 @@
 
 pub(crate) mod calibration_training;
 pub(crate) mod gap_balance;
-pub(crate) mod unit_features;
+pub(crate) mod white_features;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;

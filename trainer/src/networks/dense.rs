@@ -7,6 +7,7 @@ use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor, TensorData};
+use dataset::numbers::least_squares::CholeskyFactor;
 use onnx_graph::Graph;
 use onnx_graph::proto::AttributeProto;
 use rand::RngExt;
@@ -110,33 +111,42 @@ impl Dense {
         linear_to_onnx(self.last(), graph, &hidden)
     }
 
-    /// Subtracts `means` from the outputs and divides them by `deviations`, within the last layer.
-    pub(crate) fn with_scaled_outputs(mut self, means: &[f32], deviations: &[f32]) -> Self {
+    /// Subtracts `means` from the outputs and whitens them, within the last layer.
+    pub(crate) fn with_white_outputs(mut self, means: &[f64], factor: &CholeskyFactor) -> Self {
         let last = self.layers.pop().expect("a stack has a layer");
-        let (mut weights, mut biases, device) = numbers_of(&last);
-        for of_input in weights.chunks_exact_mut(deviations.len()) {
-            for (weight, deviation) in of_input.iter_mut().zip(deviations) {
-                *weight /= deviation;
-            }
-        }
-        for ((bias, mean), deviation) in biases.iter_mut().zip(means).zip(deviations) {
-            *bias = (*bias - mean) / deviation;
-        }
+        let (weights, mut biases, device) = numbers_of(&last);
+        let white = |row: &mut [f64]| {
+            factor.whiten(row);
+            row.iter().map(|&value| value as f32).collect::<Vec<_>>()
+        };
+        let weights = (weights.chunks_exact(means.len()))
+            .flat_map(|row| white(&mut row.iter().map(|&w| f64::from(w)).collect::<Vec<_>>()));
+        let weights = weights.collect();
+        let centred = biases.iter().zip(means);
+        let mut centred: Vec<_> = centred
+            .map(|(&bias, mean)| f64::from(bias) - mean)
+            .collect();
+        biases = white(&mut centred);
         self.layers.push(linear_of(weights, biases, &device));
         self
     }
 
-    /// Counterpart of [`Dense::with_scaled_outputs`]: same outputs from scaled inputs.
-    pub(crate) fn with_scaled_inputs(mut self, means: &[f32], deviations: &[f32]) -> Self {
-        let (mut weights, mut biases, device) = numbers_of(&self.layers[0]);
+    /// Counterpart of [`Dense::with_white_outputs`]: same outputs from whitened inputs.
+    pub(crate) fn with_white_inputs(mut self, means: &[f64], factor: &CholeskyFactor) -> Self {
+        let (weights, mut biases, device) = numbers_of(&self.layers[0]);
         let outputs = biases.len();
-        let of_inputs = weights.chunks_exact_mut(outputs);
-        for ((of_input, mean), deviation) in of_inputs.zip(means).zip(deviations) {
-            for (weight, bias) in of_input.iter_mut().zip(&mut biases) {
-                *bias += mean * *weight;
-                *weight *= deviation;
+        for (of_input, mean) in weights.chunks_exact(outputs).zip(means) {
+            for (weight, bias) in of_input.iter().zip(&mut biases) {
+                *bias += *mean as f32 * weight;
             }
         }
+        let coloured = |(input, output): (usize, usize)| {
+            let row = factor.row(input).iter().zip(input..);
+            let products = row.map(|(r, of)| r * f64::from(weights[of * outputs + output]));
+            products.sum::<f64>() as f32
+        };
+        let places = (0..means.len()).flat_map(|input| (0..outputs).map(move |o| (input, o)));
+        let weights = places.map(coloured).collect();
         self.layers[0] = linear_of(weights, biases, &device);
         self
     }

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::estimators::mono_network::{MonoInputs, MonoNetworks};
 use crate::estimators::paper_lstm::calibration_training::train_calibration;
 use crate::estimators::paper_lstm::train_estimator;
-use crate::estimators::paper_lstm::unit_features::with_unit_features;
+use crate::estimators::paper_lstm::white_features::with_white_features;
 use crate::networks::encoded::EncodedSides;
 use crate::networks::stage::StageSummary;
 use crate::networks::training_loop::{Companions, Setup};
@@ -65,7 +65,7 @@ pub(crate) fn train_networks(
     let calibration = match start {
         // The initial LSTM was trained on these features.
         Some(_) => calibration,
-        None => with_unit_features(calibration, &sides.training, device),
+        None => with_white_features(calibration, &sides.training, device),
     };
     let settings = &config.estimator;
     let (estimator, estimator_log) = train_estimator(

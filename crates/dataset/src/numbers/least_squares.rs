@@ -206,13 +206,25 @@ impl CholeskyFactor {
         Some(Self { matrix, unknowns })
     }
 
-    /// The vector that the matrix takes to `x`; `None` if it is not finite.
-    pub fn solve(&self, mut x: Vec<f64>) -> Option<Vec<f64>> {
+    /// Replaces `x` by the vector that `R^T` takes to it. If the matrix is the covariance of `x`, its elements become independent, with
+    /// variances of 1.
+    pub fn whiten(&self, x: &mut [f64]) {
         let n = self.unknowns;
         for i in 0..n {
             let known: f64 = (0..i).map(|k| self.matrix[k * n + i] * x[k]).sum();
             x[i] = (x[i] - known) / self.matrix[i * n + i];
         }
+    }
+
+    /// A row of R, from its diagonal element on.
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.matrix[i * self.unknowns + i..(i + 1) * self.unknowns]
+    }
+
+    /// The vector that the matrix takes to `x`; `None` if it is not finite.
+    pub fn solve(&self, mut x: Vec<f64>) -> Option<Vec<f64>> {
+        let n = self.unknowns;
+        self.whiten(&mut x);
         for i in (0..n).rev() {
             let known: f64 = (i + 1..n).map(|k| self.matrix[i * n + k] * x[k]).sum();
             x[i] = (x[i] - known) / self.matrix[i * n + i];

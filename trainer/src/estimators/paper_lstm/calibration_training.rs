@@ -9,6 +9,7 @@ use std::ops::Range;
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
+use dataset::numbers::least_squares::CholeskyFactor;
 use onnx_graph::Graph;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
@@ -79,14 +80,14 @@ impl CalibrationNetworks {
         self.head.forward(self.features(view, boxes))
     }
 
-    /// Equivalent networks with centred and scaled features.
-    pub(crate) fn with_scaled_features(self, means: &[f32], deviations: &[f32]) -> Self {
+    /// Equivalent networks with centred and whitened features.
+    pub(crate) fn with_white_features(self, means: &[f64], factor: &CholeskyFactor) -> Self {
         let views = self.views.into_iter();
         Self {
             views: views
-                .map(|network| network.with_scaled_outputs(means, deviations))
+                .map(|network| network.with_white_outputs(means, factor))
                 .collect(),
-            head: self.head.with_scaled_inputs(means, deviations),
+            head: self.head.with_white_inputs(means, factor),
         }
     }
 
