@@ -248,11 +248,10 @@ fn an_installation_is_measured_once_by_the_command_too() {
 
 #[test]
 fn what_the_user_has_before_the_eyes_is_looked_at() {
-    let simulator = stand_in(&["--quirks", "pop_ups,cockpit_view,loaded_c172"]);
+    let simulator = stand_in(&["--quirks", "pop_ups,loaded_c172"]);
     let (_, checks) = examined(simulator.udp());
     assert_eq!(verdict(&checks, "pop-ups"), "warning", "{checks:#?}");
     assert!(found(&checks, "pop-ups").starts_with("open: 1"));
-    assert!(found(&checks, "view").starts_with("from inside"));
     assert!(found(&checks, "aircraft").contains("C172"), "{checks:#?}");
     assert_eq!(verdict(&checks, "menus"), "ok");
     let menu = stand_in(&["--state", "main-menu"]);

@@ -23,13 +23,12 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as embedded in this program: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 34] = [
+const FILES: [(&str, &str); 33] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
     plugin_file!("dtd_bridge/autopilot.py"),
     plugin_file!("dtd_bridge/bridge.py"),
-    plugin_file!("dtd_bridge/callbacks.py"),
     plugin_file!("dtd_bridge/capture.py"),
     plugin_file!("dtd_bridge/check_pattern.py"),
     plugin_file!("dtd_bridge/coded_frames.py"),

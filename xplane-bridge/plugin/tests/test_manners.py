@@ -267,7 +267,6 @@ class Names(WithBridge):
         for deliver in ("drawn", "picture") if version < 120_000 else ("drawn",):
             self.assertEqual(client.ask(capture(1, deliver=deliver))[0]["message"], "frame")
         client.ask({"message": "check_pattern", "code": 1})
-        client.ask({"message": "watch_callbacks", "frames": 3})
         client.ask({"message": "still_shown"})
         client.ask({"message": "probe_terrain", "latitude_deg": 1.35, "longitude_deg": 103.98})
         client.ask({"message": "release"})

@@ -8,7 +8,6 @@ use serde_json::Value;
 
 use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, ScreenOffer, SimulatorWindow};
 use crate::fly::{FlightStart, FlyRequest};
-use crate::profile::CallbackOrders;
 
 /// A client's message to the simulator, without a payload.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -80,11 +79,6 @@ pub enum Request {
     StillShown,
     /// Report the log's complaints about the plugin. For plugins only.
     Complaints,
-    /// Report the order of the plugin's callbacks. For plugins only, after a capture.
-    WatchCallbacks {
-        /// Frames to watch, at most 600.
-        frames: u32,
-    },
     /// Let everything run again.
     Release,
     /// Fly an approach, as fast as the simulator can.
@@ -176,8 +170,6 @@ pub enum Answer {
         /// Lines of the log, each once; at most some twenty.
         lines: Vec<String>,
     },
-    /// Answer to [`Request::WatchCallbacks`].
-    Callbacks(CallbackOrders),
     /// Answer to [`Request::Release`].
     Released,
     /// Answer to [`Request::Fly`]; the payload is `rows` x `columns` 64-bit floats.
@@ -234,7 +226,6 @@ impl Answer {
             Self::ProfileKept => "profile_kept",
             Self::Shown { .. } => "shown",
             Self::Complaints { .. } => "complaints",
-            Self::Callbacks(_) => "callbacks",
             Self::Released => "released",
             Self::Flown { .. } => "flown",
             Self::Frame(_) => "frame",

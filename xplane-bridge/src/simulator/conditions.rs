@@ -71,8 +71,9 @@ impl Simulator {
 
     /// Weather in the units that this simulator was measured to use.
     fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        match self.profile.current() {
-            Some(profile) => profile.in_its_units(writes),
+        let profile = self.profile.current();
+        match profile.and_then(|profile| profile.wind_unit.found()) {
+            Some(unit) => unit.applied_to(writes),
             None => writes,
         }
     }
@@ -105,12 +106,6 @@ impl Simulator {
         }
         let clock = running_clock_writes(&conditions.clock);
         self.write_until_read_back(&clock).await
-    }
-
-    /// Lets the flight model continue.
-    pub(super) async fn let_aircraft_go(&mut self) -> Result<(), BridgeError> {
-        self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 0.0)])
-            .await
     }
 
     /// Reads all settings and the weather at the aircraft once more, and compares: success proves that all recordings since then were made

@@ -343,8 +343,8 @@ impl Examination<'_> {
         self.note(complaints);
         self.note(pixels(&description));
         let intent = options.intent.as_ref();
-        let (check, grabbing) = window::check(&mut simulator, &options.screen, intent).await;
-        self.note(check);
+        let window = window::check(&mut simulator, &options.screen, intent).await;
+        self.note(window);
         let Some((place, clock)) = here else {
             self.skip(
                 &["terrain", "profile", "lockstep"],
@@ -356,8 +356,8 @@ impl Examination<'_> {
         };
         self.note(lockstep::terrain(&mut simulator, &place).await);
         let note = &mut |check| self.note(check);
-        measure::measure(&mut simulator, place, grabbing, options, note).await;
-        let running_at = simulator.running_clock(clock);
+        measure::measure(&mut simulator, place, options, note).await;
+        let running_at = simulator.time_has_to_run().then_some(clock);
         self.note(lockstep::lockstep(&mut simulator, &place, running_at).await);
         let released = simulator.release().await;
         self.note(release(released));

@@ -7,7 +7,7 @@ use super::super::Simulator;
 use super::BlockOfTicks;
 use super::aircraft_place::aircraft_place;
 use crate::error::BridgeError;
-use crate::link::{CaptureRequest, Deliver};
+use crate::link::Deliver;
 use crate::pixels::{PixelError, Rectangle};
 
 /// Ticks in a trial's block.
@@ -175,20 +175,8 @@ impl Simulator {
         block: &BlockOfTicks<'_>,
         at: usize,
     ) -> Result<Vec<u8>, BridgeError> {
-        let FlightState { pose, controls, .. } = block.states[at];
-        let tick = block.first_tick + at as u32;
-        let request = CaptureRequest {
-            tick,
-            time_ns: block.frame_rate.time_of_tick(tick).0,
-            view: block.view,
-            pose,
-            controls,
-            camera: block.camera,
-            width_px: block.size_px.0,
-            height_px: block.size_px.1,
-            deliver: Deliver::Drawn,
-        };
-        self.send_capture(&request).await?;
+        self.send_capture(&block.request(at as u32, Deliver::Drawn))
+            .await?;
         Ok(self.receive_frame().await?.rgb.to_vec())
     }
 }
@@ -206,12 +194,7 @@ fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
 
 /// Sum of the differences of two images in some places, levels.
 fn distance(a: &[u8], b: &[u8], width_px: u32, places: &[Rectangle]) -> f64 {
-    let rows = places.iter().flat_map(|place| {
-        (place.y_px..place.bottom_px()).map(move |y| {
-            let value = |x: u32| (y * width_px + x) as usize * 3;
-            value(place.x_px)..value(place.right_px())
-        })
-    });
+    let rows = places.iter().flat_map(|place| place.rows(width_px));
     rows.map(|row| {
         let (a, b) = (a.get(row.clone()), b.get(row));
         let values = a.unwrap_or_default().iter().zip(b.unwrap_or_default());

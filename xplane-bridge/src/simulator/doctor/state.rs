@@ -1,22 +1,20 @@
-//! State of X-Plane as the user sees it: a menu, a replay, a view, pop-ups, an aircraft.
+//! State of X-Plane as the user sees it: a menu, a replay, pop-ups, an aircraft.
 
 use super::Check;
 use super::talk::Talk;
-use crate::datarefs::{AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, FLIGHT_TIME_S};
+use crate::datarefs::{AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, FLIGHT_TIME_S, icao_of};
 
 const IS_IN_REPLAY: &str = "sim/time/is_in_replay";
-const VIEW_IS_EXTERNAL: &str = "sim/graphics/view/view_is_external";
 const POP_UPS: &str = "sim/cockpit2/radios/indicators/show_popup";
 /// Pop-ups to check.
 const POP_UPS_COUNT: usize = 20;
 /// Names of the checks, for reporting them as skipped.
-pub(super) const NAMES: [&str; 5] = ["menus", "replay", "view", "pop-ups", "aircraft"];
+pub(super) const NAMES: [&str; 4] = ["menus", "replay", "pop-ups", "aircraft"];
 
 pub(super) async fn checks(talk: &mut Talk) -> Vec<Check> {
     vec![
         menus(talk).await,
         replay(talk).await,
-        view(talk).await,
         pop_ups(talk).await,
         aircraft(talk).await,
     ]
@@ -57,20 +55,8 @@ async fn replay(talk: &mut Talk) -> Check {
     }
 }
 
-async fn view(talk: &mut Talk) -> Check {
-    const NAME: &str = NAMES[2];
-    match talk.read(&[VIEW_IS_EXTERNAL]).await[0] {
-        None => Check::skipped(NAME, format!("{VIEW_IS_EXTERNAL} could not be read")),
-        Some(0.0) => Check::ok(
-            NAME,
-            "from inside the aircraft; images are taken from an outside view, and this one is given back",
-        ),
-        Some(_) => Check::ok(NAME, "from outside"),
-    }
-}
-
 async fn pop_ups(talk: &mut Talk) -> Check {
-    const NAME: &str = NAMES[3];
+    const NAME: &str = NAMES[2];
     let names: Vec<String> = (0..POP_UPS_COUNT)
         .map(|at| format!("{POP_UPS}[{at}]"))
         .collect();
@@ -93,16 +79,12 @@ async fn pop_ups(talk: &mut Talk) -> Check {
 }
 
 async fn aircraft(talk: &mut Talk) -> Check {
-    const NAME: &str = NAMES[4];
+    const NAME: &str = NAMES[3];
     let names: Vec<String> = (0..4).map(|at| format!("{AIRCRAFT_ICAO}[{at}]")).collect();
     let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
     names.push(AIRCRAFT_LENGTH_M);
     let values = talk.read(&names).await;
-    let type_name: String = values[..4]
-        .iter()
-        .map_while(|value| char::from_u32(value.unwrap_or(0.0) as u32))
-        .filter(char::is_ascii_alphanumeric)
-        .collect();
+    let type_name = icao_of(&values[..4]);
     if type_name.is_empty() {
         return Check::warning(
             NAME,

@@ -107,18 +107,10 @@ impl Talk {
         let turned = DatarefWrite::new(NAV1_COURSE_MAGNETIC, f64::from((before + 1.0) % 360.0));
         let restored = DatarefWrite::new(NAV1_COURSE_MAGNETIC, f64::from(before));
         for (write, doing) in [(turned, "written"), (restored, "put back")] {
-            // A write may be lost.
-            let mut found = None;
-            for _ in 0..3 {
-                let _ = self.udp.write([(write.name.as_str(), write.value)]).await;
-                found = self
-                    .read_expecting(&write.name, |value| write.is_met_by(value))
-                    .await;
-                if found.is_some_and(|value| write.is_met_by(value)) {
-                    break;
-                }
-            }
-            if !found.is_some_and(|value| write.is_met_by(value)) {
+            let send =
+                async |udp: &SimulatorSocket| udp.write([(write.name.as_str(), write.value)]).await;
+            let is_met = |value| write.is_met_by(value);
+            if let Err(found) = self.send_until(send, &write.name, is_met).await {
                 let found = format!(
                     "{} was {doing} as {}, and reads {found:?}",
                     write.name, write.value
@@ -166,15 +158,27 @@ impl Talk {
             COMMAND_PAUSE_OFF
         };
         let is_so = |value: f32| (value != 0.0) == paused;
+        let send = async |udp: &SimulatorSocket| udp.command(command).await;
+        let sent = self.send_until(send, PAUSED, is_so).await;
+        sent.map_err(|found| format!("after {command}, {PAUSED} reads {found:?}"))
+    }
+
+    /// Sends something, which may be lost, until a dataref shows its effect; the error is its last value.
+    async fn send_until(
+        &mut self,
+        send: impl AsyncFn(&SimulatorSocket) -> Result<(), BridgeError>,
+        name: &str,
+        shows: impl Fn(f32) -> bool,
+    ) -> Result<(), Option<f32>> {
         let mut found = None;
         for _ in 0..3 {
-            let _ = self.udp.command(command).await;
-            found = self.read_expecting(PAUSED, is_so).await;
-            if found.is_some_and(is_so) {
+            let _ = send(&self.udp).await;
+            found = self.read_expecting(name, &shows).await;
+            if found.is_some_and(&shows) {
                 return Ok(());
             }
         }
-        Err(format!("after {command}, {PAUSED} reads {found:?}"))
+        Err(found)
     }
 
     /// Runs something while time runs, and pauses again if there was a pause.

@@ -29,12 +29,14 @@ pub(crate) async fn check(
     };
     match find(address, capture_port).await {
         Ok(api) => {
-            let can = |what: bool| if what { "yes" } else { "no" };
+            let can = if api.has_flights() {
+                "begins"
+            } else {
+                "cannot begin"
+            };
             let found = format!(
-                "{address}, X-Plane {}, the same simulator; commands: {}, beginning flights: {}",
-                api.simulator_version(),
-                can(api.has_commands()),
-                can(api.has_flights())
+                "{address}, X-Plane {}, the same simulator; it {can} flights",
+                api.simulator_version()
             );
             (Check::ok(NAME, found), Some(api))
         }
