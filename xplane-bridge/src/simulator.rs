@@ -301,6 +301,11 @@ impl Simulator {
             self.resume().await?;
             let radios = datarefs::approach_writes(&request.runway);
             self.write_until_read_back(&radios).await?;
+            // A plugin holds the aircraft until it releases it with a velocity. The bundled simulator needs no such write, but
+            // recordings of it match only with the same writes before a flight.
+            if self.description.plugin.is_none() {
+                self.let_aircraft_go().await?;
+            }
             let request = FlyRequest {
                 already_started,
                 ..request.clone()

@@ -108,6 +108,12 @@ impl Simulator {
         self.write_until_read_back(&clock).await
     }
 
+    /// Lets the flight model continue.
+    pub(super) async fn let_aircraft_go(&mut self) -> Result<(), BridgeError> {
+        self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 0.0)])
+            .await
+    }
+
     /// Reads all settings and the weather at the aircraft once more, and compares: success proves that all recordings since then were made
     /// under these conditions.
     ///
