@@ -11,7 +11,7 @@ import queue
 from collections import deque
 from typing import Any, Generator
 
-from . import NAME, VERSION, capture, complaints, messages
+from . import NAME, VERSION, capture, installation, messages
 from . import datarefs as names
 from .capture import Answer
 from .coded_frames import CodedFrames
@@ -264,8 +264,8 @@ class Bridge:
             return self._keep_profile(header)
         if message == "still_shown":
             return _at_once({"message": "shown", "still": self._stage.still_shown})
-        if message == "complaints":
-            return _at_once({"message": "complaints", "lines": complaints.read(self._xp.getSystemPath())})
+        if message == "installation":
+            return _at_once(installation.describe(self._xp.getSystemPath(), self._datarefs, self._pixels.renderer))
         raise LastingRefusal(f"the plugin knows no message {message!r}")
 
     def _hello(self) -> Task:

@@ -31,8 +31,10 @@ use crate::pixels::still_scene::{CoverWatch, Covered, WorldTime};
 use crate::pixels::{CodedPicture, PixelError, Rectangle};
 use crate::profile::Profile;
 use aircraft_place::{aircraft_place, displaced};
+pub(super) use probe::changed_pixels;
 use sequence::{Known, Scene, Sequence, Show, Taken};
 use shadow::shadow_place;
+pub(super) use trial::Lagging;
 pub use trial::{BlockTrial, KnownBlocks};
 
 /// Memory for the images between two probes, bytes.

@@ -332,8 +332,8 @@ impl CaptureService {
             }
             // Its camera is never taken away, and it draws only on request.
             Request::StillShown => ready(Answer::Shown { still: true }),
-            Request::Complaints => {
-                refusal("the stand-in has no plugin, and complains about none".into())
+            Request::Installation => {
+                refusal("the stand-in draws without drivers and plugins".into())
             }
             Request::Release => {
                 self.world.lock().release();

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use dataset::conditions::Clock;
+use dataset::geometry::pose::Controls;
 use tokio::time::sleep;
 
 use super::lockstep::{self, difference};
@@ -42,6 +43,8 @@ pub(super) struct Shot {
     pub(super) turned_deg: f64,
     /// Angle that the camera is turned upwards, degrees.
     pub(super) up_deg: f64,
+    /// Flaps and gear.
+    pub(super) controls: Controls,
 }
 
 impl Shot {
@@ -50,6 +53,10 @@ impl Shot {
         moved_m: 0.0,
         turned_deg: 0.0,
         up_deg: 0.0,
+        controls: Controls {
+            flap_ratio: 0.0,
+            gear_ratio: 0.0,
+        },
     };
     /// The shot with the aircraft moved.
     pub(super) const MOVED: Self = Self {
@@ -141,6 +148,7 @@ impl<'a> Eyes<'a> {
         let camera = &mut request.camera.pose;
         camera.heading_true_deg = (camera.heading_true_deg + shot.turned_deg) % 360.0;
         camera.pitch_deg += shot.up_deg;
+        request.controls = shot.controls;
         request
     }
 

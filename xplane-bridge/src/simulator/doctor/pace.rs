@@ -3,11 +3,13 @@
 //! In blocks, if the window has margins around the images of the sweep and the trial of blocks passes; else settled, from the views in
 //! turn, with several requests under way.
 
+pub(super) mod first_hour;
+
 use std::sync::Arc;
 use std::time::Instant;
 
 use dataset::geometry::camera::CameraPose;
-use dataset::geometry::pose::FlightState;
+use dataset::geometry::pose::{Controls, FlightState};
 use dataset::numbers::frame_rate::FrameRate;
 
 use super::eyes::{Eyes, Shot};
@@ -43,7 +45,9 @@ pub(super) async fn measure(
 ) -> (Finding<Pace>, Option<String>) {
     let mut why_settled = None;
     if let Some(pictures) = intent.and_then(|intent| size_in_blocks(simulator, intent)) {
-        match in_blocks(simulator, place, screen, pictures).await {
+        let measure =
+            async |simulator: &mut Simulator| measure_blocks(simulator, place, pictures).await;
+        match in_blocks(simulator, screen, pictures, measure).await {
             Ok(pace) => return (Finding::Found(pace), None),
             Err(error) => why_settled = Some(error.to_string()),
         }
@@ -61,16 +65,16 @@ fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize>
     (has_margins && !simulator.time_has_to_run()).then_some(intent.pictures)
 }
 
-/// The pace in blocks; an error if they are not possible, or not equal to settled images.
-async fn in_blocks(
+/// Measures on images inside the margins, in blocks.
+async fn in_blocks<T>(
     simulator: &mut Simulator,
-    place: &PlaceOnGround,
     screen: &Arc<dyn Screen>,
     pictures: PictureSize,
-) -> Result<Pace, BridgeError> {
+    measure: impl AsyncFnOnce(&mut Simulator) -> Result<T, BridgeError>,
+) -> Result<T, BridgeError> {
     let window = picture_size(simulator.description()).unwrap_or(pictures);
     register(simulator, screen, pictures).await?;
-    let measured = measure_blocks(simulator, place, pictures).await;
+    let measured = measure(simulator).await;
     simulator.go_on().await?;
     // The other checks look at the whole window.
     register(simulator, screen, window).await?;
@@ -87,6 +91,7 @@ async fn register(
     pixels.await.map(|_| ())
 }
 
+/// The pace in blocks; an error if they are not possible, or not equal to settled images.
 async fn measure_blocks(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
@@ -97,7 +102,11 @@ async fn measure_blocks(
     simulator
         .freeze_raw(&runway, settle_frames, &[], None)
         .await?;
-    let (states, camera) = flight(place, pictures);
+    let way = |tick: u32| {
+        let moved_m = BLOCK_WAY_M * (f64::from(tick) / f64::from(BLOCK_TICKS) - 0.5);
+        (moved_m, Controls::default())
+    };
+    let (states, camera) = flight(place, pictures, BLOCK_TICKS, way);
     let block = |view| BlockOfTicks {
         first_tick: 0,
         states: &states,
@@ -138,14 +147,17 @@ fn measured(size: PictureSize, settle_frames: u32, taken: u32, since: Instant) -
     }
 }
 
-/// The aircraft that moves to the side before the camera of the other checks.
-fn flight(place: &PlaceOnGround, size: PictureSize) -> (Vec<FlightState>, CameraPose) {
-    let request = |tick: u32| {
-        let moved_m = BLOCK_WAY_M * (f64::from(tick) / f64::from(BLOCK_TICKS) - 0.5);
-        lockstep::request(place, tick, moved_m, size, Deliver::Coded)
-    };
+/// The aircraft that moves to the side before the camera of the other checks, with its flaps and gear.
+fn flight(
+    place: &PlaceOnGround,
+    size: PictureSize,
+    ticks: u32,
+    of_tick: impl Fn(u32) -> (f64, Controls),
+) -> (Vec<FlightState>, CameraPose) {
+    let request = |tick, moved_m| lockstep::request(place, tick, moved_m, size, Deliver::Coded);
     let state = |tick: u32| {
-        let CaptureRequest { pose, controls, .. } = request(tick);
+        let (moved_m, controls) = of_tick(tick);
+        let CaptureRequest { pose, .. } = request(tick, moved_m);
         FlightState {
             time_s: BLOCK_RATE.time_of_tick(tick).seconds(),
             pose,
@@ -157,7 +169,7 @@ fn flight(place: &PlaceOnGround, size: PictureSize) -> (Vec<FlightState>, Camera
             on_ground: false,
         }
     };
-    ((0..BLOCK_TICKS).map(state).collect(), request(0).camera)
+    ((0..ticks).map(state).collect(), request(0, 0.0).camera)
 }
 
 async fn settled(mut eyes: Eyes<'_>) -> Result<Pace, BridgeError> {

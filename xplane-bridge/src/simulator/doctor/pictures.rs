@@ -1,5 +1,7 @@
 //! Measurements on a static simulator's images: whether a pause shows new poses, how soon they are final, and the motion that remains.
 
+pub(super) mod controls;
+
 use super::Check;
 use super::eyes::{Eyes, SAME, SETTLED, Shot};
 use super::lockstep::difference;

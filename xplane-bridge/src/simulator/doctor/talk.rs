@@ -1,4 +1,4 @@
-//! Checks over UDP: version, capture link, writing, commands, frame rate, position. The values read are evaluated elsewhere.
+//! Checks over UDP: version, capture link, writing, commands, position. The values read are evaluated elsewhere.
 
 pub(crate) mod announcement;
 pub(crate) mod web;
@@ -25,8 +25,6 @@ pub(super) const LONGITUDE: &str = "sim/flightmodel/position/longitude";
 pub(super) const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
 /// Oldest version on which XPPython3 runs: 11.52.
 const OLDEST: f32 = 115_200.0;
-/// Frames a second below which recording takes too long.
-const SLOW_HZ: f32 = 20.0;
 
 /// Position of the aircraft and height of the ground below it, from the datarefs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -204,30 +202,6 @@ impl Talk {
             day_of_year: days as u32 + 1,
             zulu_time_s: zulu_time_s.into(),
         })
-    }
-
-    pub(super) async fn frame_rate(&mut self) -> Check {
-        const NAME: &str = "frame rate";
-        match self.read(&[FRAME_PERIOD_S]).await[0] {
-            Some(period_s) if period_s > 0.0 => {
-                let rate = 1.0 / period_s;
-                let found = format!("{rate:.0} frames a second");
-                if rate >= SLOW_HZ {
-                    Check::ok(NAME, found)
-                } else {
-                    Check::warning(
-                        NAME,
-                        found,
-                        "Recording takes several frames an image: lower the graphics settings",
-                    )
-                }
-            }
-            found => Check::warning(
-                NAME,
-                format!("{FRAME_PERIOD_S} reads {found:?}"),
-                "Is a flight loaded?",
-            ),
-        }
     }
 
     pub(super) async fn place(&mut self) -> Option<PlaceOnGround> {
