@@ -45,15 +45,6 @@ async fn serve(
     clock_rate: f64,
     faults: &str,
 ) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
-    serve_with(options, clock_rate, faults, "none").await
-}
-
-async fn serve_with(
-    options: PluginOptions,
-    clock_rate: f64,
-    faults: &str,
-    quirks: &str,
-) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
     let xvfb = Xvfb::start("200x160x24");
     let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
     let address = serving(ServerOptions {
@@ -62,7 +53,6 @@ async fn serve_with(
         stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
         clock_rate,
         faults: faults.parse().unwrap(),
-        quirks: quirks.parse().unwrap(),
         ..quiet()
     })
     .await;
@@ -520,37 +510,27 @@ fn found<'a>(checks: &'a [Check], name: &str) -> &'a Check {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_first_hour_notices_parts_that_follow_a_frame_late_or_not_at_all_and_lands() {
-    for (quirk, moving, drawn) in [
-        ("none", Verdict::Ok, Verdict::Ok),
-        ("lagging_parts", Verdict::Warning, Verdict::Ok),
-        ("fixed_parts", Verdict::Ok, Verdict::Warning),
+async fn the_first_hour_compares_moving_parts_in_blocks_and_lands() {
+    let options = PluginOptions {
+        // The landing takes two minutes of simulated time.
+        frame_period_s: 0.1,
+        ..plugin(SceneBehind::Constant(2))
+    };
+    let (_xvfb, screen, address) = serve(options, 20.0, "").await;
+    let options = DoctorOptions {
+        measuring: Measuring::Never,
+        first_hour: Some(runway()),
+        ..doctor(screen, address)
+    };
+    let checks = examine(&options, &mut |_| {}).await;
+    for name in [
+        "grab",
+        "flaps and gear",
+        "moving parts",
+        "shadow and lights",
+        "load",
+        "autopilot",
     ] {
-        let options = PluginOptions {
-            // The landing takes two minutes of simulated time.
-            frame_period_s: 0.1,
-            ..plugin(SceneBehind::Constant(2))
-        };
-        let (_xvfb, screen, address) = serve_with(options, 20.0, "", quirk).await;
-        let options = DoctorOptions {
-            measuring: Measuring::Never,
-            first_hour: Some(runway()),
-            ..doctor(screen, address)
-        };
-        let checks = examine(&options, &mut |_| {}).await;
-        for (name, verdict) in [
-            ("grab", Verdict::Ok),
-            ("flaps and gear", drawn),
-            ("moving parts", moving),
-            ("shadow and lights", Verdict::Ok),
-            ("load", Verdict::Ok),
-            ("autopilot", Verdict::Ok),
-        ] {
-            assert_eq!(
-                found(&checks, name).verdict,
-                verdict,
-                "{quirk}: {checks:#?}"
-            );
-        }
+        assert_eq!(found(&checks, name).verdict, Verdict::Ok, "{checks:#?}");
     }
 }
