@@ -23,7 +23,7 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as embedded in this program: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 33] = [
+const FILES: [(&str, &str); 34] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
@@ -38,6 +38,7 @@ const FILES: [(&str, &str); 33] = [
     plugin_file!("dtd_bridge/found.py"),
     plugin_file!("dtd_bridge/frame_code.py"),
     plugin_file!("dtd_bridge/frame_numbers.py"),
+    plugin_file!("dtd_bridge/installation.py"),
     plugin_file!("dtd_bridge/local_frame.py"),
     plugin_file!("dtd_bridge/log.py"),
     plugin_file!("dtd_bridge/loops.py"),
