@@ -45,6 +45,15 @@ async fn serve(
     clock_rate: f64,
     faults: &str,
 ) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
+    serve_with(options, clock_rate, faults, "none").await
+}
+
+async fn serve_with(
+    options: PluginOptions,
+    clock_rate: f64,
+    faults: &str,
+    quirks: &str,
+) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
     let xvfb = Xvfb::start("200x160x24");
     let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
     let address = serving(ServerOptions {
@@ -53,6 +62,7 @@ async fn serve(
         stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
         clock_rate,
         faults: faults.parse().unwrap(),
+        quirks: quirks.parse().unwrap(),
         ..quiet()
     })
     .await;
@@ -509,20 +519,25 @@ fn found<'a>(checks: &'a [Check], name: &str) -> &'a Check {
     check.unwrap_or_else(|| panic!("no {name}: {checks:#?}"))
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn the_first_hour_compares_moving_parts_in_blocks_and_lands() {
+/// The checks of a first hour with a simulator with these quirks.
+async fn first_hour(quirks: &str) -> Vec<Check> {
     let options = PluginOptions {
         // The landing takes two minutes of simulated time.
         frame_period_s: 0.1,
         ..plugin(SceneBehind::Constant(2))
     };
-    let (_xvfb, screen, address) = serve(options, 20.0, "").await;
+    let (_xvfb, screen, address) = serve_with(options, 20.0, "", quirks).await;
     let options = DoctorOptions {
         measuring: Measuring::Never,
         first_hour: Some(runway()),
         ..doctor(screen, address)
     };
-    let checks = examine(&options, &mut |_| {}).await;
+    examine(&options, &mut |_| {}).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_hour_compares_moving_parts_in_blocks_and_lands() {
+    let checks = first_hour("none").await;
     for name in [
         "grab",
         "flaps and gear",
@@ -533,4 +548,14 @@ async fn the_first_hour_compares_moving_parts_in_blocks_and_lands() {
     ] {
         assert_eq!(found(&checks, name).verdict, Verdict::Ok, "{checks:#?}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_hour_notices_parts_that_follow_a_frame_late_and_parts_that_are_not_drawn() {
+    let checks = first_hour("lagging_parts").await;
+    let parts = found(&checks, "moving parts");
+    assert_eq!(parts.verdict, Verdict::Warning, "{checks:#?}");
+    let checks = first_hour("fixed_parts").await;
+    let parts = found(&checks, "flaps and gear");
+    assert_eq!(parts.verdict, Verdict::Warning, "{checks:#?}");
 }

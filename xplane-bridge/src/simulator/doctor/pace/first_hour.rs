@@ -18,9 +18,9 @@ use crate::{BlockOfTicks, Simulator};
 
 /// Ticks in a block: enough for the lag of the scene to be measured.
 const TICKS: u32 = 60;
-/// The aircraft jumps by twice this from tick to tick, to the side: by more than its span.
+/// The aircraft with its shadow and lights jumps by twice this from tick to tick, to the side: by more than its span.
 const ASIDE_M: f64 = 25.0;
-/// Lower than in the other checks, so that its shadow is in the image, metres; and the camera above it, looking down.
+/// Lower then than in the other checks, so that its shadow is in the image, metres; and the camera above it, looking down.
 const LOWERED_M: f64 = 285.0;
 const CAMERA_ABOVE_M: f64 = 25.0;
 /// Little, so that there is room for a probe above the aircraft.
@@ -49,15 +49,8 @@ pub(in crate::simulator::doctor) async fn measure(
         );
         note(Check::ok("grab", text));
     }
-    let down = Controls {
-        flap_ratio: 1.0,
-        gear_ratio: 1.0,
-    };
-    for (name, other) in [
-        ("shadow and lights", Controls::default()),
-        ("moving parts", down),
-    ] {
-        note(parts(simulator, place, options, name, other).await);
+    for scene in [Scene::ShadowAndLights, Scene::MovingParts] {
+        note(late(simulator, place, options, scene).await);
     }
     if let Err(error) = simulator.go_on().await {
         tracing::warn!(%error, "the simulator does not continue");
@@ -65,29 +58,64 @@ pub(in crate::simulator::doctor) async fn measure(
     approach(simulator, runway, note).await;
 }
 
-/// Compares images of a block, in which the aircraft jumps and its parts move in every tick, with settled ones.
-async fn parts(
+/// What changes in every tick of a block.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Scene {
+    /// The aircraft's place.
+    ShadowAndLights,
+    /// Flaps and gear of an aircraft that stays, since a part at the place of the other tick would equal neither image.
+    MovingParts,
+}
+
+impl Scene {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::ShadowAndLights => "shadow and lights",
+            Self::MovingParts => "moving parts",
+        }
+    }
+
+    /// Metres to the side, and flaps and gear.
+    fn of_tick(self, tick: u32) -> (f64, Controls) {
+        let is_odd = tick % 2 == 1;
+        match self {
+            Self::ShadowAndLights => {
+                let aside_m = if is_odd { ASIDE_M } else { -ASIDE_M };
+                (aside_m, Controls::default())
+            }
+            Self::MovingParts => {
+                let ratio = f64::from(u8::from(is_odd));
+                let parts = Controls {
+                    flap_ratio: ratio,
+                    gear_ratio: ratio,
+                };
+                (0.0, parts)
+            }
+        }
+    }
+}
+
+/// Compares images of a block with settled ones.
+async fn late(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
     options: &DoctorOptions,
-    name: &'static str,
-    other: Controls,
+    scene: Scene,
 ) -> Check {
+    let name = scene.name();
     let intent = options.intent.as_ref();
     let Some(pictures) = intent.and_then(|intent| size_in_blocks(simulator, intent)) else {
         let reason = "images are settled here, so that a part that follows late is in none of them";
         return Check::skipped(name, reason);
     };
-    let jumps = |tick: u32| match tick % 2 {
-        0 => (-ASIDE_M, Controls::default()),
-        _ => (ASIDE_M, other),
-    };
-    let (mut states, mut camera) = flight(place, pictures, TICKS, jumps);
-    for state in &mut states {
-        state.pose.altitude_msl_m -= LOWERED_M;
+    let (mut states, mut camera) = flight(place, pictures, TICKS, |tick| scene.of_tick(tick));
+    if scene == Scene::ShadowAndLights {
+        for state in &mut states {
+            state.pose.altitude_msl_m -= LOWERED_M;
+        }
+        camera.pose.altitude_msl_m -= LOWERED_M - CAMERA_ABOVE_M;
+        camera.pose.pitch_deg -= CAMERA_DOWN_DEG;
     }
-    camera.pose.altitude_msl_m -= LOWERED_M - CAMERA_ABOVE_M;
-    camera.pose.pitch_deg -= CAMERA_DOWN_DEG;
     let block = BlockOfTicks {
         first_tick: 0,
         states: &states,
