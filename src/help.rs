@@ -179,6 +179,7 @@ pub(crate) const DOCTOR: &str = "\
 Examples:
   dtd doctor                                  X-Plane on this computer
   dtd doctor --sim 192.168.1.20:49000 --sweep scenarios.toml
+  dtd doctor --first-hour first-hour          a report of an X-Plane to send
 
 Environment:
   DTD_LINK_TOKEN        the secret of a capture link on another computer";
@@ -342,6 +343,7 @@ mod tests {
         ("mode", "Parts of the images to search"),
         ("out", ""),
         ("port", "; 0 takes any free one"),
+        ("restart-simulator", "Shell command that restarts "),
         ("rows", "Rows of the images to search: "),
         ("run", "un whose "),
         ("side", "Side of the split to "),

@@ -177,7 +177,7 @@ fn a_start_whose_connection_the_web_api_drops_is_found_by_where_the_aircraft_is_
     let said = said(&output);
     assert!(output.status.success(), "{said}");
     let times = |words: &str| said.matches(words).count();
-    assert_eq!(times("a flight begins starter=WebApi"), 1, "{said}");
+    assert_eq!(times("a flight begins by_web_api=true"), 1, "{said}");
     assert_eq!(times("seen by where the aircraft is"), 1, "{said}");
 }
 

@@ -161,3 +161,33 @@ fn pictures_of_the_screen_pass_a_recorder_and_do_not_reach_the_tape() {
         assert!(!has(words), "{words} is on the tape");
     }
 }
+
+#[test]
+fn a_changed_graphics_setting_is_named_when_a_corpus_goes_on_and_when_it_is_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = folder.path().join("corpus");
+    let other_settings = plugin::with(
+        folder.path(),
+        &[(
+            "installation.py",
+            "Output/preferences/X-Plane.prf",
+            "none.prf",
+        )],
+    );
+    let generate = |plugin: &Path, only: &str| {
+        let simulator = SimulatorProcess::start(DTD, "12", Some("none"), plugin);
+        let output = simulator.generate(only, &corpus);
+        assert!(output.status.success(), "{}", said(&output));
+        said(&output)
+    };
+    let words = "renopt_MSAA is 0 in 1200-hazy-r1, missing in 1200-stormy-r1";
+    assert!(!generate(&plugin::folder(), HAZE).contains("graphics differ"));
+    let text = generate(&other_settings, "1200-stormy-r1");
+    assert!(
+        text.contains(&format!("earlier scenarios: {words}")),
+        "{text}"
+    );
+    let report = DTD.json(&["verify", "--json", corpus.to_str().unwrap()]);
+    let changes = report["graphics"].as_array().unwrap();
+    assert!(changes.iter().any(|change| change == words), "{changes:?}");
+}

@@ -155,6 +155,12 @@ pub(crate) struct DoctorArgs {
     /// Skip the measurements
     #[arg(long, conflicts_with = "measure")]
     pub(crate) no_measure: bool,
+    /// Measure the open questions about X-Plane, with a landing, and write a report and a tape into this folder
+    #[arg(long, value_name = "FOLDER", conflicts_with = "no_measure", value_parser = Output::Folder.parser())]
+    pub(crate) first_hour: Option<PathBuf>,
+    /// Shell command that restarts X-Plane, to measure at the end of the first hour whether it comes back
+    #[arg(long, value_name = "COMMAND", requires = "first_hour")]
+    pub(crate) restart_simulator: Option<String>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -1,11 +1,21 @@
 //! `dtd doctor`: examines a live connection point by point.
 
+use std::fs;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
 
+use dataset::Error;
+use dataset::files::json_file::write_json;
+use dataset::geometry::runway::Runway;
 use generator::sweep::Sweep;
-use xplane_bridge::WebApiPlace;
+use tokio::sync::oneshot;
 use xplane_bridge::doctor::{Check, DoctorOptions, Intent, Measuring, Verdict, examine};
-use xplane_bridge::link::PictureSize;
+use xplane_bridge::link::{LinkToken, PictureSize};
+use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::{LocalUdp, WebApiPlace, somebody_answers};
+use xplane_tape::{RecordOptions, record};
 
 use super::Outcome;
 use super::address::simulator;
@@ -16,6 +26,14 @@ use crate::failure::{Ending, Failure};
 
 /// The sweep that most people record first.
 const USUAL_SWEEP: &str = "demo.toml";
+/// X-Plane's default address.
+const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
+/// Files of a first hour.
+const TAPE: &str = "session.mcap";
+const REPORT: &str = "report.json";
+/// How long a restarted X-Plane may stay silent: twice a cold start.
+const BACK_WITHIN: Duration = Duration::from_secs(600);
+const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// Runs the verb. Fails if a check does.
 pub(crate) fn run(args: &DoctorArgs) -> Outcome {
@@ -28,15 +46,22 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
         Some(place) => place,
         None => WebApiPlace::from_environment().map_err(Failure::bad_input)?,
     };
+    let (intent, runway) = intent(args.sweep.as_deref())?.unzip();
+    if args.first_hour.is_some() && runway.is_none() {
+        return Err(Failure::bad_input_message(
+            "--first-hour lands on the runway of a sweep: name it with --sweep SWEEP.toml",
+        ));
+    }
     let options = DoctorOptions {
         web_api,
         local_udp: args.local_udp.options(),
-        measuring: match (args.measure, args.no_measure) {
+        measuring: match (args.measure || args.first_hour.is_some(), args.no_measure) {
             (true, _) => Measuring::Again,
             (_, true) => Measuring::Never,
             _ => Measuring::Once,
         },
-        intent: intent(args.sweep.as_deref())?,
+        intent,
+        first_hour: runway.filter(|_| args.first_hour.is_some()),
         ..DoctorOptions::at(address)
     };
     if options.measuring != Measuring::Never && !args.json {
@@ -50,7 +75,13 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
             print(check);
         }
     };
-    let checks = async_runtime()?.block_on(examine(&options, &mut show));
+    let restart = args.restart_simulator.as_deref();
+    let checks = async_runtime()?.block_on(async {
+        match &args.first_hour {
+            Some(out) => recorded(out, options, restart, &mut show).await,
+            None => Ok(examine(&options, &mut show).await),
+        }
+    })?;
     if args.json {
         print_json(&checks)?;
     }
@@ -67,8 +98,110 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
     }
 }
 
-/// The sweep to record, and its image size.
-fn intent(sweep: Option<&Path>) -> Result<Option<Intent>, Failure> {
+/// Examines through a recorder, and leaves its tape and the checks in a folder.
+async fn recorded(
+    out: &Path,
+    mut options: DoctorOptions,
+    restart: Option<&str>,
+    show: &mut (dyn FnMut(&Check) + Send),
+) -> Result<Vec<Check>, Failure> {
+    fs::create_dir_all(out).map_err(Error::io("create", out))?;
+    let noting = options.local_udp.clone();
+    let local_udp = LocalUdp {
+        notes: None,
+        ..noting.clone()
+    };
+    let simulator = match options.address {
+        Some(address) => address,
+        None => (the_announced(DISCOVERY_TIMEOUT, &local_udp).await)
+            .map_or(USUAL_ADDRESS.into(), |one| one.address),
+    };
+    let to_record = RecordOptions {
+        token: LinkToken::from_environment(),
+        local_udp: noting,
+        ..RecordOptions::new(simulator, out.join(TAPE))
+    };
+    let (say_ready, ready) = oneshot::channel();
+    let (stop, stopped) = oneshot::channel::<()>();
+    let is_ready = |addresses| {
+        let _examination_ended = say_ready.send(addresses);
+    };
+    let recording = record(to_record, is_ready, async {
+        let _either_way = stopped.await;
+    });
+    let examining = async {
+        let mut checks = Vec::new();
+        if let Ok(addresses) = ready.await {
+            options.address = Some(addresses.udp);
+            options.local_udp = LocalUdp::default();
+            checks = examine(&options, show).await;
+        }
+        drop(stop);
+        checks
+    };
+    let (recorded, mut checks) = tokio::join!(recording, examining);
+    recorded.map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;
+    if let Some(command) = restart {
+        checks.push(restarted(command, simulator, &local_udp).await);
+        checks.last().into_iter().for_each(show);
+    }
+    write_json(&out.join(REPORT), &checks)?;
+    eprintln!(
+        "doctor: {} has a report and a tape: please send it",
+        out.display()
+    );
+    Ok(checks)
+}
+
+/// Restarts the simulator by a command, and waits until it answers: it does not while it asks a question.
+async fn restarted(command: &str, simulator: SocketAddr, local_udp: &LocalUdp) -> Check {
+    let began = Instant::now();
+    let shell = Command::new("sh")
+        .args(["-c", command])
+        .env("DTD_SIMULATOR", simulator.to_string())
+        .status();
+    let ended_s = began.elapsed().as_secs_f64();
+    let (verdict, found, hint) = match shell {
+        Ok(status) if status.success() => {
+            while !somebody_answers(simulator, ANSWER_WITHIN, local_udp).await
+                && began.elapsed() < BACK_WITHIN
+            {}
+            let back_s = began.elapsed().as_secs_f64();
+            if began.elapsed() < BACK_WITHIN {
+                let found = format!(
+                    "it ended and was started within {ended_s:.0} s, and answers after {back_s:.0} s"
+                );
+                (Verdict::Ok, found, None)
+            } else {
+                let hint = "Look at its screen, and write down what you see: does it ask whether to start in safe mode, or show its menu?";
+                (
+                    Verdict::Warning,
+                    format!("no answer within {back_s:.0} s"),
+                    Some(hint),
+                )
+            }
+        }
+        Ok(status) => (
+            Verdict::Warning,
+            format!("the command ended with {status}"),
+            Some("Run it in a shell"),
+        ),
+        Err(error) => (
+            Verdict::Warning,
+            format!("cannot run sh: {error}"),
+            Some("Run it in a shell"),
+        ),
+    };
+    Check {
+        name: "restart",
+        verdict,
+        found,
+        hint: hint.map(str::to_owned),
+    }
+}
+
+/// The sweep to record, with its image size and its runway.
+fn intent(sweep: Option<&Path>) -> Result<Option<(Intent, Runway)>, Failure> {
     let file = match sweep {
         Some(file) => file.to_owned(),
         None => PathBuf::from(USUAL_SWEEP),
@@ -76,14 +209,17 @@ fn intent(sweep: Option<&Path>) -> Result<Option<Intent>, Failure> {
     if sweep.is_none() && !file.is_file() {
         return Ok(None);
     }
-    let picture = Sweep::read(&file).map_err(Failure::bad_input)?.picture;
-    Ok(Some(Intent {
+    let Sweep {
+        picture, runway, ..
+    } = Sweep::read(&file).map_err(Failure::bad_input)?;
+    let intent = Intent {
         sweep: file.display().to_string(),
         pictures: PictureSize {
             width_px: picture.width_px,
             height_px: picture.height_px,
         },
-    }))
+    };
+    Ok(Some((intent, runway)))
 }
 
 fn print(check: &Check) {

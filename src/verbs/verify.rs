@@ -73,6 +73,9 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         }
         print_proof(&report);
         print_weather(&report);
+        for change in &report.graphics {
+            eprint_warning!("the images were drawn with different graphics: {change}");
+        }
         println!("{}", summary(&report, args.no_decode));
     }
     if report.findings.is_empty() && report.marked().next().is_some() {
@@ -122,6 +125,11 @@ fn print_proof(report: &VerifyReport) {
             "the aircraft is in {filled} of {clear} ground-truth boxes that are clear enough to show it"
         );
         print_not_filled(report);
+        let decided: usize = report.views.iter().map(|view| view.decided_pictures).sum();
+        println!(
+            "the image of a neighbouring tick would have been noticed in {decided} of {} images; the others are undecidable from pixels",
+            report.pictures
+        );
     }
     print_without_clear_box(report);
     match report.missing.as_slice() {

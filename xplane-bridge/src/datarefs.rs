@@ -193,73 +193,6 @@ pub const GLIDE_SLOPE_STATUS: &str = "sim/cockpit2/autopilot/glideslope_status";
 /// Localizer and glide slope together: 0 off, 1 armed, 2 captured.
 pub const APPROACH_STATUS: &str = "sim/cockpit2/autopilot/approach_status";
 
-/// A function of the autopilot that an approach needs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AutopilotSwitch {
-    /// The command that switches it on. Most are toggle buttons.
-    pub command: &'static str,
-    /// On if, in any of these groups, each dataref has at least its value.
-    pub on_while: &'static [&'static [(&'static str, f32)]],
-}
-
-impl AutopilotSwitch {
-    /// State of the function, from the datarefs read; `None` if too few could be read to decide.
-    pub fn is_on(&self, read: impl Fn(&str) -> Option<f32>) -> Option<bool> {
-        let mut all_known = true;
-        for states in self.on_while {
-            let mut holds = Some(true);
-            for (name, least) in *states {
-                match read(name) {
-                    Some(value) if value >= *least => {}
-                    Some(_) => holds = Some(false),
-                    None => holds = holds.filter(|holds| !holds),
-                }
-            }
-            match holds {
-                Some(true) => return Some(true),
-                Some(false) => {}
-                None => all_known = false,
-            }
-        }
-        all_known.then_some(false)
-    }
-
-    /// All datarefs that show its state.
-    pub fn datarefs(&self) -> impl Iterator<Item = &'static str> {
-        self.on_while
-            .iter()
-            .flat_map(|states| states.iter().map(|(name, _)| *name))
-    }
-}
-
-/// Functions that engage an approach on the autopilot, in order: the button for localizer and glide slope, then the button of whichever of
-/// the two does not show.
-pub(crate) const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
-    AutopilotSwitch {
-        command: COMMAND_SERVOS_ON,
-        on_while: &[&[(AUTOPILOT_MODE, 2.0)]],
-    },
-    AutopilotSwitch {
-        command: COMMAND_AUTOTHROTTLE_ON,
-        on_while: &[&[(AUTOTHROTTLE, 1.0)]],
-    },
-    AutopilotSwitch {
-        command: COMMAND_APPROACH,
-        on_while: &[
-            &[(APPROACH_STATUS, 1.0)],
-            &[(NAV_STATUS, 1.0), (GLIDE_SLOPE_STATUS, 1.0)],
-        ],
-    },
-    AutopilotSwitch {
-        command: COMMAND_NAV,
-        on_while: &[&[(NAV_STATUS, 1.0)], &[(APPROACH_STATUS, 1.0)]],
-    },
-    AutopilotSwitch {
-        command: COMMAND_GLIDE_SLOPE,
-        on_while: &[&[(GLIDE_SLOPE_STATUS, 1.0)]],
-    },
-];
-
 /// Heights of X-Plane 12's own 13 levels, metres above mean sea level, as a live client read them.
 pub(crate) const WIND_ALTITUDES_MSL_M: [f64; WIND_LAYERS] = [
     0.0, 540.0, 988.0, 1_948.0, 3_011.0, 4_207.0, 5_572.0, 7_182.0, 9_160.0, 10_363.0, 11_887.0,
@@ -465,6 +398,13 @@ pub(crate) fn aircraft_file(
     })
 }
 
+/// The type of an aircraft from the elements of [`AIRCRAFT_ICAO`] that could be read; empty if the simulator does not report it.
+pub(crate) fn icao_of(values: &[Option<f32>]) -> String {
+    let characters = values.iter().flatten().map(|value| *value as u8);
+    let known = characters.filter(u8::is_ascii_alphanumeric);
+    known.map(char::from).collect()
+}
+
 /// A frequency in the unit of [`NAV1_FREQUENCY`]: tens of kilohertz.
 pub fn nav_frequency_10khz(frequency_mhz: f64) -> f64 {
     (frequency_mhz * 100.0).round()
@@ -635,23 +575,6 @@ mod tests {
         conditions.weather.visibility_m = f64::NAN;
         let error = condition_writes(&conditions, Generation::XPlane12).unwrap_err();
         assert!(error.to_string().contains(VISIBILITY_SM), "{error}");
-    }
-
-    #[test]
-    fn an_approach_is_on_by_its_own_status_or_by_both_of_its_parts_and_unknown_without_them() {
-        let [_, _, approach, ..] = APPROACH_SWITCHES;
-        let with = |values: &[(&str, f32)]| {
-            let values = values.to_vec();
-            approach.is_on(|name| values.iter().find(|v| v.0 == name).map(|v| v.1))
-        };
-        let (own, nav, slope) = (APPROACH_STATUS, NAV_STATUS, GLIDE_SLOPE_STATUS);
-        assert_eq!(with(&[(own, 2.0)]), Some(true));
-        assert_eq!(with(&[(own, 0.0), (nav, 1.0), (slope, 1.0)]), Some(true));
-        assert_eq!(with(&[(own, 0.0), (nav, 1.0), (slope, 0.0)]), Some(false));
-        // One part is off: the other need not be known.
-        assert_eq!(with(&[(own, 0.0), (slope, 0.0)]), Some(false));
-        assert_eq!(with(&[(own, 0.0), (nav, 1.0)]), None);
-        assert_eq!(with(&[]), None);
     }
 
     #[test]

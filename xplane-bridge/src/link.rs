@@ -18,7 +18,7 @@ pub use capture::{BadCapture, CaptureRequest, CapturedFrame, Deliver, FrameHeade
 pub(crate) use description::MARGIN_PX;
 pub use description::{PictureSize, PixelKind, SimulatorWindow};
 pub use flight::{BadFlightPayload, FLIGHT_COLUMNS, decode_flight, encode_flight};
-pub use message::{Answer, Hello, Request};
+pub use message::{Answer, Hello, Installation, Request};
 pub use picture_bytes::{PictureBytes, PooledPicture};
 pub use screen::{ScreenAnswer, ScreenOffer, ScreenRequest};
 pub use soundness::UnsoundRequest;

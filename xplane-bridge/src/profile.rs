@@ -16,7 +16,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::datarefs::{DatarefWrite, WIND_SPEED};
-use crate::link::{PictureSize, PixelKind};
+use crate::error::BridgeError;
+use crate::link::PictureSize;
 
 /// Record version. Records with a different version are measured again.
 pub(crate) const PROFILE_FORMAT: u32 = 1;
@@ -31,6 +32,12 @@ pub enum Finding<T> {
     Found(T),
     /// It was not made, for this reason.
     NotMeasured(String),
+}
+
+impl<T> From<Result<T, BridgeError>> for Finding<T> {
+    fn from(measured: Result<T, BridgeError>) -> Self {
+        measured.map_or_else(Self::not_measured, Self::Found)
+    }
 }
 
 impl<T> Finding<T> {
@@ -55,26 +62,6 @@ pub enum WindUnit {
     MetersPerSecond,
     /// The unit in Laminar's list of datarefs.
     Knots,
-}
-
-/// The order of the plugin's callbacks.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct CallbackOrders {
-    /// Frames that were watched.
-    pub frames: u32,
-    /// Advance of X-Plane's cycle number during them.
-    pub cycles: u32,
-    /// Callbacks after the one before the flight model, and the number of frames with that order.
-    pub orders: BTreeMap<String, u32>,
-}
-
-/// Delay of a grabbed screen.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Grabbing {
-    /// Grabs that still showed something older, at most.
-    pub late_grabs: u32,
-    /// Maximum duration of that, milliseconds.
-    pub lag_ms: f64,
 }
 
 /// Origin of a [`Pace`].
@@ -154,12 +141,6 @@ pub struct Profile {
     pub simulator: String,
     /// Name and version of the plugin, if one serves the link.
     pub plugin: Option<String>,
-    /// The source of the images, if there were any.
-    pub pixels: Option<PixelKind>,
-    /// The window that X-Plane draws into, which is the only possible image size.
-    pub window: Finding<PictureSize>,
-    /// The delay of screen grabs.
-    pub grabbing: Finding<Grabbing>,
     /// The unit of `wind_speed_msc`.
     pub wind_unit: Finding<WindUnit>,
     /// True if a written visibility shows only after `regen_weather`.
@@ -172,14 +153,10 @@ pub struct Profile {
     pub weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
     /// True if a pose and a camera that are written in a pause are drawn.
     pub pause_shows_poses: Finding<bool>,
-    /// After how many frames two consecutive images are equal when the aircraft has moved.
-    pub frames_until_still: Finding<u32>,
     /// After how many frames an image is final when the camera has turned: shadows and exposure.
     pub frames_until_settled: Finding<u32>,
     /// True if images change in a pause although the scene is static (water).
     pub still_pictures_move: Finding<bool>,
-    /// The order of the plugin's callbacks.
-    pub callbacks: Finding<CallbackOrders>,
     /// Speed of recording.
     pub pace: Finding<Pace>,
 }
@@ -330,14 +307,6 @@ impl Profile {
     pub(crate) fn winds_are_in_knots(&self) -> bool {
         self.wind_unit.found() == Some(&WindUnit::Knots)
     }
-
-    /// Weather as it must be written here: winds in X-Plane's own unit.
-    pub(crate) fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        match self.wind_unit.found() {
-            Some(unit) => unit.applied_to(writes),
-            None => writes,
-        }
-    }
 }
 
 impl WindUnit {
@@ -367,9 +336,6 @@ mod tests {
             dtd: "0.1.0".into(),
             simulator: "X-Plane 12.4.3".into(),
             plugin: Some("dtd_bridge 0.1.0".into()),
-            pixels: Some(PixelKind::Screen),
-            window: Finding::NotMeasured(not()),
-            grabbing: Finding::NotMeasured(not()),
             wind_unit: Finding::Found(WindUnit::Knots),
             visibility_needs_regeneration: Finding::Found(false),
             clouds_need_regeneration: Finding::NotMeasured(not()),
@@ -381,10 +347,8 @@ mod tests {
             ]
             .into(),
             pause_shows_poses: Finding::Found(false),
-            frames_until_still: Finding::Found(4),
             frames_until_settled: Finding::Found(24),
             still_pictures_move: Finding::Found(true),
-            callbacks: Finding::NotMeasured(not()),
             pace: Finding::Found(Pace {
                 measured_by: PacedBy::Doctor,
                 size: PictureSize {
@@ -469,12 +433,12 @@ mod tests {
         let values = |writes: &[DatarefWrite]| -> Vec<f32> {
             writes.iter().map(|write| write.value).collect()
         };
-        let knots = values(&profile.in_its_units(writes()));
+        let knots = values(&WindUnit::Knots.applied_to(writes()));
         assert!(
             (knots[0] - 19.438).abs() < 1e-3 && knots[1] == 0.5,
             "{knots:?}"
         );
-        profile.wind_unit = Finding::Found(WindUnit::MetersPerSecond);
-        assert_eq!(values(&profile.in_its_units(writes())), [10.0, 0.5]);
+        let as_written = WindUnit::MetersPerSecond.applied_to(writes());
+        assert_eq!(values(&as_written), [10.0, 0.5]);
     }
 }

@@ -278,12 +278,11 @@ impl Simulator {
 
     /// Flies an approach with the simulator's own flight model in its current weather; returns the states at its own rate.
     ///
-    /// Starts the flight and tunes the instrument landing system first. Our plugin engages the autopilot where it serves the link;
-    /// otherwise this client does.
+    /// Starts the flight and tunes the instrument landing system first. The other end of the link engages the autopilot once the aircraft
+    /// is in the air: two sides that press its buttons would switch it off again.
     ///
     /// # Errors
-    /// The aircraft, the radios or the autopilot do not accept their settings, the simulator gives up, or its conditions have
-    /// changed.
+    /// The aircraft or the radios do not accept their settings, the simulator gives up, or its conditions have changed.
     pub fn fly<'a>(
         &'a mut self,
         request: &'a FlyRequest,
@@ -302,11 +301,10 @@ impl Simulator {
             self.resume().await?;
             let radios = datarefs::approach_writes(&request.runway);
             self.write_until_read_back(&radios).await?;
-            // Our plugin holds the aircraft until it releases it with a velocity, and engages the autopilot itself, once the aircraft
-            // is in the air: two sides that press its buttons switch it off again.
+            // A plugin holds the aircraft until it releases it with a velocity. The bundled simulator needs no such write, but
+            // recordings of it match only with the same writes before a flight.
             if self.description.plugin.is_none() {
                 self.let_aircraft_go().await?;
-                self.engage_approach().await?;
             }
             let request = FlyRequest {
                 already_started,
@@ -355,39 +353,29 @@ impl Simulator {
         Box::pin(async move {
             self.check_imaging(views)?;
             let ideal = views.iter().all(Imaging::is_ideal);
-            self.ask_to_freeze(Request::Freeze {
-                runway: runway.clone(),
-                settle_frames: self.frames_to_settle(),
-                imaging: if ideal { vec![] } else { views.to_vec() },
-                running_at: self.running_at(),
-                margins_px: self.margins_px(),
-            })
-            .await?;
+            let imaging: &[Imaging] = if ideal { &[] } else { views };
+            self.freeze_raw(runway, self.frames_to_settle(), imaging, self.running_at())
+                .await?;
             self.set_clock_exactly().await
         })
     }
 
-    /// Freezes for ideal views, with exactly this number of settle frames, in a pause or with a clock that runs on.
+    /// Freezes with exactly this number of settle frames, in a pause or with a clock that runs on.
     async fn freeze_raw(
         &mut self,
         runway: &Runway,
         settle_frames: u32,
+        imaging: &[Imaging],
         running_at: Option<Clock>,
     ) -> Result<(), BridgeError> {
-        self.ask_to_freeze(Request::Freeze {
+        self.ground_msl_m = Some(runway.threshold.altitude_msl_m);
+        let request = Request::Freeze {
             runway: runway.clone(),
             settle_frames,
-            imaging: vec![],
+            imaging: imaging.to_vec(),
             running_at,
             margins_px: self.margins_px(),
-        })
-        .await
-    }
-
-    async fn ask_to_freeze(&mut self, request: Request) -> Result<(), BridgeError> {
-        if let Request::Freeze { runway, .. } = &request {
-            self.ground_msl_m = Some(runway.threshold.altitude_msl_m);
-        }
+        };
         self.link
             .tell("freezing", &request, SWITCH_TIMEOUT, &Answer::Frozen)
             .await
@@ -397,10 +385,14 @@ impl Simulator {
     fn running_at(&self) -> Option<Clock> {
         self.description.plugin.as_ref()?;
         let conditions = self.conditions.as_ref()?;
-        let profile = self.profile.current();
-        let needed =
-            conditions.weather.rain_ratio > 0.0 || profile.is_some_and(Profile::time_has_to_run);
+        let needed = conditions.weather.rain_ratio > 0.0 || self.time_has_to_run();
         needed.then_some(conditions.clock)
+    }
+
+    /// True if a pause was measured not to show new poses.
+    fn time_has_to_run(&self) -> bool {
+        let profile = self.profile.current();
+        profile.is_some_and(Profile::time_has_to_run)
     }
 
     /// Margins of the window around the images, if there are any.

@@ -1,8 +1,8 @@
 //! X-Plane 12's own Web API: HTTP with JSON on the simulator's computer, since 12.1.1.
 //!
-//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read, commands run, flights started; all
-//! acknowledged, unlike with UDP. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0) flights. Identifiers are valid for one
-//! session of the simulator, so every call looks up its own.
+//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read, flights started; all acknowledged, unlike with UDP.
+//! The API of each version has what earlier ones have: v1 has datarefs, v3 (12.4.0) flights. Identifiers are valid for one session of the
+//! simulator, so every call looks up its own.
 
 mod flight;
 
@@ -52,15 +52,13 @@ pub enum WebApiError {
         /// Address of the request.
         address: SocketAddr,
     },
-    /// A dataref or command that the simulator does not have now.
+    /// A dataref that the simulator does not have now.
     #[error(
-        "the simulator at {address} has no {what} {name}. Before a flight is loaded it has none at all"
+        "the simulator at {address} has no dataref {name}. Before a flight is loaded it has none at all"
     )]
     Unknown {
         /// Address of the request.
         address: SocketAddr,
-        /// `dataref` or `command`.
-        what: &'static str,
         /// Name.
         name: String,
     },
@@ -81,7 +79,7 @@ pub enum WebApiError {
     WrongAnswer(String),
 }
 
-/// A dataref or command as the simulator lists it.
+/// A dataref as the simulator lists it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Entry {
     /// Number in this simulator session.
@@ -175,30 +173,15 @@ impl WebApi {
         &self.capabilities.simulator.version
     }
 
-    /// True if commands are supported (since X-Plane 12.1.4).
-    pub fn has_commands(&self) -> bool {
-        self.has("v2")
-    }
-
     /// True if starting flights is supported (since X-Plane 12.4.0).
     pub fn has_flights(&self) -> bool {
-        self.has("v3")
-    }
-
-    fn has(&self, version: &str) -> bool {
         let versions = &self.capabilities.api.versions;
-        versions.iter().any(|found| found == version)
+        versions.iter().any(|found| found == "v3")
     }
 
     /// The newest version that both sides support.
     fn newest(&self) -> &'static str {
-        if self.has_flights() {
-            "v3"
-        } else if self.has_commands() {
-            "v2"
-        } else {
-            "v1"
-        }
+        if self.has_flights() { "v3" } else { "v1" }
     }
 
     /// Looks a dataref up.
@@ -206,51 +189,44 @@ impl WebApi {
     /// # Errors
     /// [`WebApiError::Unknown`] if the simulator does not have it, now or at all.
     pub fn dataref<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Entry, WebApiError>> {
-        Box::pin(async move { self.look_up("dataref", "datarefs", name).await })
-    }
-
-    /// Reads a dataref: a number, a list of numbers, or text in base64.
-    ///
-    /// # Errors
-    /// If the simulator does not have it, or does not answer.
-    pub fn read<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Value, WebApiError>> {
         Box::pin(async move {
-            let entry = self.dataref(name).await?;
-            let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
-            let request = self.request(Method::GET, &path);
-            let found: Data<Value> =
-                send(self.address, &format!("reading {name}"), request).await?;
-            Ok(found.data)
+            let unknown = || WebApiError::Unknown {
+                address: self.address,
+                name: name.to_owned(),
+            };
+            let request = self.request(Method::GET, &format!("{}/datarefs", self.newest()));
+            let request = request.query(&[("filter[name]", name)]);
+            let doing = format!("looking for dataref {name}");
+            match send::<Data<Vec<Entry>>>(self.address, &doing, request).await {
+                Ok(found) => found
+                    .data
+                    .into_iter()
+                    .find(|entry| entry.name == name)
+                    .ok_or_else(unknown),
+                Err(WebApiError::Refused { status: 404, .. }) => Err(unknown()),
+                Err(error) => Err(error),
+            }
         })
     }
 
     /// Reads a dataref that is one number.
     ///
     /// # Errors
-    /// As [`WebApi::read`], and if it is not a number.
-    pub async fn read_number(&self, name: &str) -> Result<f64, WebApiError> {
-        let found = self.read(name).await?;
-        found.as_f64().ok_or_else(|| {
-            WebApiError::WrongAnswer(format!(
-                "the Web API at {} answered {} to reading {name}, expected a number",
-                self.address,
-                quoted(&found.to_string())
-            ))
-        })
-    }
-
-    /// Runs a command once.
-    ///
-    /// # Errors
-    /// If the simulator does not have it; before 12.1.4 it has none.
-    pub fn command<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<(), WebApiError>> {
+    /// If the simulator does not have it, does not answer, or it is not a number.
+    pub fn read_number<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<f64, WebApiError>> {
         Box::pin(async move {
-            let entry = self.look_up("command", "commands", name).await?;
-            let path = format!("{}/command/{}/activate", self.newest(), entry.id);
-            let request = self.request(Method::POST, &path);
-            let request = request.json(&json!({ "duration": 0.0 }));
-            answer(self.address, &format!("command {name}"), request).await?;
-            Ok(())
+            let entry = self.dataref(name).await?;
+            let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
+            let request = self.request(Method::GET, &path);
+            let doing = format!("reading {name}");
+            let found = send::<Data<Value>>(self.address, &doing, request).await?;
+            found.data.as_f64().ok_or_else(|| {
+                WebApiError::WrongAnswer(format!(
+                    "the Web API at {} answered {} to {doing}, expected a number",
+                    self.address,
+                    quoted(&found.data.to_string())
+                ))
+            })
         })
     }
 
@@ -266,31 +242,6 @@ impl WebApi {
             answer(self.address, "beginning a flight", request).await?;
             Ok(())
         })
-    }
-
-    async fn look_up(
-        &self,
-        what: &'static str,
-        list: &str,
-        name: &str,
-    ) -> Result<Entry, WebApiError> {
-        let unknown = || WebApiError::Unknown {
-            address: self.address,
-            what,
-            name: name.to_owned(),
-        };
-        let request = self.request(Method::GET, &format!("{}/{list}", self.newest()));
-        let request = request.query(&[("filter[name]", name)]);
-        let doing = format!("looking for {what} {name}");
-        match send::<Data<Vec<Entry>>>(self.address, &doing, request).await {
-            Ok(found) => found
-                .data
-                .into_iter()
-                .find(|entry| entry.name == name)
-                .ok_or_else(unknown),
-            Err(WebApiError::Refused { status: 404, .. }) => Err(unknown()),
-            Err(error) => Err(error),
-        }
     }
 
     fn request(&self, method: Method, path: &str) -> RequestBuilder {

@@ -21,13 +21,6 @@ const ELEVEN: f32 = 115_501.0;
 const TWELVE: f32 = 124_311.0;
 const REGENERATE: &str = "sim/operation/regen_weather";
 const CLOUD_BASE_12: &str = "sim/weather/region/cloud_base_msl_m[0]";
-/// Each mode by its own button: this simulator shows its approach directly, and its glide slope through a different dataref.
-const APPROACH: [&str; 4] = [
-    datarefs::COMMAND_SERVOS_ON,
-    datarefs::COMMAND_AUTOTHROTTLE_ON,
-    datarefs::COMMAND_APPROACH,
-    datarefs::COMMAND_GLIDE_SLOPE,
-];
 
 fn conditions() -> Conditions {
     Conditions {
@@ -134,7 +127,7 @@ async fn x_plane_11_is_told_its_own_datarefs_in_its_own_units() {
     );
     assert_eq!(
         told.commands, [""; 0],
-        "time runs already, the weather of X-Plane 11 needs no command, and the autopilot is the plugin's to engage"
+        "time runs already, the weather of X-Plane 11 needs no command, and the autopilot is the simulator's to engage"
     );
     assert_eq!(told.loads.len(), 1);
     assert_eq!(
@@ -178,8 +171,7 @@ async fn x_plane_12_is_told_its_clouds_again_after_the_weather_was_regenerated()
         .count();
     assert!(bases >= 2, "clouds were told {bases} times");
     // Once: each time stops X-Plane for seconds.
-    assert_eq!(told.commands[0], REGENERATE);
-    assert_eq!(told.commands[1..], APPROACH);
+    assert_eq!(told.commands, [REGENERATE]);
     let at = |name: &str, value: f32| {
         let wanted = |(found, written): &(String, f32)| found == name && *written == value;
         told.writes.iter().position(wanted)
@@ -323,7 +315,6 @@ async fn a_start_without_a_plugin_is_asked_for_once_and_left_alone_until_it_has_
     let told = fake.told();
     assert_eq!(told.starts.len(), 1);
     assert!(told.hasty.is_empty(), "{:?}", told.hasty);
-    assert!(told.commands.iter().any(|path| path == APPROACH[0]));
 }
 
 #[tokio::test]
@@ -358,37 +349,6 @@ async fn weather_that_settles_a_little_elsewhere_is_the_weather_that_was_set() {
     simulator.confirm_conditions().await.unwrap();
     fake.told().set(datarefs::VISIBILITY_SM, 8.0);
     assert!(simulator.confirm_conditions().await.is_err());
-}
-
-#[tokio::test]
-async fn modes_of_the_autopilot_that_are_on_are_left_on() {
-    let fake = Fake::start(TWELVE, "B738", None).await;
-    fake.told().set(datarefs::NAV_STATUS, 2.0);
-    fake.told().set(datarefs::AUTOPILOT_MODE, 1.0);
-    let mut simulator = fake.connect().await;
-    // Twice: the second flight must not switch off the first one's modes.
-    for _ in 0..2 {
-        simulator.fly(&flight()).await.unwrap();
-        let told = fake.told();
-        for mode in [
-            datarefs::NAV_STATUS,
-            datarefs::GLIDE_SLOPE_STATUS,
-            datarefs::APPROACH_STATUS,
-            datarefs::AUTOTHROTTLE,
-        ] {
-            assert!(told.is_on(mode), "{mode}: {:?}", told.commands);
-        }
-        assert_eq!(told.datarefs[datarefs::AUTOPILOT_MODE], 2.0);
-    }
-    let pressed = |button: &str| {
-        let told = fake.told();
-        told.commands.iter().filter(|path| *path == button).count()
-    };
-    assert_eq!(pressed(datarefs::COMMAND_NAV), 0);
-    for button in APPROACH {
-        assert_eq!(pressed(button), 1, "{button}");
-    }
-    simulator.release().await.unwrap();
 }
 
 /// The aircraft at a latitude, on the runway's longitude.
@@ -524,16 +484,14 @@ async fn rain_is_captured_while_time_runs_and_a_dry_scenario_in_a_pause() {
 }
 
 #[tokio::test]
-async fn time_is_stopped_and_runs_again() {
+async fn time_that_stands_still_runs_again_and_one_that_runs_is_left_alone() {
     let fake = Fake::start(TWELVE, "B738", None).await;
     let mut simulator = fake.connect().await;
     simulator.resume().await.unwrap();
-    simulator.pause().await.unwrap();
+    assert_eq!(fake.told().commands, [""; 0]);
+    fake.told().set(datarefs::PAUSED, 1.0);
     simulator.resume().await.unwrap();
-    assert_eq!(
-        fake.told().commands,
-        ["sim/operation/pause_on", "sim/operation/pause_off"]
-    );
+    assert_eq!(fake.told().commands, ["sim/operation/pause_off"]);
 }
 
 #[tokio::test]

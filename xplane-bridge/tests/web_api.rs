@@ -86,31 +86,6 @@ async fn a_dataref_is_looked_up_and_read() {
 }
 
 #[tokio::test]
-async fn a_command_is_looked_up_and_done_once() {
-    let (address, requests) = server(&[
-        (
-            "GET /api/capabilities",
-            200,
-            r#"{"api":{"versions":["v1","v2"]},"x-plane":{"version":"12.1.4"}}"#,
-        ),
-        (
-            "GET /api/v2/commands?filter%5Bname%5D=sim%2Foperation%2Fregen_weather",
-            200,
-            r#"{"data":[{"id":1033,"name":"sim/operation/regen_weather","description":"Regenerate weather."}]}"#,
-        ),
-        ("POST /api/v2/command/1033/activate", 200, "null"),
-    ])
-    .await;
-    let api = WebApi::connect(address, SECOND).await.unwrap();
-    api.command("sim/operation/regen_weather").await.unwrap();
-    let last = requests.lock().unwrap().last().cloned().unwrap();
-    assert_eq!(last.0, "POST /api/v2/command/1033/activate");
-    assert_eq!(last.1, r#"{"duration":0.0}"#);
-    // 12.1.4 cannot start flights.
-    assert!(!api.has_flights());
-}
-
-#[tokio::test]
 async fn a_flight_is_begun_with_its_body_in_a_data_field_and_a_refusal_is_passed_on() {
     let (address, requests) = server(&[
         ("GET /api/capabilities", 200, CAPABILITIES),
@@ -163,7 +138,7 @@ async fn what_is_not_there_is_told_apart_nobody_forbidden_no_flight_loaded_and_t
     ])
     .await;
     let api = WebApi::connect(address, SECOND).await.unwrap();
-    let error = api.read(VISIBILITY).await.unwrap_err();
+    let error = api.read_number(VISIBILITY).await.unwrap_err();
     assert!(matches!(error, WebApiError::Unknown { .. }), "{error}");
     assert!(
         error.to_string().contains("Before a flight is loaded"),
@@ -178,7 +153,7 @@ async fn what_is_not_there_is_told_apart_nobody_forbidden_no_flight_loaded_and_t
     )])
     .await;
     let api = WebApi::connect(address, SECOND).await.unwrap();
-    assert!(!api.has_commands());
+    assert!(!api.has_flights());
     assert_eq!(api.dataref(VISIBILITY).await.unwrap().id, 8);
 
     let (address, _) = server(&[("GET /api/capabilities", 200, "<html>")]).await;

@@ -551,11 +551,23 @@ def png(width: int, height: int, rgb: bytes, text: bytes) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
+class GetString:
+    """Stands in for a function of a library, whose result has a type."""
+
+    restype: Any = None
+
+    def __call__(self, what: int) -> bytes:
+        if what != 0x1F01:
+            raise FakeXpError(f"glGetString({what:#x})")
+        return b"zink (the stand-in)"
+
+
 class FakeGl:
     """Stands in for the OpenGL library: pixels come from the world, filled rectangles are recorded."""
 
     def __init__(self, xp: FakeXp) -> None:
         self._xp = xp
+        self.glGetString = GetString()
         self._colour = (0, 0, 0)
         # left, bottom, right, top, colour
         self.filled: list[tuple[float, float, float, float, tuple[int, int, int]]] = []

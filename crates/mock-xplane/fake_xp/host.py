@@ -28,6 +28,19 @@ FRAMES_REMEMBERED = 64
 MAX_CONVERSIONS = 1_000
 
 
+# What X-Plane writes about itself, in the form of public logs and preferences.
+OWN_FILES = {
+    "Log.txt": """\
+Desktop session type: x11
+Vulkan Device       : The stand-in's renderer
+Vulkan Driver       : 1.0.0
+Loaded: Resources/plugins/XPPython3/lin_x64/XPPython3.xpl (xppython3.main).
+""",
+    "Output/preferences/X-Plane.prf": "renopt_MSAA 0\nrenopt_FSR_04 0\nrenopt_draw_3d_04 2\n",
+    "Custom Scenery/scenery_packs.ini": "I\n1000 Version\nSCENERY\n\nSCENERY_PACK Custom Scenery/Global Airports/\n",
+}
+
+
 class PipeWorld:
     """Implements ``fake_xp.World``."""
 
@@ -45,7 +58,10 @@ class PipeWorld:
         self.cockpit_view = cockpit_view
         # X-Plane's folder, for X-Plane's own files.
         self._path = tempfile.TemporaryDirectory(prefix="dtd-stand-in-")
-        Path(self._path.name, "Log.txt").touch()
+        for name, text in OWN_FILES.items():
+            path = Path(self._path.name, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
 
     def _ask(self, *question: Any) -> Any:
         self._queue(*question)

@@ -55,7 +55,7 @@ macro_rules! quirks {
 
         /// All quirks, in the order of [`Quirk`].
         #[allow(clippy::needless_update, reason = "a row with both properties sets every field")]
-        pub const FACTS: [Facts; 34] = [$(Facts {
+        pub const FACTS: [Facts; 36] = [$(Facts {
             quirk: Quirk::$quirk,
             name: stringify!($name),
             does: $does,
@@ -147,10 +147,14 @@ quirks! {
         "when the camera turns, the image is too bright at first and settles within 30 frames";
     ScreenshotWithoutCamera screenshot_without_camera "no report; CINE sees the camera go" Unknown [in_11]
         "the screenshot command takes the camera away before the frame that it keeps is drawn";
+    LaggingParts lagging_parts "no report" Unknown [in_11]
+        "flaps, gear and its lamps are drawn as they were written for the frame before";
+    FixedParts fixed_parts "XPlaneConnect issue 213" Single [in_11]
+        "flaps and gear stay up, whatever is written";
 }
 
 /// Contradicted or never reported: `dtd doctor` finds out which is true. Part of no group, each is enabled only by name.
-pub const OPEN: [Quirk; 8] = [
+pub const OPEN: [Quirk; 10] = [
     Quirk::WindInKnots,
     Quirk::RegenerationNeeded,
     Quirk::RegenerationNotNeeded,
@@ -159,6 +163,8 @@ pub const OPEN: [Quirk; 8] = [
     Quirk::WeatherMoves,
     Quirk::SlowExposure,
     Quirk::ScreenshotWithoutCamera,
+    Quirk::LaggingParts,
+    Quirk::FixedParts,
 ];
 
 impl Quirk {

@@ -16,7 +16,7 @@ use mock_xplane::window::{DisplayWindow, X11Window};
 use testkit::short_flight::{camera_beside_runway, down_the_glide_path, noon, runway};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::datarefs::Generation;
-use xplane_bridge::doctor::{DoctorOptions, Intent, Verdict, examine};
+use xplane_bridge::doctor::{Check, DoctorOptions, Intent, Measuring, Verdict, examine};
 use xplane_bridge::link::PictureSize;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 use xplane_bridge::{
@@ -45,6 +45,15 @@ async fn serve(
     clock_rate: f64,
     faults: &str,
 ) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
+    serve_with(options, clock_rate, faults, "none").await
+}
+
+async fn serve_with(
+    options: PluginOptions,
+    clock_rate: f64,
+    faults: &str,
+    quirks: &str,
+) -> (Xvfb, Arc<dyn Screen>, SocketAddr) {
     let xvfb = Xvfb::start("200x160x24");
     let window = X11Window::open(Some(xvfb.display()), options.window_px).unwrap();
     let address = serving(ServerOptions {
@@ -53,6 +62,7 @@ async fn serve(
         stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
         clock_rate,
         faults: faults.parse().unwrap(),
+        quirks: quirks.parse().unwrap(),
         ..quiet()
     })
     .await;
@@ -460,21 +470,18 @@ async fn where_time_runs_a_block_shows_aircraft_and_ground_as_settled_pictures_d
 #[tokio::test(flavor = "multi_thread")]
 async fn the_doctor_measures_the_pace_in_blocks_where_the_window_has_margins_around_the_pictures() {
     let (_xvfb, screen, address) = serve(plugin(SceneBehind::Constant(1)), 20.0, "").await;
-    let pictures = PictureSize {
-        width_px: SIZE_PX.0,
-        height_px: SIZE_PX.1,
-    };
-    let options = DoctorOptions {
-        web_api: WebApiPlace::Off,
-        listen: Duration::from_millis(1),
-        screen,
-        intent: Some(Intent {
-            sweep: "sweep.toml".into(),
-            pictures,
-        }),
-        ..DoctorOptions::at(Some(address))
-    };
+    let options = doctor(screen, address);
+    let pictures = options.intent.as_ref().unwrap().pictures;
     let checks = examine(&options, &mut |_| {}).await;
+    let graphics = found(&checks, "graphics");
+    assert_eq!(graphics.verdict, Verdict::Ok);
+    for words in [
+        "plugins' renderer zink",
+        "renopt_MSAA 0",
+        "Desktop session type x11",
+    ] {
+        assert!(graphics.found.contains(words), "{graphics:?}");
+    }
     let simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
     let profile = simulator.profile().current().cloned();
     simulator.release().await.unwrap();
@@ -485,9 +492,70 @@ async fn the_doctor_measures_the_pace_in_blocks_where_the_window_has_margins_aro
         .unwrap_or_else(|| panic!("{checks:#?}"));
     assert!(pace.in_blocks && pace.size == pictures, "{checks:#?}");
     // The checks after it see the whole window again.
-    let lockstep = checks
-        .iter()
-        .find(|check| check.name == "lockstep")
-        .unwrap();
-    assert_eq!(lockstep.verdict, Verdict::Ok, "{checks:#?}");
+    for name in ["lockstep", "flaps and gear"] {
+        assert_eq!(found(&checks, name).verdict, Verdict::Ok, "{checks:#?}");
+    }
+}
+
+fn doctor(screen: Arc<dyn Screen>, address: SocketAddr) -> DoctorOptions {
+    let pictures = PictureSize {
+        width_px: SIZE_PX.0,
+        height_px: SIZE_PX.1,
+    };
+    DoctorOptions {
+        web_api: WebApiPlace::Off,
+        listen: Duration::from_millis(1),
+        screen,
+        intent: Some(Intent {
+            sweep: "sweep.toml".into(),
+            pictures,
+        }),
+        ..DoctorOptions::at(Some(address))
+    }
+}
+
+fn found<'a>(checks: &'a [Check], name: &str) -> &'a Check {
+    let check = checks.iter().find(|check| check.name == name);
+    check.unwrap_or_else(|| panic!("no {name}: {checks:#?}"))
+}
+
+/// The checks of a first hour with a simulator with these quirks.
+async fn first_hour(quirks: &str) -> Vec<Check> {
+    let options = PluginOptions {
+        // The landing takes two minutes of simulated time.
+        frame_period_s: 0.1,
+        ..plugin(SceneBehind::Constant(2))
+    };
+    let (_xvfb, screen, address) = serve_with(options, 20.0, "", quirks).await;
+    let options = DoctorOptions {
+        measuring: Measuring::Never,
+        first_hour: Some(runway()),
+        ..doctor(screen, address)
+    };
+    examine(&options, &mut |_| {}).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_hour_compares_moving_parts_in_blocks_and_lands() {
+    let checks = first_hour("none").await;
+    for name in [
+        "grab",
+        "flaps and gear",
+        "moving parts",
+        "shadow and lights",
+        "load",
+        "autopilot",
+    ] {
+        assert_eq!(found(&checks, name).verdict, Verdict::Ok, "{checks:#?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_hour_notices_parts_that_follow_a_frame_late_and_parts_that_are_not_drawn() {
+    let checks = first_hour("lagging_parts").await;
+    let parts = found(&checks, "moving parts");
+    assert_eq!(parts.verdict, Verdict::Warning, "{checks:#?}");
+    let checks = first_hour("fixed_parts").await;
+    let parts = found(&checks, "flaps and gear");
+    assert_eq!(parts.verdict, Verdict::Warning, "{checks:#?}");
 }

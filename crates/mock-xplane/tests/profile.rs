@@ -119,13 +119,7 @@ async fn what_a_pause_shows_is_measured() {
 async fn how_many_frames_a_picture_takes_is_measured() {
     let frames = |finding: Finding<u32>| finding.found().copied().unwrap_or(u32::MAX);
     let (sound, checks) = measured(plugin("none")).await;
-    let (still, settled) = (
-        frames(sound.frames_until_still),
-        frames(sound.frames_until_settled),
-    );
-    assert!(still <= 4 && settled == 1, "{checks:#?}");
-    let (stale, checks) = measured(plugin("stale_frames")).await;
-    assert!(frames(stale.frames_until_still) > still, "{checks:#?}");
+    assert_eq!(frames(sound.frames_until_settled), 1, "{checks:#?}");
     let (slow, checks) = measured(plugin("slow_exposure")).await;
     let settled = frames(slow.frames_until_settled);
     assert!((12..=32).contains(&settled), "{checks:#?}");
@@ -136,22 +130,6 @@ async fn how_many_frames_a_picture_takes_is_measured() {
     // No flight was started; X-Plane 11 is given a fixed time for its weather.
     assert_eq!(sound.loading_s, None);
     assert!(sound.weather_s.is_some() && !sound.in_blocks);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn the_order_of_callbacks_is_measured() {
-    for (quirk, orders, cycles) in [
-        ("none", 1, 55..=65),
-        ("camera_callback_order,two_cycles_per_loop", 2, 110..=130),
-    ] {
-        let (profile, checks) = measured(plugin(quirk)).await;
-        let found = profile
-            .callbacks
-            .found()
-            .unwrap_or_else(|| panic!("{checks:#?}"));
-        assert_eq!(found.orders.len(), orders, "{found:?}");
-        assert!(cycles.contains(&found.cycles), "{found:?}");
-    }
 }
 
 fn windy_noon() -> Conditions {

@@ -53,6 +53,7 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
         rig: "wide-baseline".into(),
         views: VIEWS.map(str::to_owned).to_vec(),
         blocks: None,
+        graphics: None,
         versions: Versions {
             dtd: "0".into(),
             simulator: "fixture".into(),

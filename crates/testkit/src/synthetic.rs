@@ -407,6 +407,7 @@ impl SyntheticCorpus {
                 weather: calm(20_000.0),
             },
             blocks: None,
+            graphics: None,
             versions: Versions {
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 simulator: "geometry".into(),

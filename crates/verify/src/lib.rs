@@ -27,7 +27,7 @@ use serde::Serialize;
 pub use against::against;
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::effective_weather::ReportedWeather;
-use dataset::corpus::scenario::ScenarioRecord;
+use dataset::corpus::scenario::{Graphics, ScenarioRecord};
 use dataset::corpus::seal;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::work::watch::{Silent, Stopped, Watch};
@@ -74,6 +74,9 @@ pub struct VerifyReport {
     pub pairs: Vec<PairProof>,
     /// Weather reported at the aircraft, by the planned weather's name. A marked scenario is no fault: its record states the drawn weather.
     pub weather: BTreeMap<String, ReportedWeather>,
+    /// Graphics settings that changed between scenarios: no faults, but their images may differ.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub graphics: Vec<String>,
     /// All faults; empty if the corpus is valid.
     pub findings: Vec<Finding>,
 }
@@ -187,6 +190,10 @@ impl<'w> Verification<'w> {
     /// Verifies the files of the whole corpus.
     pub fn finish(mut self, corpus: &Corpus) -> VerifyReport {
         self.report.weather = ReportedWeather::by_name(self.records.values());
+        let records = self.records.iter();
+        self.report.graphics = Graphics::changes(
+            records.filter_map(|(id, record)| Some((&**id, record.graphics.as_ref()?))),
+        );
         let found = corpus_files::ReadScenarios {
             scenarios: &self.scenarios,
             records: &self.records,

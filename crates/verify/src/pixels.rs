@@ -93,6 +93,8 @@ pub struct ViewProof {
     pub filled_boxes: usize,
     /// Ticks of the others.
     pub not_filled: Vec<u32>,
+    /// Images that could not be of the next tick: there the aircraft would be visibly elsewhere. The others are undecidable.
+    pub decided_pictures: usize,
     /// Median distance between the visible object's centre and the box's centre, pixels.
     pub offset_px: Option<f64>,
     /// Lag of the images behind the tables, milliseconds.
@@ -298,7 +300,7 @@ impl<'a> Watcher<'a> {
             .filter_map(|found| self.point(found))
             .collect();
         let period_s = self.scenario.record.frame_rate.period_s();
-        timing::check(&points, period_s, file, self.view, faults);
+        proof.decided_pictures = timing::check(&points, period_s, file, self.view, faults);
         proof.offset_px = median_of(points.iter().map(|point| point.offset_px.length()));
         let offsets: Vec<Offset> = (filled.iter())
             .filter_map(|found| self.offsets(found, period_s))

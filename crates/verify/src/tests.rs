@@ -174,6 +174,7 @@ fn record(id: &str) -> ScenarioRecord {
         rig: "pair".into(),
         views: VIEWS.map(str::to_owned).to_vec(),
         blocks: None,
+        graphics: None,
         versions: Versions {
             dtd: "0".into(),
             simulator: "none".into(),

@@ -14,7 +14,9 @@ use airframe::AircraftType;
 use dataset::corpus::calibration::{Calibration, Conventions};
 use dataset::corpus::claim::Claim;
 use dataset::corpus::effective_weather::{EffectiveWeather, WeatherDifference};
-use dataset::corpus::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::corpus::scenario::{
+    Flight, Graphics, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions,
+};
 use dataset::corpus::seal::{commit_folder, seal_folder};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::geometry::imaging::{Imaging, Stream};
@@ -267,6 +269,7 @@ async fn record_into(
         .unless_cancelled(simulator.confirm_conditions())
         .await?;
 
+    let graphics = graphics(&mut simulator, work, scenario, session, attempt).await;
     frames(ids.clone(), &states, &drawn, &pts, picture).write(&folder.frames_path())?;
     let calibration = Calibration {
         conventions: Conventions::default(),
@@ -284,6 +287,7 @@ async fn record_into(
     let record = ScenarioRecord {
         schema_version: record.required_version(calibration.schema_version()),
         blocks,
+        graphics,
         ..record
     };
     record.write(&folder.record_path())?;
@@ -389,6 +393,43 @@ fn frames(
     }
 }
 
+/// What the images were drawn with, if the simulator says. Warns if the scenario before it, of this run or an earlier one, was drawn with
+/// something else.
+async fn graphics(
+    simulator: &mut Simulator,
+    work: &Work<'_>,
+    scenario: &PlannedScenario,
+    session: &mut Session,
+    attempt: &Attempt<'_, '_>,
+) -> Option<Graphics> {
+    simulator.description().plugin.as_ref()?;
+    let found = match simulator.installation().await {
+        Ok(found) => found,
+        Err(error) => {
+            tracing::warn!(%error, "what the images were drawn with is not recorded");
+            return None;
+        }
+    };
+    let now = Graphics {
+        settings: found.settings,
+        exposure_ev100: found.exposure_ev100,
+    };
+    let earlier = session.drawn_with.take().or_else(|| {
+        let mut records = (work.corpus.folders().ok()?.into_iter())
+            .filter_map(|folder| ScenarioRecord::read(&folder.record_path()).ok());
+        records.find_map(|record| Some((record.id, record.graphics?)))
+    });
+    if let Some((id, before)) = &earlier {
+        for change in Graphics::changes([(id.as_str(), before), (scenario.id.as_str(), &now)]) {
+            attempt.reporter.warn(&format!(
+                "the graphics differ from those of earlier scenarios: {change}"
+            ));
+        }
+    }
+    session.drawn_with = Some((scenario.id.clone(), now.clone()));
+    Some(now)
+}
+
 fn scenario_record(
     plan: &Plan,
     scenario: &PlannedScenario,
@@ -418,6 +459,7 @@ fn scenario_record(
         rig: common.rig.clone(),
         views,
         blocks: None,
+        graphics: None,
         versions: Versions {
             dtd: env!("CARGO_PKG_VERSION").into(),
             simulator: format!(

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
+use dataset::corpus::scenario::Graphics;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::profile::{KnownProfile, RecordedPace};
 use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
@@ -129,6 +130,8 @@ pub(super) struct Session {
     known: Option<KnownProfile>,
     /// Known block properties, for the next connection.
     pub(super) known_blocks: KnownBlocks,
+    /// The scenario that was recorded last, and what drew it.
+    pub(super) drawn_with: Option<(String, Graphics)>,
     /// Versions of simulator and plugin in this run.
     versions: Option<String>,
     /// Live flights since the simulator was started for this run, or restarted.
@@ -166,6 +169,7 @@ impl Session {
             ready: None,
             known: None,
             known_blocks: KnownBlocks::default(),
+            drawn_with: None,
             versions: None,
             live_flights: 0,
             restarts_in_vain: 0,

@@ -10,7 +10,7 @@ The modules:
 ``capture``        settle frames, the frame that counts, its pixels and the proof that they are new.
 ``scenery``        waiting for the ground, and its height. ``traffic``: no other aircraft.
 ``flight``         air start, the crew's work, the log; ``approach``: what to dial when, pure. ``autopilot``: its switches, read and set.
-``profile``        what ``dtd doctor`` measured, kept beside the plugin. ``callbacks``: in what order X-Plane calls back.
+``profile``        what ``dtd doctor`` measured, kept beside the plugin.
 ``local_frame``    WGS-84 poses <-> X-Plane's local OpenGL coordinates. Pure, given the two conversions of ``xp``.
 ``opengl``         the few OpenGL calls; ``check_pattern``: the image that proves a screen grab.
 ``xp_api``         the types of the functions of ``xp`` that are used here; ``mypy --strict`` holds the rest against them.

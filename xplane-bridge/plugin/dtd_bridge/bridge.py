@@ -11,9 +11,8 @@ import queue
 from collections import deque
 from typing import Any, Generator
 
-from . import NAME, VERSION, callbacks, capture, complaints, messages
+from . import NAME, VERSION, capture, installation, messages
 from . import datarefs as names
-from .callbacks import Callbacks
 from .capture import Answer
 from .coded_frames import CodedFrames
 from .datarefs import Datarefs
@@ -36,8 +35,6 @@ from .xp_api import Xp
 
 # Time limits, in frames, for the check pattern to be drawn and for a pause to take effect.
 FRAMES_LIMIT = 600
-# Maximum number of frames to watch callbacks.
-WATCH_LIMIT = 600
 # Longest text of an error.
 MAX_ERROR_CHARACTERS = 2_000
 
@@ -55,8 +52,7 @@ class Bridge:
         self._datarefs = Datarefs(xp)
         self._frame = LocalFrame(xp.worldToLocal, xp.localToWorld)
         self._profile = profile
-        self._callbacks = Callbacks(xp)
-        self._stage = Stage(xp, self._datarefs, self._frame, self._callbacks, self._faults)
+        self._stage = Stage(xp, self._datarefs, self._frame, self._faults)
         self._pixels = Pixels(xp, self._datarefs, self._faults, gl_library)
         self._screenshots = Screenshots(xp)
         self._ground = Ground(xp)
@@ -106,13 +102,11 @@ class Bridge:
 
     def _after_flight_model(self) -> None:
         """Values only."""
-        self._callbacks.note(callbacks.AFTER)
         self._stage.patch()
         self._flights.sample()
 
     def _before_flight_model(self) -> None:
         """One frame."""
-        self._callbacks.note(callbacks.BEFORE)
         self._stage.begin_frame()
         self._finish_leaving()
         self._found.step()
@@ -270,10 +264,8 @@ class Bridge:
             return self._keep_profile(header)
         if message == "still_shown":
             return _at_once({"message": "shown", "still": self._stage.still_shown})
-        if message == "complaints":
-            return _at_once({"message": "complaints", "lines": complaints.read(self._xp.getSystemPath())})
-        if message == "watch_callbacks":
-            return self._watch_callbacks(header)
+        if message == "installation":
+            return _at_once(installation.describe(self._xp.getSystemPath(), self._datarefs, self._pixels.renderer))
         raise LastingRefusal(f"the plugin knows no message {message!r}")
 
     def _hello(self) -> Task:
@@ -405,13 +397,6 @@ class Bridge:
         self._profile.keep(profile)
         self._pixels.restless = still_pictures_move(profile)
         return _at_once({"message": "profile_kept"})
-
-    def _watch_callbacks(self, header: Header) -> Task:
-        frames = messages.whole(header, "frames", 1, WATCH_LIMIT)
-        if not self._stage.is_shown():
-            raise Refusal("the camera calls back only while it is ours: freeze and capture first")
-        watched = yield from self._callbacks.watch(frames)
-        return {"message": "callbacks", **watched}, b""
 
     def _probe_terrain(self, header: Header) -> Task:
         latitude, longitude = messages.place(header)

@@ -7,16 +7,11 @@ only the plugin XPPython3, which runs all plugins in Python: a complaint about a
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from typing import Iterable
 
 from . import NAME
 from . import datarefs as names
-from .messages import Refusal
 
-# X-Plane rewrites it at each start, and keeps it open.
-LOG = "Log.txt"
-# The beginning of a very long one.
-MAX_BYTES = 32 << 20
 # The most that a client is told.
 MAX_LINES, MAX_CHARACTERS = 20, 300
 _OURS = re.compile(rf"{re.escape(NAME)}|dtd[ ._]bridge", re.IGNORECASE)
@@ -26,15 +21,9 @@ _ABOUT_CALL = re.compile(r"The plugin .* called the SDK function")
 _IS_ERROR = re.compile(r"\b[EW]/[A-Z]{3}\b|\berror\b", re.IGNORECASE)
 
 
-def read(system_path: str) -> list[str]:
+def among(lines: Iterable[str]) -> list[str]:
     """The complaints in X-Plane's log, each once."""
-    path = Path(system_path) / LOG
-    try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES).decode("utf-8", "replace")
-    except OSError as error:
-        raise Refusal(f"X-Plane's log cannot be read: {error}") from error
-    found = dict.fromkeys(line.strip()[:MAX_CHARACTERS] for line in text.splitlines() if is_about_us(line))
+    found = dict.fromkeys(line.strip()[:MAX_CHARACTERS] for line in lines if is_about_us(line))
     return list(found)[:MAX_LINES]
 
 

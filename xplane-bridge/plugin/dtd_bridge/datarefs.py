@@ -51,6 +51,8 @@ ZULU_TIME_S = "sim/time/zulu_time_sec"
 # X-Plane 12's trend of the weather, 7 for real weather; X-Plane 11's switch.
 CHANGE_MODE = "sim/weather/region/change_mode"
 USE_REAL_WEATHER = "sim/weather/use_real_weather_bool"
+# The exposure of X-Plane 12, which adapts to the scene.
+EXPOSURE_EV100 = "sim/private/controls/photometric/ev100"
 SCENERY_LOADING = "sim/graphics/scenery/async_scenery_load_in_progress"
 
 VIEW = "sim/graphics/view/"
@@ -96,7 +98,7 @@ ONLY_11 = frozenset({
     USE_REAL_WEATHER, MODERN_DRIVER, LANDING_LIGHTS[0], FLAPS_WANTED[1], GEAR_WANTED[1],
 })  # fmt: skip
 # Datarefs that came with X-Plane 12.
-ONLY_12 = frozenset({CHANGE_MODE, FLAPS_WANTED[0]})
+ONLY_12 = frozenset({CHANGE_MODE, FLAPS_WANTED[0], EXPOSURE_EV100})
 # Deprecated in X-Plane 12, and used there all the same: nothing else can be written.
 WITHOUT_SUCCESSOR = frozenset({*FLAPS_DRAWN, GEAR_DRAWN})
 

@@ -7,6 +7,7 @@ import sys
 from typing import Any
 
 GL_VIEWPORT = 0x0BA2
+GL_RENDERER = 0x1F01
 GL_PACK_ALIGNMENT = 0x0D05
 GL_RGB = 0x1907
 GL_UNSIGNED_BYTE = 0x1401
@@ -26,6 +27,13 @@ class OpenGl:
 
     def __init__(self, library: Any) -> None:
         self._gl = library
+
+    def renderer(self) -> str:
+        """Who draws: its name begins with zink where OpenGL is drawn by Vulkan."""
+        get_string = self._gl.glGetString
+        get_string.restype = ctypes.c_char_p
+        name: bytes | None = get_string(GL_RENDERER)
+        return (name or b"").decode("utf-8", "replace")
 
     def viewport_size(self) -> tuple[int, int]:
         """Physical pixels, width and height, of what is being drawn."""

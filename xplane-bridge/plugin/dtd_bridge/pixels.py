@@ -47,6 +47,8 @@ class Pixels:
         self.patterns_drawn = 0
         self._draw_code: Callable[[OpenGl], None] | None = None
         self.error: str | None = None
+        # Who draws for plugins, once something was drawn.
+        self.renderer: str | None = None
         self._gl: OpenGl | None = None
         # X-Plane 11 only: 12 draws with Vulkan or Metal, which plugins cannot access.
         self.no_readback: str | None = None
@@ -134,6 +136,8 @@ class Pixels:
     def on_windows_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:
         """After everything: the pattern covers it."""
         try:
+            if self.renderer is None and self._gl:
+                self.renderer = self._gl.renderer()
             if self.pattern_code is not None and not self.pattern_under:
                 self._draw_wanted_pattern()
             elif self._draw_code is not None and self._gl:

@@ -14,9 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Callable
 
-from . import callbacks
 from . import datarefs as names
-from .callbacks import Callbacks
 from .datarefs import Datarefs
 from .found import command, set_pause
 from .local_frame import LocalFrame, LocalPose, wrapped_360
@@ -55,11 +53,8 @@ class Tick:
 class Stage:
     """The frozen aircraft and the camera. All of it in X-Plane's main thread."""
 
-    def __init__(
-        self, xp: Xp, datarefs: Datarefs, frame: LocalFrame, callbacks_seen: Callbacks, faults: Faults
-    ) -> None:
+    def __init__(self, xp: Xp, datarefs: Datarefs, frame: LocalFrame, faults: Faults) -> None:
         self._xp = xp
-        self._callbacks = callbacks_seen
         self._faults = faults
         self._datarefs = datarefs
         self._frame = frame
@@ -257,7 +252,6 @@ class Stage:
             if is_losing_control or self._tick is None or position is None:
                 self._holds_camera = False
                 return 0
-            self._callbacks.note(callbacks.CAMERA)
             if self.next_tick is not None:
                 self._tick = self.next_tick() or self._tick
             self._write(self._tick, position)

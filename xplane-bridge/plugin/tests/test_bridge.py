@@ -14,7 +14,7 @@ import unittest
 from pathlib import Path
 from unittest import mock
 
-from dtd_bridge import capture as capturing, flight as flying, found, log as dtd_log, pixels as drawing, scenery, server, wire
+from dtd_bridge import capture as capturing, flight as flying, found, log as dtd_log, scenery, server, wire
 from dtd_bridge.bridge import Bridge
 from dtd_bridge.profile import ProfileFile
 from dtd_bridge.settings import Settings, SettingsError, read_settings
@@ -330,25 +330,6 @@ class Profiles(WithBridge):
             lines.say("note", "127.0.0.1", "capture link closed")
         closed = [line for line in self.xp.lines if "capture link closed" in line]
         self.assertEqual(closed, ["capture link closed"] * 2 + ["capture link closed (999 more of these in the last 60 s)"])
-
-    def test_the_order_of_callbacks_is_watched(self):
-        for quirks, cycles, orders in [
-            (frozenset(), 20, {"after_flight_model camera draw": 20}),
-            (
-                frozenset({"camera_callback_order", "two_cycles_per_loop"}), 40,
-                {"after_flight_model camera draw": 10, "camera after_flight_model draw": 10},
-            ),
-        ]:  # fmt: skip
-            self.setUp()
-            self.xp.quirks = quirks
-            client = self.frozen()
-            self.assertRegex(client.refused({"message": "watch_callbacks", "frames": 20}), "capture first")
-            client.ask(capture())
-            answer, _ = client.ask({"message": "watch_callbacks", "frames": 20})
-            self.assertEqual(answer, {"message": "callbacks", "frames": 20, "cycles": cycles, "orders": orders})
-            for _ in range(drawing.IDLE_FRAMES + 1):
-                self.xp.frame()
-            self.assertEqual(self.xp._draws, [])
 
 
 class Capturing(WithBridge):

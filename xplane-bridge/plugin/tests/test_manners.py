@@ -236,6 +236,9 @@ class Complaints(WithBridge):
         "0:17:30.684 E/PLG: The plugin XPPython3 called the SDK function XPLMCreateProbe from outside of a callback.",
         "0:17:31.000 E/PLG: The plugin AviTab called the SDK function XPLMCreateProbe from outside of a callback.",
         "0:18:00.000 I/PLG: dtd_bridge is enabled",
+        "Vulkan Device       : NVIDIA GeForce RTX 3060 (5db94f1d0000)",
+        "Desktop session type: wayland",
+        "Loaded: X-Plane 11/Resources/plugins/AviTab/win_x64/AviTab.xpl (org.solhost.folko.avitab).",
     ))  # fmt: skip
 
     def test_lines_about_this_plugin_are_told_once_each_and_others_are_not(self):
@@ -243,14 +246,33 @@ class Complaints(WithBridge):
             self.world.path = system
             Path(system, "Log.txt").write_text(self.LOG)
             client = self.frozen()
-            answer, _ = client.ask({"message": "complaints"})
-            self.assertEqual(len(answer["lines"]), 2, answer)
-            self.assertIn("flap_ratio", answer["lines"][0])
-            self.assertIn("XPLMCreateProbe", answer["lines"][1])
+            answer, _ = client.ask({"message": "installation"})
+            self.assertEqual(len(answer["complaints"]), 2, answer)
+            self.assertIn("flap_ratio", answer["complaints"][0])
+            self.assertIn("XPLMCreateProbe", answer["complaints"][1])
+
+    def test_graphics_and_plugins_are_those_of_the_files_and_a_change_of_the_scenery_shows(self):
+        with tempfile.TemporaryDirectory() as system:
+            self.world.path = system
+            Path(system, "Log.txt").write_text(self.LOG)
+            preferences, packs = Path(system, "Output/preferences/X-Plane.prf"), Path(system, "Custom Scenery/scenery_packs.ini")
+            for path in (preferences, packs):
+                path.parent.mkdir(parents=True)
+            preferences.write_text("renopt_MSAA 2\n_is_tut_mode 0\n")
+            client, scenery = self.frozen(), []
+            for order in (("A", "B"), ("B", "A")):
+                packs.write_text("SCENERY\n" + "".join(f"SCENERY_PACK Custom Scenery/{name}/\n" for name in order))
+                answer, _ = client.ask({"message": "installation"})
+                scenery.append(answer["settings"].pop("scenery packs"))
+                self.assertEqual(answer["settings"], {
+                    "Vulkan Device": "NVIDIA GeForce RTX 3060 (5db94f1d0000)", "Desktop session type": "wayland", "renopt_MSAA": "2",
+                })  # fmt: skip
+                self.assertEqual(answer["plugins"], ["org.solhost.folko.avitab"])
+            self.assertTrue(all(found.startswith("2, ") for found in scenery) and len(set(scenery)) == 2, scenery)
 
     def test_a_log_that_cannot_be_read_is_a_reason(self):
         self.world.path = "/no/such/folder"
-        self.assertRegex(self.frozen().refused({"message": "complaints"}), "log cannot be read.*/no/such/folder")
+        self.assertRegex(self.frozen().refused({"message": "installation"}), "log /no/such/folder.*cannot be read")
 
 
 class Names(WithBridge):
@@ -267,7 +289,6 @@ class Names(WithBridge):
         for deliver in ("drawn", "picture") if version < 120_000 else ("drawn",):
             self.assertEqual(client.ask(capture(1, deliver=deliver))[0]["message"], "frame")
         client.ask({"message": "check_pattern", "code": 1})
-        client.ask({"message": "watch_callbacks", "frames": 3})
         client.ask({"message": "still_shown"})
         client.ask({"message": "probe_terrain", "latitude_deg": 1.35, "longitude_deg": 103.98})
         client.ask({"message": "release"})

@@ -1,5 +1,7 @@
 //! The headers of the capture link's messages: a client's requests, a simulator's answers.
 
+use std::collections::BTreeMap;
+
 use dataset::conditions::Clock;
 use dataset::geometry::imaging::Imaging;
 use dataset::geometry::runway::Runway;
@@ -8,7 +10,6 @@ use serde_json::Value;
 
 use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, ScreenOffer, SimulatorWindow};
 use crate::fly::{FlightStart, FlyRequest};
-use crate::profile::CallbackOrders;
 
 /// A client's message to the simulator, without a payload.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -78,13 +79,8 @@ pub enum Request {
     /// Report if the frame of the last [`Request::Capture`] has been on the screen ever since its answer. The camera may be taken from the
     /// plugin while a client grabs the frame.
     StillShown,
-    /// Report the log's complaints about the plugin. For plugins only.
-    Complaints,
-    /// Report the order of the plugin's callbacks. For plugins only, after a capture.
-    WatchCallbacks {
-        /// Frames to watch, at most 600.
-        frames: u32,
-    },
+    /// Describe what X-Plane draws with, by its own files. For plugins only.
+    Installation,
     /// Let everything run again.
     Release,
     /// Fly an approach, as fast as the simulator can.
@@ -171,13 +167,8 @@ pub enum Answer {
         /// True if every frame since then has shown the same.
         still: bool,
     },
-    /// Answer to [`Request::Complaints`].
-    Complaints {
-        /// Lines of the log, each once; at most some twenty.
-        lines: Vec<String>,
-    },
-    /// Answer to [`Request::WatchCallbacks`].
-    Callbacks(CallbackOrders),
+    /// Answer to [`Request::Installation`].
+    Installation(Installation),
     /// Answer to [`Request::Release`].
     Released,
     /// Answer to [`Request::Fly`]; the payload is `rows` x `columns` 64-bit floats.
@@ -197,6 +188,20 @@ pub enum Answer {
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         repeats: bool,
     },
+}
+
+/// What X-Plane draws with, and what else draws, by its own files.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Installation {
+    /// Complaints of the log about the plugin, each once; at most some twenty.
+    pub complaints: Vec<String>,
+    /// Device, driver, desktop session, graphics settings and scenery, by their names there.
+    pub settings: BTreeMap<String, String>,
+    /// The exposure of the last frame, at ISO 100; missing where X-Plane has none.
+    #[serde(default)]
+    pub exposure_ev100: Option<f64>,
+    /// Signatures of all plugins.
+    pub plugins: Vec<String>,
 }
 
 fn known_kinds<'de, D: Deserializer<'de>>(source: D) -> Result<Vec<PixelKind>, D::Error> {
@@ -233,8 +238,7 @@ impl Answer {
             Self::Commanded => "commanded",
             Self::ProfileKept => "profile_kept",
             Self::Shown { .. } => "shown",
-            Self::Complaints { .. } => "complaints",
-            Self::Callbacks(_) => "callbacks",
+            Self::Installation(_) => "installation",
             Self::Released => "released",
             Self::Flown { .. } => "flown",
             Self::Frame(_) => "frame",

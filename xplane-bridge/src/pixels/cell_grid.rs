@@ -15,16 +15,6 @@ pub(super) struct Grid {
     pub(super) rows: usize,
 }
 
-/// Differences between two images, cell by cell.
-#[derive(Debug, Default)]
-pub(super) struct Changes {
-    /// Values that differ by more than a level.
-    pub(super) beyond_level: Vec<u32>,
-    /// Values that differ by more than half the level.
-    pub(super) beyond_half: Vec<u32>,
-    pub(super) differs: Vec<bool>,
-}
-
 impl Grid {
     pub(super) fn new(width_px: u32, height_px: u32) -> Self {
         let (width_px, height_px) = (width_px as usize, height_px as usize);
@@ -77,42 +67,38 @@ impl Grid {
         touched
     }
 
-    /// The number of values of each cell that differ by more than `level`.
-    pub(super) fn changed(&self, a: &[u8], b: &[u8], level: u8) -> Vec<u32> {
-        let mut changed = Vec::with_capacity(self.cells());
-        let mut columns = vec![0_u8; self.row_bytes()];
-        for (a, b) in self.bands(a).zip(self.bands(b)) {
-            columns.fill(0);
-            for (a, b) in self.lines(a).zip(self.lines(b)) {
-                // The usual case in a paused world.
-                if a != b {
-                    count_beyond(&mut columns, a, b, level);
-                }
-            }
-            changed.extend(sums(&columns));
-        }
-        changed
+    /// For each level, the number of values of each cell that differ by more.
+    pub(super) fn changed<const N: usize>(
+        &self,
+        a: &[u8],
+        b: &[u8],
+        levels: [u8; N],
+    ) -> [Vec<u32>; N] {
+        self.beyond(a, (b, b), levels)
     }
 
-    /// The number of values of each cell that are beyond a range of values, `low` to `high`, by more than `level`.
-    pub(super) fn beyond(&self, rgb: &[u8], (low, high): (&[u8], &[u8]), level: u8) -> Vec<u32> {
-        let mut beyond = Vec::with_capacity(self.cells());
+    /// For each level, the number of values of each cell that are beyond a range of values, `low` to `high`, by more.
+    pub(super) fn beyond<const N: usize>(
+        &self,
+        rgb: &[u8],
+        (low, high): (&[u8], &[u8]),
+        levels: [u8; N],
+    ) -> [Vec<u32>; N] {
+        let mut beyond = levels.map(|_| Vec::with_capacity(self.cells()));
         let mut columns = vec![0_u8; self.row_bytes()];
         let ranges = self.bands(low).zip(self.bands(high));
         for (rgb, (low, high)) in self.bands(rgb).zip(ranges) {
-            columns.fill(0);
-            let ranges = self.lines(low).zip(self.lines(high));
-            for (rgb, (low, high)) in self.lines(rgb).zip(ranges) {
-                // The usual case.
-                if rgb != low {
-                    let values = rgb.iter().zip(low.iter().zip(high));
-                    for (count, (value, (low, high))) in columns.iter_mut().zip(values) {
-                        let is_below = low.saturating_sub(*value) > level;
-                        *count += u8::from(is_below || value.saturating_sub(*high) > level);
+            for (beyond, level) in beyond.iter_mut().zip(levels) {
+                columns.fill(0);
+                let ranges = self.lines(low).zip(self.lines(high));
+                for (rgb, (low, high)) in self.lines(rgb).zip(ranges) {
+                    // The usual case in a paused world.
+                    if rgb != low {
+                        count_beyond(&mut columns, rgb, (low, high), level);
                     }
                 }
+                beyond.extend(sums(&columns));
             }
-            beyond.extend(sums(&columns));
         }
         beyond
     }
@@ -126,32 +112,6 @@ impl Grid {
                 *high = (*high).max(*value);
             }
         }
-    }
-
-    /// Changed values for a level and for half that level, and whether a cell differs at all.
-    pub(super) fn changes(&self, a: &[u8], b: &[u8], level: u8) -> Changes {
-        let mut changes = Changes::default();
-        let mut columns = vec![0_u8; self.row_bytes()];
-        let mut half = vec![0_u8; self.row_bytes()];
-        let mut bits = vec![0_u8; self.row_bytes()];
-        for (a, b) in self.bands(a).zip(self.bands(b)) {
-            columns.fill(0);
-            half.fill(0);
-            bits.fill(0);
-            for (a, b) in self.lines(a).zip(self.lines(b)) {
-                if a != b {
-                    count_beyond(&mut columns, a, b, level);
-                    count_beyond(&mut half, a, b, level / 2);
-                    for ((bits, a), b) in bits.iter_mut().zip(a).zip(b) {
-                        *bits |= a ^ b;
-                    }
-                }
-            }
-            changes.beyond_level.extend(sums(&columns));
-            changes.beyond_half.extend(sums(&half));
-            changes.differs.extend(sums(&bits).map(|sum| sum > 0));
-        }
-        changes
     }
 
     /// Number of values in a cell that differ by more than `level`.
@@ -263,10 +223,12 @@ impl Grid {
     }
 }
 
-/// Adds one to the count of each column of values that differs; at most [`CELL_PX`] times.
-fn count_beyond(columns: &mut [u8], a: &[u8], b: &[u8], level: u8) {
-    for ((count, a), b) in columns.iter_mut().zip(a).zip(b) {
-        *count += u8::from(a.abs_diff(*b) > level);
+/// Adds one to the count of each column of values that is beyond its range; at most [`CELL_PX`] times.
+fn count_beyond(columns: &mut [u8], rgb: &[u8], (low, high): (&[u8], &[u8]), level: u8) {
+    let values = rgb.iter().zip(low.iter().zip(high));
+    for (count, (value, (low, high))) in columns.iter_mut().zip(values) {
+        let beyond = low.saturating_sub(*value).max(value.saturating_sub(*high));
+        *count += u8::from(beyond > level);
     }
 }
 
@@ -296,12 +258,10 @@ mod tests {
     fn changes_are_counted_in_their_cells_beyond_a_level() {
         let (grid, before, after) = uneven();
         assert_eq!((grid.columns, grid.rows), (3, 2));
-        let changes = grid.changes(&after, &before, 12);
-        assert_eq!(changes.beyond_level, [0; 6]);
-        assert_eq!(changes.beyond_half, [3, 0, 0, 0, 0, 0]);
-        assert_eq!(changes.differs, [true, false, false, false, false, true]);
-        assert_eq!(grid.changed(&after, &before, 2), [3, 0, 0, 0, 0, 0]);
-        assert_eq!(grid.changed(&after, &before, 0), [3, 0, 0, 0, 0, 1]);
+        let [far, half, all] = grid.changed(&after, &before, [12, 6, 0]);
+        assert_eq!(far, [0; 6]);
+        assert_eq!(half, [3, 0, 0, 0, 0, 0]);
+        assert_eq!(all, [3, 0, 0, 0, 0, 1]);
         assert_eq!(grid.changed_in_cell(5, &after, &before, 0), 1);
         let values: Vec<u32> = (0..6).map(|at| grid.values(at)).collect();
         assert_eq!(values, [768, 768, 384, 192, 192, 96]);
@@ -313,7 +273,7 @@ mod tests {
         let (grid, before, after) = uneven();
         let mut mended = after.clone();
         grid.copy_cell(5, &before, &mut mended);
-        assert_eq!(grid.changed(&mended, &before, 0), [3, 0, 0, 0, 0, 0]);
+        assert_eq!(grid.changed(&mended, &before, [0]), [[3, 0, 0, 0, 0, 0]]);
         grid.copy_cell(0, &before, &mut mended);
         assert_eq!(mended, before);
     }

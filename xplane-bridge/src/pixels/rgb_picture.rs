@@ -1,6 +1,7 @@
 //! Images in memory and positions in them.
 
 use std::fmt;
+use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +22,7 @@ pub struct Rectangle {
 
 impl Rectangle {
     /// The rectangle from this pixel to just before (`right_px`, `bottom_px`).
-    pub(super) fn between(x_px: u32, y_px: u32, right_px: u32, bottom_px: u32) -> Self {
+    pub(crate) fn between(x_px: u32, y_px: u32, right_px: u32, bottom_px: u32) -> Self {
         Self {
             x_px,
             y_px,
@@ -45,6 +46,14 @@ impl Rectangle {
     /// The row after the last.
     pub(crate) fn bottom_px(self) -> u32 {
         self.y_px + self.height_px
+    }
+
+    /// The bytes of each of its rows in an image of this width.
+    pub(crate) fn rows(self, width_px: u32) -> impl Iterator<Item = Range<usize>> {
+        (self.y_px..self.bottom_px()).map(move |y| {
+            let byte = |x: u32| (y * width_px + x) as usize * 3;
+            byte(self.x_px)..byte(self.right_px())
+        })
     }
 
     /// The rest without a margin all around.

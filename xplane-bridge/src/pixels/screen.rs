@@ -219,8 +219,8 @@ impl ScreenSource {
         for trial in 0..=TRIALS {
             let code = self.codes.next();
             display.show(Some(code)).await?;
-            let expected = self.grabbed();
-            let size_px = (expected.width_px, expected.height_px);
+            let size_px = (self.window.width_px, self.window.height_px);
+            let expected = Rectangle::between(0, 0, size_px.0, size_px.1);
             let (seen, lag) = wait_for(&self.grabber, &self.screen, Some(size_px), code).await?;
             if seen.rectangle != expected {
                 return Err(PixelError::Unusable(format!(
@@ -240,19 +240,8 @@ impl ScreenSource {
 
     /// Looks for what covers the scene: the pattern is drawn under the windows of the simulator, and over them.
     async fn check_covers(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
-        let (mut under, mut over) = (None, Hidden::new(self.window));
-        let mut memory = RgbPicture::default();
-        for code in both_colours(self.codes.next()) {
-            if let Some(shown) = display.show_under_windows(code) {
-                let pattern = self.pattern_when_shown(code, shown).await?;
-                let hidden = under.get_or_insert_with(|| Hidden::new(self.window));
-                memory = self.compare_shown(&pattern, hidden, memory).await?;
-            }
-            let shown = display.show(Some(code));
-            let pattern = self.pattern_when_shown(code, shown).await?;
-            memory = self.compare_shown(&pattern, &mut over, memory).await?;
-        }
-        Ok(over.verdict(under)?)
+        let under = self.hidden_under_windows(display).await?;
+        Ok(self.hidden(display).await?.verdict(under)?)
     }
 
     /// The largest part of the window that hides the lowest pattern that can be shown.
@@ -260,62 +249,68 @@ impl ScreenSource {
         &mut self,
         display: &mut dyn PatternDisplay,
     ) -> Result<Option<Rectangle>, BridgeError> {
-        let mut hidden = Hidden::new(self.window);
-        let mut memory = RgbPicture::default();
-        for code in both_colours(self.codes.next()) {
-            let under = match display.show_under_windows(code) {
-                Some(shown) => Some(self.pattern_when_shown(code, shown).await?),
-                None => None,
-            };
-            let pattern = match under {
-                Some(pattern) => pattern,
-                None => {
-                    let shown = display.show(Some(code));
-                    self.pattern_when_shown(code, shown).await?
-                }
-            };
-            memory = self.compare_shown(&pattern, &mut hidden, memory).await?;
-        }
+        let hidden = match self.hidden_under_windows(display).await? {
+            Some(hidden) => hidden,
+            None => self.hidden(display).await?,
+        };
         Ok(hidden.largest())
     }
 
-    /// A pattern as it should look, computed while the simulator draws it.
-    async fn pattern_when_shown(
+    /// What hides a pattern that is drawn over everything, in any colour.
+    async fn hidden(&mut self, display: &mut dyn PatternDisplay) -> Result<Hidden, BridgeError> {
+        let (mut hidden, mut memory) = (Hidden::new(self.window), RgbPicture::default());
+        for code in both_colours(self.codes.next()) {
+            let shown = display.show(Some(code));
+            memory = self.compare(code, shown, &mut hidden, memory).await?;
+        }
+        Ok(hidden)
+    }
+
+    /// The same for a pattern under the windows of the simulator; `None` if it cannot draw one there.
+    async fn hidden_under_windows(
+        &mut self,
+        display: &mut dyn PatternDisplay,
+    ) -> Result<Option<Hidden>, BridgeError> {
+        let (mut hidden, mut memory) = (Hidden::new(self.window), RgbPicture::default());
+        for code in both_colours(self.codes.next()) {
+            let Some(shown) = display.show_under_windows(code) else {
+                return Ok(None);
+            };
+            memory = self.compare(code, shown, &mut hidden, memory).await?;
+        }
+        Ok(Some(hidden))
+    }
+
+    /// Adds the hidden cells of a pattern that is being shown. Returns the memory of the last grab.
+    async fn compare(
         &self,
         code: u32,
         shown: Confirmed<'_>,
-    ) -> Result<RgbPicture, BridgeError> {
-        let Rectangle {
-            width_px,
-            height_px,
-            ..
-        } = self.window;
-        let (shown, pattern) = tokio::join!(shown, async { draw(code, width_px, height_px) });
-        shown.map(|()| pattern)
-    }
-
-    /// Adds the hidden cells of the pattern that was shown last. Returns the memory of the last grab.
-    async fn compare_shown(
-        &self,
-        pattern: &RgbPicture,
         hidden: &mut Hidden,
         memory: RgbPicture,
-    ) -> Result<RgbPicture, PixelError> {
+    ) -> Result<RgbPicture, BridgeError> {
+        let PictureSize {
+            width_px,
+            height_px,
+        } = self.window.size();
+        // It is computed while the simulator draws it.
+        let (shown, pattern) = tokio::join!(shown, async { draw(code, width_px, height_px) });
+        shown?;
         let (began, wait) = (Instant::now(), self.allowed());
         // A complete pattern needs no waiting: no other one looks like it.
         let mut picture = self.grabber.grab(memory, 0).await?;
-        let mut found = hidden.in_grab(&picture, pattern);
+        let mut found = hidden.in_grab(&picture, &pattern);
         if found.contains(&true) {
             if !wait.time.is_zero() {
                 sleep(wait.time).await;
             }
             picture = self.grabber.grab(picture, wait.grabs).await?;
-            found = hidden.in_grab(&picture, pattern);
+            found = hidden.in_grab(&picture, &pattern);
         }
         // A busy machine may show the pattern later than it did when the lag was measured, and in parts. A cover is in two grabs in a row.
         while found.contains(&true) {
             picture = self.grabber.grab(picture, 0).await?;
-            let again = hidden.in_grab(&picture, pattern);
+            let again = hidden.in_grab(&picture, &pattern);
             let is_late = share_of(&again) > LATE_SHARE && began.elapsed() < PATIENCE;
             if is_late {
                 found = again;
@@ -328,15 +323,6 @@ impl ScreenSource {
         }
         hidden.add(&found);
         Ok(picture)
-    }
-
-    /// The window in grabbed images: their whole area.
-    fn grabbed(&self) -> Rectangle {
-        Rectangle {
-            x_px: 0,
-            y_px: 0,
-            ..self.window
-        }
     }
 
     /// Waits until no pattern is visible any more.

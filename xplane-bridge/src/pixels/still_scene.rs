@@ -10,7 +10,7 @@
 //!
 //! - if it differs from the image just before by more than its noise, and until it looks again like before the cover;
 //! - if rain or clouds changed it again and again, and suddenly it and its neighbours stand still to the last bit
-//!   ([`CoverKind::StandsStill`]): something opaque that came in too gradually to be noticed.
+//!   ([`StandingStill`]): something opaque that came in too gradually to be noticed.
 //!
 //! An object that lay over the scene from the first image on counts as part of it; when it goes, the scene differs from the beginning and
 //! is called covered. The two cases cannot be distinguished here, so the caller shows a check pattern: in a paused world after the scene
@@ -27,7 +27,7 @@ use standing_still::StandingStill;
 use super::Rectangle;
 use super::cell_grid::Grid;
 pub(crate) use paused::PausedScene;
-pub(crate) use watch::{CoverWatch, Covered, Verdict};
+pub(crate) use watch::{CoverWatch, Covered};
 
 /// Motion of the world between two images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,19 +42,27 @@ pub(crate) enum WorldTime {
 pub(crate) struct Cover {
     /// Covered rectangle, to the cell.
     pub(crate) rectangle: Rectangle,
-    /// How it was detected.
-    pub(crate) kind: CoverKind,
     /// Number of images before this one that may show it as well, although they were accepted.
     pub(crate) pictures_before: u32,
 }
 
-/// Detection of a cover.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum CoverKind {
-    /// The image changed more than this scene usually does.
-    Appeared,
-    /// It stands still where the scene never did.
-    StandsStill,
+/// Covered cells through which something moves cannot be judged. They count as covered until the others are seen to be free, or for some
+/// time if there are no others.
+#[derive(Debug, Clone, Copy, Default)]
+struct HiddenCover {
+    /// Number of images in which no part of the cover could be judged.
+    looks: u32,
+}
+
+impl HiddenCover {
+    /// True if the `hidden` ones among the `covered` cells no longer count. `released`: others were seen to be free.
+    fn has_gone(&mut self, hidden: usize, covered: usize, released: bool) -> bool {
+        let has_judged = hidden == 0 || covered > hidden;
+        let looks = if has_judged { 0 } else { self.looks + 1 };
+        let has_gone = !has_judged && (released || looks > MAX_HIDDEN_LOOKS);
+        self.looks = if has_gone { 0 } else { looks };
+        has_gone
+    }
 }
 
 /// Comparisons from which a cell's noise is learnt: one less than images.
@@ -73,8 +81,6 @@ struct Cell {
     shifts: [f64; LEARNT],
     /// Number of comparisons.
     learnt: usize,
-    /// True if the scene itself changes too many values, so that only their mean is meaningful.
-    restless: bool,
     /// Changed values, and shift of their mean, from image to image: as learnt, or recent where time runs.
     noise: f64,
     shift: f64,
@@ -96,29 +102,24 @@ impl Cell {
     }
 
     /// Ends the learning. Returns true if something came, and perhaps went, meanwhile.
-    fn has_learnt(&mut self, limits: Limits, values: u32) -> bool {
+    fn has_learnt(&mut self, values: u32) -> bool {
         let mut changes = self.changes.map(|(_, at_least_half)| at_least_half);
         changes.sort_unstable();
         let mut shifts = self.shifts;
         shifts.sort_by(f64::total_cmp);
         (self.noise, self.shift) = (f64::from(changes[TYPICAL]), shifts[TYPICAL]);
-        self.restless = self.noise > f64::from(values) * limits.restless;
-        // For a restless cell single comparisons are no evidence.
-        !self.restless && self.jumped_while_learning(limits, values)
+        // In a cell that changes too much by itself, single comparisons are no evidence.
+        let is_restless = self.noise > f64::from(values) * RESTLESS_SHARE;
+        !is_restless && self.jumped_while_learning(values)
     }
 
-    fn jumped_while_learning(&self, limits: Limits, values: u32) -> bool {
+    fn jumped_while_learning(&self, values: u32) -> bool {
         let mut noise = f64::from(self.changes[0].1.min(self.changes[1].1));
         self.changes.into_iter().any(|(changed, at_least_half)| {
-            let jumped = f64::from(changed) > limits.allowed(noise, values);
+            let jumped = f64::from(changed) > allowed(noise, values);
             noise = f64::from(at_least_half).max(FADING * noise);
             jumped
         })
-    }
-
-    /// Maximum number of values that may change in an uncovered cell.
-    fn allowed(&self, limits: Limits, values: u32) -> f64 {
-        limits.allowed(self.noise, values)
     }
 
     /// The most that its mean may shift.
@@ -144,36 +145,23 @@ const MAX_HIDDEN_LOOKS: u32 = 120;
 /// Share of changed values below which the shift of the mean is not worth its computation.
 const MIN_CHANGED_SHARE: f64 = 0.1;
 
-/// Limits where time runs.
-#[derive(Debug, Clone, Copy)]
-struct Limits {
-    /// Minimum difference of a changed value (a pixel's byte).
-    level: u8,
-    /// Minimum share of changed values in a covered cell, beyond its noise.
-    share: f64,
-    /// Maximum share of values that the scene itself changes in a calm cell.
-    restless: f64,
-}
+/// A value (a pixel's byte) that differs by no more has not changed: streaks of rain change a few pixels per cell by up to a tenth of the
+/// way to their own grey.
+const LEVEL: u8 = 8;
+/// Minimum share of changed values in a covered cell, beyond its noise.
+const COVERED_SHARE: f64 = 0.33;
+/// Maximum share of values that the scene itself changes in a calm cell.
+const RESTLESS_SHARE: f64 = 0.25;
 
-impl Limits {
-    /// Maximum changed values in a cell with this noise.
-    fn allowed(self, noise: f64, values: u32) -> f64 {
-        1.5 * noise + f64::from(values) * self.share
-    }
-
-    // Streaks of rain change a few pixels per cell by up to a tenth of the way to their own grey.
-    const RUNNING: Self = Self {
-        level: 8,
-        share: 0.33,
-        restless: 0.25,
-    };
+/// Maximum changed values in a cell with this noise that is not covered.
+fn allowed(noise: f64, values: u32) -> f64 {
+    1.5 * noise + f64::from(values) * COVERED_SHARE
 }
 
 /// The scene before a resting camera while time runs.
 #[derive(Debug)]
 pub(crate) struct RunningScene {
     grid: Grid,
-    limits: Limits,
     cells: Vec<Cell>,
     /// The scene uncovered: the last image before the cover.
     uncovered: Vec<u8>,
@@ -181,8 +169,7 @@ pub(crate) struct RunningScene {
     latest: Vec<u8>,
     /// True until the first image has been examined.
     is_new: bool,
-    /// Number of images in which no part of the cover could be judged.
-    hidden_looks: u32,
+    hidden: HiddenCover,
     standing_still: StandingStill,
 }
 
@@ -195,9 +182,8 @@ impl RunningScene {
             uncovered: vec![0; grid.bytes()],
             latest: vec![0; grid.bytes()],
             is_new: true,
-            hidden_looks: 0,
+            hidden: HiddenCover::default(),
             standing_still: StandingStill::new(grid.cells()),
-            limits: Limits::RUNNING,
             grid,
         }
     }
@@ -216,7 +202,7 @@ impl RunningScene {
             };
         }
         self.standing_still = StandingStill::new(self.cells.len());
-        self.hidden_looks = 0;
+        self.hidden = HiddenCover::default();
         self.is_new = false;
     }
 
@@ -241,12 +227,11 @@ impl RunningScene {
             return Ok(());
         }
         let touched = self.grid.touched(moving);
-        let level = self.limits.level;
-        let changes = self.grid.changes(rgb, &self.latest, level);
-        let standing = self
-            .standing_still
-            .look(&self.grid, &changes.differs, &touched);
-        if !changes.differs.contains(&true) {
+        let [beyond_level, beyond_half, differing] =
+            (self.grid).changed(rgb, &self.latest, [LEVEL, LEVEL / 2, 0]);
+        let differs: Vec<bool> = differing.iter().map(|values| *values > 0).collect();
+        let standing = self.standing_still.look(&self.grid, &differs, &touched);
+        if !differs.contains(&true) {
             // The same frame once more: it adds no information.
             return self.verdict(&[], standing);
         }
@@ -267,7 +252,7 @@ impl RunningScene {
                 continue;
             }
             let before = self.cells[at];
-            let changed = (changes.beyond_level[at], changes.beyond_half[at]);
+            let changed = (beyond_level[at], beyond_half[at]);
             let jumped = self.jumps(at, rgb, changed);
             if before.is_learning() {
                 learning.push(at);
@@ -284,14 +269,19 @@ impl RunningScene {
             }
             released |= before.covered && !self.cells[at].covered;
         }
-        self.grow(newly_covered, &changes.beyond_level);
+        self.grow(newly_covered, &beyond_level);
         if 2 * jumped_again > still_covered.len() && self.is_as_before(rgb, &still_covered) {
             for at in still_covered {
                 self.set_aside(at);
             }
             released = true;
         }
-        self.decide_on_hidden(&hidden, released);
+        let covered = self.cells.iter().filter(|cell| cell.covered).count();
+        if self.hidden.has_gone(hidden.len(), covered, released) {
+            for at in hidden {
+                self.set_aside(at);
+            }
+        }
         if was_covered || self.is_covered() {
             self.learn_nothing(&learning, &renewed);
         } else {
@@ -308,28 +298,24 @@ impl RunningScene {
 
     /// True if a cell changed suddenly: in this image, or while its noise was learnt.
     fn jumps(&mut self, at: usize, rgb: &[u8], (changed, at_least_half): (u32, u32)) -> bool {
-        let (limits, values) = (self.limits, self.grid.values(at));
+        let values = self.grid.values(at);
         let is_learning = self.cells[at].is_learning();
         let (mut before, mut now) = (0.0, 0.0);
         if is_learning || f64::from(at_least_half) > MIN_CHANGED_SHARE * f64::from(values) {
             before = self.grid.mean(at, &self.latest);
             now = self.grid.mean(at, rgb);
         }
-        let since_uncovered = || {
-            let changed = self
-                .grid
-                .changed_in_cell(at, rgb, &self.uncovered, limits.level);
-            f64::from(changed)
-        };
+        let since_uncovered =
+            || f64::from(self.grid.changed_in_cell(at, rgb, &self.uncovered, LEVEL));
         let cell = &mut self.cells[at];
         if is_learning {
             if std::mem::take(&mut cell.outdated) {
                 return false;
             }
             cell.learn((changed, at_least_half), before, now);
-            let came = !cell.is_learning() && cell.has_learnt(limits, values);
+            let came = !cell.is_learning() && cell.has_learnt(values);
             // The cover that came may have gone again.
-            cell.covered = came && since_uncovered() > cell.allowed(limits, values);
+            cell.covered = came && since_uncovered() > allowed(cell.noise, values);
             return came;
         }
         let shift = (now - before).abs();
@@ -337,7 +323,7 @@ impl RunningScene {
             (cell.noise, cell.shift) = (f64::from(at_least_half), shift);
             return false;
         }
-        let allowed = cell.allowed(limits, values);
+        let allowed = allowed(cell.noise, values);
         let jumped = f64::from(changed) > allowed || shift > cell.allowed_shift();
         if cell.covered {
             let shift = (self.grid.mean(at, rgb) - self.grid.mean(at, &self.uncovered)).abs();
@@ -357,9 +343,9 @@ impl RunningScene {
         let mut cells = newly_covered.clone();
         for at in newly_covered {
             for beside in self.grid.around(at) {
-                let (limits, values) = (self.limits, self.grid.values(beside));
+                let values = self.grid.values(beside);
                 let cell = &mut self.cells[beside];
-                let allowed = cell.allowed(limits, values);
+                let allowed = allowed(cell.noise, values);
                 let may_be = cell.known && !cell.covered && !cell.is_learning();
                 if may_be && f64::from(changed[beside]) > PARTLY * allowed {
                     cell.covered = true;
@@ -369,23 +355,6 @@ impl RunningScene {
         }
         for at in cells {
             self.grid.copy_cell(at, &self.latest, &mut self.uncovered);
-        }
-    }
-
-    /// Covered cells through which something moves cannot be judged. They count as covered until the others are seen to be free, or for
-    /// some time if there are no others.
-    fn decide_on_hidden(&mut self, hidden: &[usize], released: bool) {
-        let covered = self.cells.iter().filter(|cell| cell.covered).count();
-        if hidden.is_empty() || covered > hidden.len() {
-            self.hidden_looks = 0;
-            return;
-        }
-        self.hidden_looks += 1;
-        if released || self.hidden_looks > MAX_HIDDEN_LOOKS {
-            self.hidden_looks = 0;
-            for at in hidden {
-                self.set_aside(*at);
-            }
         }
     }
 
@@ -432,7 +401,6 @@ impl RunningScene {
         }
         let appeared = self.grid.largest(cells).map(|rectangle| Cover {
             rectangle,
-            kind: CoverKind::Appeared,
             pictures_before: if came_while_learning.is_empty() {
                 0
             } else {

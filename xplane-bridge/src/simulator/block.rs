@@ -27,12 +27,14 @@ use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, FrameHeader, PictureBytes, PooledPicture,
     Request,
 };
-use crate::pixels::still_scene::{CoverWatch, Covered, Verdict, WorldTime};
+use crate::pixels::still_scene::{CoverWatch, Covered, WorldTime};
 use crate::pixels::{CodedPicture, PixelError, Rectangle};
 use crate::profile::Profile;
 use aircraft_place::{aircraft_place, displaced};
-use sequence::{Scene, Sequence, Show, Taken};
+pub(super) use probe::changed_pixels;
+use sequence::{Known, Scene, Sequence, Show, Taken};
 use shadow::shadow_place;
+pub(super) use trial::Lagging;
 pub use trial::{BlockTrial, KnownBlocks};
 
 /// Memory for the images between two probes, bytes.
@@ -71,6 +73,25 @@ pub struct BlockOfTicks<'a> {
     pub camera: CameraPose,
     /// Size of the images, pixels.
     pub size_px: (u32, u32),
+}
+
+impl BlockOfTicks<'_> {
+    /// The request for a tick, by its place in the block.
+    fn request(&self, at: u32, deliver: Deliver) -> CaptureRequest {
+        let tick = self.first_tick + at;
+        let FlightState { pose, controls, .. } = self.states[at as usize];
+        CaptureRequest {
+            tick,
+            time_ns: self.frame_rate.time_of_tick(tick).0,
+            view: self.view,
+            pose,
+            controls,
+            camera: self.camera,
+            width_px: self.size_px.0,
+            height_px: self.size_px.1,
+            deliver,
+        }
+    }
 }
 
 /// Report on a recorded block.
@@ -146,27 +167,21 @@ impl Simulator {
             .map(|tick| displaced(&block.camera, block.size_px, block.states, tick))
             .map(|elsewhere| elsewhere.map(|displaced| displaced.place))
             .collect();
-        let (known_lag, is_measured) = self.known_blocks.lag(block.view);
-        let mut sequence = Sequence::new(
+        let moves = self.known_blocks.scene_moves
+            || (self.profile.current()).is_some_and(Profile::pictures_move);
+        let (lag, is_measured) = self.known_blocks.lag(block.view);
+        Sequence::new(
             block.states.len() as u32,
             pictures_at_once(block.size_px) as u32,
             self.frames_to_settle(),
-            known_lag,
+            Known {
+                lag,
+                is_measured,
+                numbers_repeat: self.known_blocks.numbers_repeat,
+                scene_moves: moves && !self.time_runs(),
+            },
             Box::new(move |tick| places.get(tick as usize).copied().flatten()),
-        );
-        if is_measured {
-            sequence.begin_with_known_lag();
-        }
-        if self.known_blocks.numbers_repeat {
-            sequence.begin_with_two_frames();
-        }
-        let profile = self.profile.current();
-        if !self.time_runs()
-            && (self.known_blocks.scene_moves || profile.is_some_and(Profile::pictures_move))
-        {
-            sequence.expect_motion();
-        }
-        sequence
+        )
     }
 
     fn shadow_on_ground(
@@ -289,12 +304,17 @@ impl BlockRecording<'_> {
                         self.see(grabbed?)?;
                     }
                 } else {
-                    let grabbed = timeout(NO_CODE_TIMEOUT, self.simulator.grabs.next()).await;
-                    self.see(grabbed.map_err(|_| self.no_code(NO_CODE_TIMEOUT))??)?;
+                    let grabbed = self.next_grab().await?;
+                    self.see(grabbed)?;
                 }
                 self.simulator.check_settings()?;
             }
         })
+    }
+
+    async fn next_grab(&mut self) -> Result<CodedPicture, PixelError> {
+        let grabbed = timeout(NO_CODE_TIMEOUT, self.simulator.grabs.next()).await;
+        grabbed.map_err(|_| self.no_code(NO_CODE_TIMEOUT))?
     }
 
     /// Report on the recording. Complete after the last image.
@@ -377,9 +397,7 @@ impl BlockRecording<'_> {
             self.simulator.grabs.rest(false);
             let until = Instant::now() + WATCH_TIME;
             while Instant::now() < until {
-                let grabbed = timeout(NO_CODE_TIMEOUT, self.simulator.grabs.next()).await;
-                let CodedPicture { code, rgb } =
-                    grabbed.map_err(|_| self.no_code(NO_CODE_TIMEOUT))??;
+                let CodedPicture { code, rgb } = self.next_grab().await?;
                 let near = self.drawn.keys().next_back();
                 if let (Some(near), Some(rgb)) = (near, rgb) {
                     let number = code.number_near(*near);
@@ -443,34 +461,15 @@ impl BlockRecording<'_> {
     }
 
     fn request(&self, show: Show) -> CaptureRequest {
-        let BlockOfTicks {
-            first_tick,
-            states,
-            frame_rate,
-            view,
-            camera,
-            size_px,
-        } = self.block;
-        let (Show::Tick(at) | Show::Probe(at)) = show;
-        let state = &states[at as usize];
-        let elsewhere = || displaced(&camera, size_px, states, at as usize);
-        let (pose, deliver) = match show {
-            Show::Tick(_) => (state.pose, Deliver::Coded),
-            Show::Probe(_) => (
-                elsewhere().map_or(state.pose, |displaced| displaced.pose),
-                Deliver::Probe,
-            ),
-        };
-        CaptureRequest {
-            tick: first_tick + at,
-            time_ns: frame_rate.time_of_tick(first_tick + at).0,
-            view,
-            pose,
-            controls: state.controls,
-            camera,
-            width_px: size_px.0,
-            height_px: size_px.1,
-            deliver,
+        let block = &self.block;
+        match show {
+            Show::Tick(at) => block.request(at, Deliver::Coded),
+            Show::Probe(at) => {
+                let request = block.request(at, Deliver::Probe);
+                let elsewhere = displaced(&block.camera, block.size_px, block.states, at as usize);
+                let pose = elsewhere.map_or(request.pose, |displaced| displaced.pose);
+                CaptureRequest { pose, ..request }
+            }
         }
     }
 
@@ -502,31 +501,28 @@ impl BlockRecording<'_> {
     fn see(&mut self, grabbed: CodedPicture) -> Result<(), BridgeError> {
         let CodedPicture { code, rgb } = grabbed;
         let near = self.drawn.keys().next_back().copied();
-        match near {
-            // Left over from an earlier block.
-            _ if code.view != self.block.view % 16 => {}
-            None => {}
-            Some(near) => {
-                let number = code.number_near(near);
-                let is_later = self.last_look.is_none_or(|last| number > last);
-                if let (Some(rgb), true) = (&rgb, is_later) {
-                    self.last_look = Some(number);
-                    if let Some(from_frame) = self.covered_from(number, rgb)? {
-                        return self.take_again(from_frame);
-                    }
-                }
-                let picture = rgb.map(|rgb| Grabbed {
-                    rgb,
-                    width_px: self.block.size_px.0,
-                    time_runs: self.simulator.time_runs(),
-                });
-                self.let_settle(number);
-                let was_settling = self.sequence.is_settling();
-                self.sequence.seen(number, code.steady, picture);
-                if was_settling && !self.sequence.is_settling() {
-                    self.has_settled()?;
-                }
+        // Left over from an earlier block.
+        let Some(near) = near.filter(|_| code.view == self.block.view % 16) else {
+            return Ok(());
+        };
+        let number = code.number_near(near);
+        let is_later = self.last_look.is_none_or(|last| number > last);
+        if let (Some(rgb), true) = (&rgb, is_later) {
+            self.last_look = Some(number);
+            if let Some(from_frame) = self.covered_from(number, rgb)? {
+                return self.take_again(from_frame);
             }
+        }
+        let picture = rgb.map(|rgb| Grabbed {
+            rgb,
+            width_px: self.block.size_px.0,
+            time_runs: self.simulator.time_runs(),
+        });
+        self.let_settle(number);
+        let was_settling = self.sequence.is_settling();
+        self.sequence.seen(number, code.steady, picture);
+        if was_settling && !self.sequence.is_settling() {
+            self.has_settled()?;
         }
         if self.sequence.is_hopeless() {
             return Err(PixelError::NoBlocks(
@@ -567,10 +563,7 @@ impl BlockRecording<'_> {
             self.covers.watch(number, rgb, &moving);
             return Ok(None);
         }
-        match self.covers.look(number, rgb, &moving, Instant::now())? {
-            Verdict::Clear => Ok(None),
-            Verdict::Covered { from_frame } => Ok(Some(from_frame)),
-        }
+        self.covers.look(number, rgb, &moving, Instant::now())
     }
 
     fn take_again(&mut self, from_frame: u64) -> Result<(), BridgeError> {
@@ -578,12 +571,8 @@ impl BlockRecording<'_> {
             return Ok(());
         }
         let rectangle = self.covers.covered_for(Duration::ZERO, Instant::now());
-        let rectangle = rectangle.unwrap_or(Rectangle {
-            x_px: 0,
-            y_px: 0,
-            width_px: self.block.size_px.0,
-            height_px: self.block.size_px.1,
-        });
+        let (width_px, height_px) = self.block.size_px;
+        let rectangle = rectangle.unwrap_or(Rectangle::between(0, 0, width_px, height_px));
         Err(PixelError::CoveredBefore { rectangle }.into())
     }
 
@@ -666,13 +655,8 @@ struct Grabbed {
 
 impl Scene for Grabbed {
     fn part(&self, area: Rectangle) -> Vec<u8> {
-        let mut part = Vec::with_capacity((area.width_px * area.height_px * 3) as usize);
-        for y in area.y_px..area.bottom_px() {
-            let row = (y * self.width_px) as usize * 3;
-            let (from, to) = (area.x_px as usize * 3, area.right_px() as usize * 3);
-            part.extend_from_slice(self.rgb.get(row + from..row + to).unwrap_or_default());
-        }
-        part
+        let rows = area.rows(self.width_px).filter_map(|row| self.rgb.get(row));
+        rows.flatten().copied().collect()
     }
 
     fn is_same_as(&self, other: &Self) -> bool {

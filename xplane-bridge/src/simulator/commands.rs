@@ -1,15 +1,9 @@
-//! Commands, which have no answer over UDP: by the Web API or the capture link, which acknowledge them, or repeated until their
-//! effect shows.
+//! Commands, which have no answer over UDP: repeated until their effect shows, or by the capture link, which acknowledges them.
 
 use std::time::Duration;
 
-use tokio::time::Instant;
-
 use super::{SWITCH_TIMEOUT, Simulator, wrong};
-use crate::datarefs::{
-    APPROACH_SWITCHES, AUTOPILOT_MODE, AutopilotSwitch, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON,
-    COMMAND_SERVOS_ON, DatarefWrite, PAUSED,
-};
+use crate::datarefs::{COMMAND_PAUSE_OFF, DatarefWrite, PAUSED};
 use crate::error::{BridgeError, reads};
 use crate::link::{Answer, Request};
 
@@ -19,103 +13,34 @@ const ATTEMPTS: u32 = 8;
 const EFFECT_TIMEOUT: Duration = Duration::from_millis(500);
 
 impl Simulator {
-    /// Stops the simulator's time.
-    ///
-    /// # Errors
-    /// [`BridgeError::NotTaken`] if it does not stop.
-    pub async fn pause(&mut self) -> Result<(), BridgeError> {
-        self.command_until(COMMAND_PAUSE_ON, &DatarefWrite::new(PAUSED, 1.0))
-            .await
-    }
-
     /// Lets the simulator's time run.
     ///
     /// # Errors
     /// [`BridgeError::NotTaken`] if it does not run.
     pub async fn resume(&mut self) -> Result<(), BridgeError> {
-        self.command_until(COMMAND_PAUSE_OFF, &DatarefWrite::new(PAUSED, 0.0))
-            .await
-    }
-
-    /// Engages the autopilot on the landing system, command by command, for a simulator that serves its link without a plugin: our plugin
-    /// does the same once the aircraft is in the air. Most commands are toggle buttons. So each is sent only while its state is known to be
-    /// off; a state that does not arrive is requested again, not taken for off.
-    pub(super) async fn engage_approach(&mut self) -> Result<(), BridgeError> {
-        for switch in APPROACH_SWITCHES {
-            let command = switch.command;
-            let mut found = self.state_of(&switch, false).await?;
-            for _ in 0..ATTEMPTS {
-                match found.0 {
-                    Some(true) => break,
-                    Some(false) => {
-                        self.command(command).await?;
-                        found = self.state_of(&switch, true).await?;
-                    }
-                    None => found = self.state_of(&switch, false).await?,
-                }
-            }
-            match found {
-                (Some(true), _) => {}
-                // The servos are reliable; aircraft differ in how they show the modes. The flight shows whether they are on.
-                (_, values) if command != COMMAND_SERVOS_ON => {
-                    tracing::warn!(command, ?values, "the autopilot does not show it");
-                }
-                (_, values) => {
-                    let effect = DatarefWrite::new(AUTOPILOT_MODE, 2.0);
-                    let found = values.first().copied().flatten();
-                    return Err(without_effect(command, &effect, found));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// State of an autopilot function, if it can be read, with the values read. With `effect` it waits until the function is on; without,
-    /// it takes the first values.
-    async fn state_of(
-        &mut self,
-        switch: &AutopilotSwitch,
-        effect: bool,
-    ) -> Result<(Option<bool>, Vec<Option<f32>>), BridgeError> {
-        let names: Vec<&str> = switch.datarefs().collect();
-        let is_on = |values: &[Option<f32>]| {
-            switch.is_on(|name| {
-                let at = names.iter().position(|known| *known == name)?;
-                values.get(at).copied().flatten()
-            })
-        };
-        let deadline = Instant::now() + EFFECT_TIMEOUT;
-        let values = self
-            .udp
-            .read_until(&names, deadline, |values| match is_on(values) {
-                Some(false) => !effect,
-                on => on.is_some(),
-            })
-            .await?;
-        Ok((is_on(&values), values))
-    }
-
-    /// Repeats a command until a dataref shows its effect; sends none if it already does.
-    async fn command_until(
-        &mut self,
-        command: &str,
-        effect: &DatarefWrite,
-    ) -> Result<(), BridgeError> {
-        let shows = |value| effect.is_met_by(value);
-        let read = self.udp.read_one(&effect.name, EFFECT_TIMEOUT, |_| true);
-        let mut found = read.await?;
+        let effect = DatarefWrite::new(PAUSED, 0.0);
+        let runs = |value| effect.is_met_by(value);
+        let mut found = self.udp.read_one(PAUSED, EFFECT_TIMEOUT, |_| true).await?;
         for _ in 0..ATTEMPTS {
-            if found.is_some_and(shows) {
+            if found.is_some_and(runs) {
                 return Ok(());
             }
-            self.command(command).await?;
-            let read = self.udp.read_one(&effect.name, EFFECT_TIMEOUT, shows);
-            found = read.await?;
+            self.udp.command(COMMAND_PAUSE_OFF).await?;
+            found = self.udp.read_one(PAUSED, EFFECT_TIMEOUT, runs).await?;
         }
-        if found.is_some_and(shows) {
+        if found.is_some_and(runs) {
             return Ok(());
         }
-        Err(without_effect(command, effect, found))
+        Err(BridgeError::NotTaken {
+            text: format!(
+                "command {COMMAND_PAUSE_OFF} was sent {ATTEMPTS} times, but dataref {PAUSED} {}, expected 0. Close menus and dialogs in \
+                 X-Plane, and run no other plugin that undoes it",
+                reads(found, "never answered")
+            ),
+            name: effect.name,
+            wanted: effect.value,
+            found,
+        })
     }
 
     /// Runs a command whose effect no dataref shows, exactly once: by the capture link, which acknowledges it.
@@ -133,42 +58,5 @@ impl Simulator {
             }
             Err(error) => Err(error),
         }
-    }
-
-    async fn command(&mut self, command: &str) -> Result<(), BridgeError> {
-        if self.command_by_web_api(command).await {
-            Ok(())
-        } else {
-            self.udp.command(command).await
-        }
-    }
-
-    /// Returns true if the Web API did it.
-    async fn command_by_web_api(&self, command: &str) -> bool {
-        let Some(api) = self.web_api.as_ref().filter(|api| api.has_commands()) else {
-            return false;
-        };
-        match api.command(command).await {
-            Ok(()) => true,
-            Err(error) => {
-                tracing::warn!(command, %error, "sent over UDP instead");
-                false
-            }
-        }
-    }
-}
-
-fn without_effect(command: &str, effect: &DatarefWrite, found: Option<f32>) -> BridgeError {
-    BridgeError::NotTaken {
-        name: effect.name.clone(),
-        wanted: effect.value,
-        found,
-        text: format!(
-            "command {command} was sent {ATTEMPTS} times, but dataref {} {}, expected {}. Close menus and dialogs in X-Plane, and run no other \
-             plugin that undoes it",
-            effect.name,
-            reads(found, "never answered"),
-            effect.value
-        ),
     }
 }

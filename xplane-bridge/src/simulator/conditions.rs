@@ -71,8 +71,9 @@ impl Simulator {
 
     /// Weather in the units that this simulator was measured to use.
     fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        match self.profile.current() {
-            Some(profile) => profile.in_its_units(writes),
+        let profile = self.profile.current();
+        match profile.and_then(|profile| profile.wind_unit.found()) {
+            Some(unit) => unit.applied_to(writes),
             None => writes,
         }
     }

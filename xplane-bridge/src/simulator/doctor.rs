@@ -7,8 +7,8 @@
 //!
 //! It is part of this crate because it measures with private functions of the client, such as writing a dataref until it holds.
 
-mod complaints;
 mod eyes;
+mod installation;
 mod lockstep;
 mod measure;
 mod next;
@@ -26,6 +26,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::conditions::Clock;
+use dataset::geometry::runway::Runway;
 use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 
@@ -177,6 +178,8 @@ pub struct DoctorOptions {
     pub measuring: Measuring,
     /// The planned recording, if known.
     pub intent: Option<Intent>,
+    /// Measure what nobody knows, with a landing on this runway.
+    pub first_hour: Option<Runway>,
 }
 
 impl DoctorOptions {
@@ -191,27 +194,30 @@ impl DoctorOptions {
             local_udp: LocalUdp::default(),
             measuring: Measuring::Once,
             intent: None,
+            first_hour: None,
         }
     }
 }
 
 /// Names of the checks that need UDP answers, for reporting them as skipped.
-const OVER_UDP: [&str; 6] = [
+const OVER_UDP: [&str; 5] = [
     "version",
     "web api",
     "datarefs readable",
     "datarefs writable",
     "commands",
-    "frame rate",
 ];
 /// Names of the checks that need a capture link.
-const OVER_LINK: [&str; 7] = [
-    "complaints",
+const OVER_LINK: [&str; 10] = [
     "pixels",
     "window",
+    installation::NAMES[0],
+    installation::NAMES[1],
+    installation::NAMES[2],
     "terrain",
     "profile",
     "lockstep",
+    pictures::controls::NAME,
     "release",
 ];
 
@@ -291,22 +297,14 @@ impl Examination<'_> {
         self.note(Check::ok("udp", format!("{usual} answers")));
         let generation = Generation::of_version(version);
         self.note(talk::version_check(version));
-        let api = match generation {
-            Generation::XPlane11 => {
-                self.note(Check::skipped("web api", "X-Plane 11 has none"));
-                None
-            }
-            Generation::XPlane12 => {
-                let (check, api) = talk::web::check(web_api, talk.capture_port().await).await;
-                self.note(check);
-                api
-            }
-        };
-        let readable = readable::check(&mut talk, generation, api.as_ref()).await;
+        self.note(match generation {
+            Generation::XPlane11 => Check::skipped("web api", "X-Plane 11 has none"),
+            Generation::XPlane12 => talk::web::check(web_api, talk.capture_port().await).await,
+        });
+        let readable = readable::check(&mut talk, generation).await;
         let writable = talk.writable().await;
         let commands = talk.commands().await;
-        let frame_rate = talk.frame_rate().await;
-        for check in [readable, writable, commands, frame_rate] {
+        for check in [readable, writable, commands] {
             self.note(check);
         }
         for check in state::checks(&mut talk).await {
@@ -339,15 +337,17 @@ impl Examination<'_> {
     ) {
         let description = simulator.description().clone();
         self.note(plugin(&description));
-        let complaints = complaints::check(&mut simulator).await;
-        self.note(complaints);
         self.note(pixels(&description));
         let intent = options.intent.as_ref();
-        let (check, grabbing) = window::check(&mut simulator, &options.screen, intent).await;
-        self.note(check);
+        let window = window::check(&mut simulator, &options.screen, intent).await;
+        self.note(window);
+        // After the check pattern: the plugin then knows who draws for it.
+        for check in installation::checks(&mut simulator).await {
+            self.note(check);
+        }
         let Some((place, clock)) = here else {
             self.skip(
-                &["terrain", "profile", "lockstep"],
+                &["terrain", "profile", "lockstep", pictures::controls::NAME],
                 "the simulator does not say where its aircraft is",
             );
             let released = simulator.release().await;
@@ -356,9 +356,15 @@ impl Examination<'_> {
         };
         self.note(lockstep::terrain(&mut simulator, &place).await);
         let note = &mut |check| self.note(check);
-        measure::measure(&mut simulator, place, grabbing, options, note).await;
-        let running_at = simulator.running_clock(clock);
+        measure::measure(&mut simulator, place, options, note).await;
+        let running_at = simulator.time_has_to_run().then_some(clock);
         self.note(lockstep::lockstep(&mut simulator, &place, running_at).await);
+        let drawn = pictures::controls::check(&mut simulator, &place, running_at).await;
+        self.note(drawn);
+        if let Some(runway) = &options.first_hour {
+            let note = &mut |check| self.note(check);
+            pace::first_hour::measure(&mut simulator, &place, runway, options, note).await;
+        }
         let released = simulator.release().await;
         self.note(release(released));
     }

@@ -18,7 +18,7 @@ use tokio::time::{Instant, sleep};
 use super::Simulator;
 use crate::datarefs::{
     AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, AIRCRAFT_WIDTH_M, AircraftFile, COMMAND_TOGGLE_MAIN_MENU,
-    FLIGHT_TIME_S, Generation, aircraft_file,
+    FLIGHT_TIME_S, aircraft_file, icao_of,
 };
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
@@ -46,17 +46,6 @@ const READY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Accepted ratio of X-Plane's approximate aircraft size to the type's.
 const SIZE_RATIOS: std::ops::RangeInclusive<f64> = 0.4..=1.6;
 
-/// Means of starting flights.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Starter {
-    /// X-Plane 12.4's Web API.
-    WebApi,
-    /// Our plugin.
-    Plugin,
-    /// `PREL`.
-    Udp,
-}
-
 impl Simulator {
     /// Ensures that a flight is loaded, with the scenario's aircraft, where its images are taken or its approach starts, with the scenery
     /// there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or of the wrong type.
@@ -76,7 +65,7 @@ impl Simulator {
                 Some(here) => here.distance_m(start.position.lat_lon()) < NEAR_M,
                 None => false,
             };
-            if live || !near || !self.has_the_aircraft().await? {
+            if live || !near || self.other_aircraft().await?.is_some() {
                 let in_the_air = self.begin_flight(start, Some(conditions)).await?;
                 self.begun = Some((*start, in_the_air));
             }
@@ -116,7 +105,7 @@ impl Simulator {
         )))
     }
 
-    async fn read_soon(&mut self, name: &str) -> Result<Option<f32>, BridgeError> {
+    async fn read_soon(&self, name: &str) -> Result<Option<f32>, BridgeError> {
         self.udp.read_one(name, READY_TIMEOUT, |_| true).await
     }
 
@@ -128,18 +117,6 @@ impl Simulator {
         Ok(found.filter(plausible).as_ref().map(lat_lon))
     }
 
-    /// The means of starting flights here.
-    pub(super) fn starter(&self, conditions: Option<&Conditions>) -> Starter {
-        let has_flights = self.web_api.as_ref().is_some_and(WebApi::has_flights);
-        if has_flights && self.aircraft_file().is_some() && conditions.is_some() {
-            Starter::WebApi
-        } else if self.description.plugin.is_some() {
-            Starter::Plugin
-        } else {
-            Starter::Udp
-        }
-    }
-
     /// Starts a flight, once. Returns true if the aircraft is then in the air, false if it must be placed there before it is flown. A
     /// plugin holds it there afterwards.
     pub(super) async fn begin_flight(
@@ -147,10 +124,15 @@ impl Simulator {
         start: &FlightStart,
         conditions: Option<&Conditions>,
     ) -> Result<bool, BridgeError> {
-        let starter = self.starter(conditions);
-        tracing::info!(?starter, "a flight begins");
+        let has_flights = self.web_api.as_ref().is_some_and(WebApi::has_flights);
+        let by_web_api = conditions.filter(|_| has_flights && self.aircraft_file().is_some());
+        tracing::info!(
+            by_web_api = by_web_api.is_some(),
+            plugin = self.description.plugin,
+            "a flight begins"
+        );
         let mut already_started = false;
-        if let (Starter::WebApi, Some(conditions)) = (starter, conditions) {
+        if let Some(conditions) = by_web_api {
             match self.start_by_web_api(start, conditions).await {
                 Ok(()) => already_started = true,
                 // Rejected: no flight has started.
@@ -201,8 +183,7 @@ impl Simulator {
             pitch_deg: 0.0,
         };
         let body = flight_body(&file.path, &air_start, conditions)?;
-        let before_s = self.udp.read_one(FLIGHT_TIME_S, READY_TIMEOUT, |_| true);
-        let before_s = before_s.await?.unwrap_or(f32::MAX);
+        let before_s = self.read_soon(FLIGHT_TIME_S).await?.unwrap_or(f32::MAX);
         let asked = Instant::now();
         match api.start_flight(&body).await {
             Ok(()) => {}
@@ -228,21 +209,22 @@ impl Simulator {
         }
     }
 
-    /// True if the scenario's aircraft is loaded. An unknown one, or a simulator that does not report it, is accepted.
-    async fn has_the_aircraft(&mut self) -> Result<bool, BridgeError> {
+    /// The scenario's aircraft, and the type that is loaded instead of it. An unknown one, or a simulator that does not report it, is
+    /// accepted.
+    async fn other_aircraft(&mut self) -> Result<Option<(AircraftFile, String)>, BridgeError> {
         let Some(file) = self.aircraft_file() else {
-            return Ok(true);
+            return Ok(None);
         };
         let found = self.loaded_icao().await?;
-        Ok(found.is_empty() || found == file.icao)
+        Ok((!found.is_empty() && found != file.icao).then_some((file, found)))
     }
 
     async fn check_aircraft(&mut self) -> Result<(), BridgeError> {
         let Some(file) = self.aircraft_file() else {
             return Ok(());
         };
-        if !self.has_the_aircraft().await? {
-            return Err(wrong_aircraft(&file, &self.loaded_icao().await?));
+        if let Some((file, found)) = self.other_aircraft().await? {
+            return Err(wrong_aircraft(&file, &found));
         }
         for (name, size_m) in [
             (AIRCRAFT_WIDTH_M, file.size_m.0),
@@ -263,13 +245,9 @@ impl Simulator {
 
     /// Loads the scenario's aircraft if the simulator has a different one. A simulator that does not report its aircraft is left alone.
     async fn load_aircraft(&mut self) -> Result<(), BridgeError> {
-        let Some(file) = self.aircraft_file() else {
+        let Some((file, found)) = self.other_aircraft().await? else {
             return Ok(());
         };
-        let found = self.loaded_icao().await?;
-        if found.is_empty() || found == file.icao {
-            return Ok(());
-        }
         tracing::info!(
             found,
             path = file.path.as_str(),
@@ -299,16 +277,10 @@ impl Simulator {
 
     /// Type of the loaded aircraft; empty if the simulator does not report it.
     async fn loaded_icao(&mut self) -> Result<String, BridgeError> {
-        let names: Vec<String> = (0..4).map(|i| format!("{AIRCRAFT_ICAO}[{i}]")).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let names = [0, 1, 2, 3].map(|at| format!("{AIRCRAFT_ICAO}[{at}]"));
+        let names = names.each_ref().map(String::as_str);
         let values = self.udp.read_all(&names, Duration::from_secs(1)).await?;
-        Ok(values
-            .into_iter()
-            .flatten()
-            .map(|value| value as u8)
-            .filter(u8::is_ascii_alphanumeric)
-            .map(char::from)
-            .collect())
+        Ok(icao_of(&values))
     }
 
     /// Checks that types can be drawn here, before anything is flown: X-Plane brings few of them along.
@@ -319,11 +291,10 @@ impl Simulator {
         &self,
         mut names: impl Iterator<Item = &'a str>,
     ) -> Result<(), BridgeError> {
-        let (generation, is_stand_in): (Generation, _) = (self.generation, self.is_stand_in());
         if self.description.replayed {
             return Ok(());
         }
-        let has = |name: &str| aircraft_file(name, generation, is_stand_in).is_some();
+        let has = |name: &str| self.file_of(name).is_some();
         match names.find(|name| !has(name)) {
             None => Ok(()),
             Some(lacking) => {
@@ -338,15 +309,14 @@ impl Simulator {
         }
     }
 
-    fn is_stand_in(&self) -> bool {
-        self.description.name == STAND_IN
+    /// The file of an aircraft, by its name in sweeps.
+    fn file_of(&self, name: &str) -> Option<AircraftFile> {
+        let is_stand_in = self.description.name == STAND_IN;
+        aircraft_file(name, self.generation, is_stand_in)
     }
 
     fn aircraft_file(&self) -> Option<AircraftFile> {
-        let generation: Generation = self.generation;
-        self.aircraft
-            .as_deref()
-            .and_then(|name| aircraft_file(name, generation, self.is_stand_in()))
+        self.file_of(self.aircraft.as_deref()?)
     }
 }
 

@@ -1,9 +1,9 @@
-//! The profile of this simulator: stored by its plugin, which also makes the measurements that only it can.
+//! The profile of this simulator, stored by its plugin.
 
-use super::{SWITCH_TIMEOUT, Simulator, wrong};
+use super::{SWITCH_TIMEOUT, Simulator};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
-use crate::profile::{CallbackOrders, Finding, KnownProfile, Pace, PacedBy, Profile, RecordedPace};
+use crate::profile::{Finding, KnownProfile, Pace, PacedBy, Profile, RecordedPace};
 
 impl Simulator {
     /// Lets the plugin store a profile; from now on it is used here as well.
@@ -64,23 +64,10 @@ impl Simulator {
         }
     }
 
-    /// The order of the plugin's callbacks in the next frames. Only after a capture.
-    ///
-    /// # Errors
-    /// There are no callbacks: a simulator that serves its link without a plugin.
-    pub(crate) async fn watch_callbacks(
-        &mut self,
-        frames: u32,
-    ) -> Result<CallbackOrders, BridgeError> {
-        let request = Request::WatchCallbacks { frames };
-        match self
-            .link
-            .ask("watching callbacks", &request, SWITCH_TIMEOUT)
-            .await?
-        {
-            Answer::Callbacks(orders) => Ok(orders),
-            other => Err(wrong("callbacks", &other)),
-        }
+    /// Lets everything run again, time as well, and stays connected.
+    pub(super) async fn go_on(&mut self) -> Result<(), BridgeError> {
+        self.let_go().await?;
+        self.resume().await
     }
 
     /// Lets everything run again, and stays connected.

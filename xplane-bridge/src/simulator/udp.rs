@@ -29,12 +29,7 @@ const WRITES_AT_ONCE: usize = 32;
 
 /// True if a simulator answers at an address within a time. No subscription remains.
 pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &LocalUdp) -> bool {
-    let Ok(udp) = SimulatorSocket::open(address, local).await else {
-        return false;
-    };
-    let read = udp.read_one(VERSION, within, |_| true).await;
-    udp.close().await;
-    matches!(read, Ok(Some(_)))
+    asked(address, VERSION, within, local).await.is_some()
 }
 
 /// Time at which the simulator at an address began to run, by its own clock; `None` if it does not answer in time.
@@ -43,12 +38,22 @@ pub(crate) async fn running_since(
     within: Duration,
     local: &LocalUdp,
 ) -> Option<Instant> {
+    let (running_s, at) = asked(address, RUNNING_TIME_S, within, local).await?;
+    at.checked_sub(Duration::try_from_secs_f32(running_s).ok()?)
+}
+
+/// A value of the simulator at an address, and when it came. No subscription remains.
+async fn asked(
+    address: SocketAddr,
+    name: &str,
+    within: Duration,
+    local: &LocalUdp,
+) -> Option<(f32, Instant)> {
     let udp = SimulatorSocket::open(address, local).await.ok()?;
-    let read = udp.read_one(RUNNING_TIME_S, within, |_| true).await;
-    let now = Instant::now();
+    let read = udp.read_one(name, within, |_| true).await;
+    let at = Instant::now();
     udp.close().await;
-    let running = Duration::try_from_secs_f32(read.ok()??).ok()?;
-    now.checked_sub(running)
+    Some((read.ok()??, at))
 }
 
 impl SimulatorSocket {

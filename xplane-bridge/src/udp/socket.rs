@@ -354,16 +354,13 @@ async fn bind_fixed(local: SocketAddr) -> Result<UdpSocket, BridgeError> {
 }
 
 /// The request that ends a subscription by its number alone.
-fn end_of(index: i32) -> SubscribeDataref {
-    SubscribeDataref {
+fn end_datagram(index: i32) -> Option<Vec<u8>> {
+    let end = SubscribeDataref {
         frequency_hz: 0,
         index,
         path: String::new(),
-    }
-}
-
-fn end_datagram(index: i32) -> Option<Vec<u8>> {
-    ToSimulator::SubscribeDataref(end_of(index)).encode().ok()
+    };
+    ToSimulator::SubscribeDataref(end).encode().ok()
 }
 
 fn failed(simulator: SocketAddr, error: &io::Error) -> BridgeError {

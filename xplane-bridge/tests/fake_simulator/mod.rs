@@ -8,10 +8,8 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::time::{Instant, interval};
 use xplane_bridge::datarefs::{
-    AIRCRAFT_ICAO, APPROACH_STATUS, AUTOPILOT_MODE, AUTOTHROTTLE, CAPTURE_PORT, CLOUD_COVER,
-    CLOUD_COVER_AT_AIRCRAFT, COMMAND_APPROACH, COMMAND_AUTOTHROTTLE_ON, COMMAND_GLIDE_SLOPE,
-    COMMAND_NAV, COMMAND_SERVOS_ON, COMMAND_TOGGLE_MAIN_MENU, FLIGHT_TIME_S, GLIDE_SLOPE_STATUS,
-    METERS_PER_STATUTE_MILE, NAV_STATUS, PAUSED, RAIN, RAIN_AT_AIRCRAFT, RUNNING_TIME_S,
+    AIRCRAFT_ICAO, CAPTURE_PORT, CLOUD_COVER, CLOUD_COVER_AT_AIRCRAFT, COMMAND_TOGGLE_MAIN_MENU,
+    FLIGHT_TIME_S, METERS_PER_STATUTE_MILE, PAUSED, RAIN, RAIN_AT_AIRCRAFT, RUNNING_TIME_S,
     SCENERY_LOADING, TEMPERATURE_C, VERSION, VISIBILITY_EFFECTIVE_M, VISIBILITY_SM,
     WEATHER_SETTLE_S, WIND_DIRECTION_AT_AIRCRAFT, WIND_SPEED_AT_AIRCRAFT,
 };
@@ -145,17 +143,6 @@ impl FakeState {
         }
     }
 
-    /// A toggle button of the autopilot.
-    fn press(&mut self, status: &str) {
-        let on = self.datarefs.get(status).is_some_and(|value| *value > 0.0);
-        self.set(status, if on { 0.0 } else { 1.0 });
-    }
-
-    /// True if a dataref reads above zero.
-    pub(crate) fn is_on(&self, name: &str) -> bool {
-        self.datarefs.get(name).is_some_and(|value| *value > 0.0)
-    }
-
     fn set_icao(&mut self, icao: &str) {
         for (at, character) in icao.bytes().enumerate() {
             self.set(&format!("{AIRCRAFT_ICAO}[{at}]"), f32::from(character));
@@ -266,11 +253,6 @@ fn obey(
                 _ if told.ignores_commands => {}
                 "sim/operation/pause_on" => told.set(PAUSED, 1.0),
                 "sim/operation/pause_off" => told.set(PAUSED, 0.0),
-                COMMAND_SERVOS_ON => told.set(AUTOPILOT_MODE, 2.0),
-                COMMAND_AUTOTHROTTLE_ON => told.set(AUTOTHROTTLE, 1.0),
-                COMMAND_NAV => told.press(NAV_STATUS),
-                COMMAND_GLIDE_SLOPE => told.press(GLIDE_SLOPE_STATUS),
-                COMMAND_APPROACH => told.press(APPROACH_STATUS),
                 _ => {}
             }
             told.commands.push(command.path);

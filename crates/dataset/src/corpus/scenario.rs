@@ -2,6 +2,7 @@
 
 pub mod other_flight;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -100,8 +101,52 @@ pub struct ScenarioRecord {
     /// The blocks of ticks for which the camera rested; missing if the camera was settled for each image separately.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blocks: Option<Blocks>,
+    /// What the images were drawn with; missing if the simulator does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub graphics: Option<Graphics>,
     /// Versions of the software that made it.
     pub versions: Versions,
+}
+
+/// What a simulator's images were drawn with, by its own files.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Graphics {
+    /// Device, driver, desktop session, graphics settings and scenery, by the simulator's names for them.
+    pub settings: BTreeMap<String, String>,
+    /// The exposure of the last image, at ISO 100: it adapts to the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure_ev100: Option<f64>,
+}
+
+impl Graphics {
+    /// Settings that are not the same in all these scenarios, each with its values and their scenarios, in their order.
+    pub fn changes<'a>(scenarios: impl IntoIterator<Item = (&'a str, &'a Self)>) -> Vec<String> {
+        let known: Vec<(&str, &Self)> = scenarios.into_iter().collect();
+        let names: BTreeSet<&String> = known
+            .iter()
+            .flat_map(|(_, it)| it.settings.keys())
+            .collect();
+        let change = |name: &String| {
+            let mut values: Vec<(&str, Vec<&str>)> = Vec::new();
+            for (id, graphics) in &known {
+                let value = graphics
+                    .settings
+                    .get(name)
+                    .map_or("missing", String::as_str);
+                match values.iter_mut().find(|(known, _)| *known == value) {
+                    Some((_, ids)) => ids.push(id),
+                    None => values.push((value, vec![id])),
+                }
+            }
+            let say = |(value, ids): &(&str, Vec<&str>)| match ids.as_slice() {
+                [id] => format!("{value} in {id}"),
+                ids => format!("{value} in {} and {} more", ids[0], ids.len() - 1),
+            };
+            let values: Vec<String> = values.iter().map(say).collect();
+            (values.len() > 1).then(|| format!("{name} is {}", values.join(", ")))
+        };
+        names.into_iter().filter_map(change).collect()
+    }
 }
 
 /// A recording in blocks: a view's camera rests for a block of ticks, while the aircraft moves from drawn frame to drawn frame; then the
@@ -252,5 +297,32 @@ impl ScenarioRecord {
             .iter()
             .find_map(|view| file_name::check(view).err());
         bad.map(|bad| format!("view {bad}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_that_changes_is_named_with_its_values_and_an_exposure_may_change() {
+        let drawn = |exposure_ev100, settings: &[(&str, &str)]| Graphics {
+            settings: (settings.iter())
+                .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()))
+                .collect(),
+            exposure_ev100: Some(exposure_ev100),
+        };
+        let first = drawn(12.0, &[("renopt_MSAA", "0"), ("Vulkan Driver", "596.21.0")]);
+        let again = drawn(4.0, &[("renopt_MSAA", "0"), ("Vulkan Driver", "596.21.0")]);
+        let other = drawn(12.0, &[("renopt_MSAA", "2")]);
+        assert_eq!(Graphics::changes([("a", &first), ("b", &again)]), [""; 0]);
+        let changes = Graphics::changes([("a", &first), ("b", &again), ("c", &other)]);
+        assert_eq!(
+            changes,
+            [
+                "Vulkan Driver is 596.21.0 in a and 1 more, missing in c",
+                "renopt_MSAA is 0 in a and 1 more, 2 in c"
+            ]
+        );
     }
 }

@@ -332,11 +332,8 @@ impl CaptureService {
             }
             // Its camera is never taken away, and it draws only on request.
             Request::StillShown => ready(Answer::Shown { still: true }),
-            Request::Complaints => {
-                refusal("the stand-in has no plugin, and complains about none".into())
-            }
-            Request::WatchCallbacks { .. } => {
-                refusal("the stand-in draws without a plugin: nobody is called back".into())
+            Request::Installation => {
+                refusal("the stand-in draws without drivers and plugins".into())
             }
             Request::Release => {
                 self.world.lock().release();
@@ -351,7 +348,7 @@ impl CaptureService {
     async fn fly(self: &Arc<Self>, request: FlyRequest) -> Pending {
         let (weather, aircraft) = {
             let mut world = self.world.lock();
-            if let Err(text) = world.check_autopilot(&request) {
+            if let Err(text) = world.engage_autopilot(&request) {
                 return refusal(text);
             }
             // A flight needs a flight model.

@@ -43,16 +43,24 @@ const OFFSET_ERROR: f64 = 0.01;
 /// tip comes into sight as the aircraft turns by half a degree, and moves the centre of brightness by 3 %; streaks of rain move a faint one
 /// as far.
 const OFFSET_ERROR_OF_LAMPS_AND_RAIN: f64 = 0.04;
+/// Images whose box moves by less in a tick are not decided, pixels.
+const MIN_MOTION_PX: f64 = 1.0;
 /// Number of places that are tried first for a lag's start.
 const TRIED_STARTS: usize = 128;
 /// Points on either side used to decide whether a point is out of line.
 const NEIGHBOURS: usize = 5;
 
-/// Names the first tick whose image is of a different tick, or single images that are.
-pub(super) fn check(points: &[Point], period_s: f64, file: &str, view: &str, faults: &mut Faults) {
+/// Names the first tick whose image is of a different tick, or single images that are. Returns the number of images that the next tick's
+/// would not have passed for.
+pub(super) fn check(
+    points: &[Point],
+    period_s: f64,
+    file: &str,
+    view: &str,
+    faults: &mut Faults,
+) -> usize {
     let Some((from, fit)) = out_of_step(points, period_s) else {
-        check_each(points, file, view, faults);
-        return;
+        return check_each(points, file, view, faults);
     };
     let (ahead, point) = (fit.ahead_ticks, &points[from]);
     let ahead_s = ahead.abs() * period_s;
@@ -65,6 +73,7 @@ pub(super) fn check(points: &[Point], period_s: f64, file: &str, view: &str, fau
         ahead_s * point.speed_mps,
     );
     faults.view_row(view, file, point.tick, "out of step", message);
+    0
 }
 
 /// The best-fitting start of the shift, if there is one. Tries some places first, then all around the best.
@@ -85,8 +94,8 @@ fn in_words(ahead: f64) -> &'static str {
     if ahead > 0.0 { "later" } else { "earlier" }
 }
 
-/// Single images that are out of line with their neighbours along the path of the aircraft.
-fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
+/// Names single images that are out of line with their neighbours along the path of the aircraft; returns how many can be decided.
+fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) -> usize {
     let out_of_line: Vec<Option<f64>> = (0..points.len())
         .map(|index| out_of_line(points, index))
         .collect();
@@ -96,22 +105,23 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
         found.filter_map(|(index, off_px)| Some((index, (*off_px)?)))
     };
     let Some(usual) = median_of(offs().map(|(index, off_px)| part(index, off_px).abs())) else {
-        return;
+        return 0;
     };
+    let mut decided = 0;
     for (index, off_px) in offs() {
         let point = &points[index];
-        let ticks = off_px / point.per_tick_px.length();
+        let (per_tick_px, size_px) = (point.per_tick_px.length(), point.size_px.max_element());
+        let ticks = off_px / per_tick_px;
         let near = &points[neighbourhood(points, index)];
         let error = if near.iter().all(|point| point.is_plain) {
             OFFSET_ERROR
         } else {
             OFFSET_ERROR_OF_LAMPS_AND_RAIN
         };
-        let sure_px = ERROR_PX * 3.0 + error * point.size_px.max_element();
-        if ticks.abs() >= MIN_TICKS
-            && off_px.abs() >= sure_px
-            && part(index, off_px).abs() >= 2.5 * MIN_STANDARD_ERRORS * usual
-        {
+        let of_errors_px = 2.5 * MIN_STANDARD_ERRORS * usual * size_px;
+        let sure_px = (ERROR_PX * 3.0 + error * size_px).max(of_errors_px);
+        decided += usize::from(per_tick_px >= sure_px.max(MIN_MOTION_PX));
+        if ticks.abs() >= MIN_TICKS && off_px.abs() >= sure_px {
             let message = format!(
                 "shows the aircraft {:.1} pixels from where it should be: where it is {:.1} ticks {}",
                 off_px.abs(),
@@ -121,6 +131,7 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
             faults.view_row(view, file, point.tick, "out of step", message);
         }
     }
+    decided
 }
 
 /// A point and those on either side.
@@ -234,6 +245,33 @@ mod tests {
     #[test]
     fn pictures_in_step_have_no_findings_though_they_are_off_the_middle() {
         assert_eq!(found(&approach(|_| 0.0)), []);
+    }
+
+    #[test]
+    fn every_picture_that_is_decided_would_be_found_if_it_were_of_the_next_tick_and_slow_ones_are_not_decided()
+     {
+        let decided = |points: &[Point]| {
+            let mut faults = Faults::of_scenario("0001");
+            check(points, 0.5, "views/left.mp4", "left", &mut faults)
+        };
+        let in_step = approach(|_| 0.0);
+        let is_found = |wrong: usize| {
+            let points = approach(|tick| if tick == wrong { 1.0 } else { 0.0 });
+            found(&points)
+                .iter()
+                .any(|(row, _)| *row == Some(wrong as u64))
+        };
+        let would_be_found = (0..in_step.len()).filter(|tick| is_found(*tick)).count();
+        assert!(would_be_found > 20, "{would_be_found}");
+        assert!(
+            decided(&in_step) <= would_be_found,
+            "{} {would_be_found}",
+            decided(&in_step)
+        );
+        assert!(decided(&in_step) + 3 >= would_be_found);
+        let mut slow = in_step;
+        slow.iter_mut().for_each(|point| point.per_tick_px *= 0.1);
+        assert_eq!(decided(&slow), 0);
     }
 
     #[test]

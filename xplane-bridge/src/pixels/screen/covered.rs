@@ -52,7 +52,7 @@ impl Hidden {
         if grabbed.rgb.len() != drawn.rgb.len() {
             return vec![true; self.cells.len()];
         }
-        let changed = self.grid.changed(&grabbed.rgb, &drawn.rgb, HIDDEN_LEVEL);
+        let [changed] = self.grid.changed(&grabbed.rgb, &drawn.rgb, [HIDDEN_LEVEL]);
         let is_hidden = |(at, changed): (usize, u32)| {
             f64::from(changed) > HIDDEN_SHARE * f64::from(self.grid.values(at))
         };

@@ -3,7 +3,7 @@
 //! Most scenes stand still in a pause, and their ranges have no width. Water has other values in every image. Trees, flags and lights may
 //! swing in seconds; whoever watches them for longer than their period knows all that they will show.
 
-use super::{Cover, CoverKind, MAX_HIDDEN_LOOKS};
+use super::{Cover, HiddenCover};
 use crate::pixels::Rectangle;
 use crate::pixels::cell_grid::Grid;
 
@@ -36,8 +36,7 @@ pub(crate) struct PausedScene {
     latest_touched: Vec<bool>,
     /// Images that a cell has to be watched in before it is judged.
     needed: u32,
-    /// Number of images in which no part of the cover could be judged.
-    hidden_looks: u32,
+    hidden: HiddenCover,
 }
 
 impl PausedScene {
@@ -51,7 +50,7 @@ impl PausedScene {
             latest: Vec::new(),
             latest_touched: Vec::new(),
             needed: 1,
-            hidden_looks: 0,
+            hidden: HiddenCover::default(),
             grid,
         }
     }
@@ -60,7 +59,7 @@ impl PausedScene {
     pub(crate) fn forget(&mut self) {
         self.cells.fill(Cell::default());
         self.high.copy_from_slice(&self.low);
-        (self.needed, self.hidden_looks) = (1, 0);
+        (self.needed, self.hidden) = (1, HiddenCover::default());
     }
 
     /// Watches an image that is not judged.
@@ -116,9 +115,9 @@ impl PausedScene {
     pub(crate) fn look(&mut self, rgb: &[u8], moving: &[Rectangle]) -> Result<(), Cover> {
         assert_eq!(rgb.len(), self.grid.bytes(), "an image of another size");
         let touched = self.grid.touched(moving);
-        let beyond = self
+        let [beyond] = self
             .grid
-            .beyond(rgb, (&self.low, &self.high), BEYOND_LEVELS);
+            .beyond(rgb, (&self.low, &self.high), [BEYOND_LEVELS]);
         let was_covered = self.cells.iter().any(|cell| cell.covered);
         let (mut hidden, mut released) = (Vec::new(), false);
         for (at, is_touched) in touched.iter().enumerate() {
@@ -138,12 +137,16 @@ impl PausedScene {
             released |= cell.covered && !covered;
             cell.covered = covered;
         }
-        self.decide_on_hidden(&hidden, released);
+        let covered = self.cells.iter().filter(|cell| cell.covered).count();
+        if self.hidden.has_gone(hidden.len(), covered, released) {
+            for at in hidden {
+                self.cells[at].covered = false;
+            }
+        }
         let covered: Vec<bool> = self.cells.iter().map(|cell| cell.covered).collect();
         if let Some(rectangle) = self.grid.largest(covered) {
             return Err(Cover {
                 rectangle,
-                kind: CoverKind::Appeared,
                 pictures_before: 0,
             });
         }
@@ -166,22 +169,5 @@ impl PausedScene {
             self.grid.widen_cell(at, rgb, &mut self.low, &mut self.high);
         }
         cell.watched += 1;
-    }
-
-    /// Covered cells through which something moves cannot be judged. They count as covered until the others are seen to be free, or for
-    /// some time if there are no others.
-    fn decide_on_hidden(&mut self, hidden: &[usize], released: bool) {
-        let covered = self.cells.iter().filter(|cell| cell.covered).count();
-        if hidden.is_empty() || covered > hidden.len() {
-            self.hidden_looks = 0;
-            return;
-        }
-        self.hidden_looks += 1;
-        if released || self.hidden_looks > MAX_HIDDEN_LOOKS {
-            self.hidden_looks = 0;
-            for at in hidden {
-                self.cells[*at].covered = false;
-            }
-        }
     }
 }

@@ -5,7 +5,7 @@
 //! small that no group anywhere in many thousand images would reach it. Clouds change a cell more often, but they pass: expectations follow
 //! the calmer cells, which rain alone changes.
 
-use super::{Cover, CoverKind};
+use super::Cover;
 use crate::pixels::cell_grid::Grid;
 
 /// For how many images a cell must stand still.
@@ -89,7 +89,6 @@ impl StandingStill {
         }
         Some(Cover {
             rectangle: grid.largest(self.covered.clone())?,
-            kind: CoverKind::StandsStill,
             pictures_before: still.map_or(0, |still| still - 1 + COMES_WITHIN),
         })
     }

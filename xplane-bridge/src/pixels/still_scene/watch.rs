@@ -13,18 +13,6 @@ const MAX_IMAGE_GAP: Duration = Duration::from_millis(100);
 /// Images whose frames are remembered: more than any cover goes back.
 const REMEMBERED: usize = 128;
 
-/// Usability of an image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Verdict {
-    /// No cover.
-    Clear,
-    /// Covered: images taken from this frame on must be taken again.
-    Covered {
-        /// The number of the frame.
-        from_frame: u64,
-    },
-}
-
 /// A cover that is waited for.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Covered {
@@ -138,7 +126,8 @@ impl CoverWatch {
         self.covered.rectangle.filter(|_| is_longer)
     }
 
-    /// Looks at a frame's image, in which only `moving` may differ from the one before.
+    /// Looks at a frame's image, in which only `moving` may differ from the one before. If something covers it, returns the first frame
+    /// whose image must be taken again.
     ///
     /// # Errors
     /// A cover has been there for 30 seconds.
@@ -150,7 +139,7 @@ impl CoverWatch {
         rgb: &[u8],
         moving: &[Rectangle],
         now: Instant,
-    ) -> Result<Verdict, PixelError> {
+    ) -> Result<Option<u64>, PixelError> {
         let last_look = self.last_look.replace(now);
         let is_late = last_look.is_some_and(|last| now.duration_since(last) > MAX_IMAGE_GAP);
         if let (Scene::Running(scene), true) = (&mut self.scene, is_late) {
@@ -164,14 +153,12 @@ impl CoverWatch {
         };
         let Err(cover) = looked else {
             self.covered = Covered::default();
-            return Ok(Verdict::Clear);
+            return Ok(None);
         };
         self.covered.note(cover.rectangle, now)?;
         let oldest = self.frames.len().saturating_sub(1);
         let first = oldest.min(cover.pictures_before as usize);
-        Ok(Verdict::Covered {
-            from_frame: self.frames[first],
-        })
+        Ok(Some(self.frames[first]))
     }
 }
 
@@ -191,7 +178,7 @@ mod tests {
         watch.watch(99, &picture(80), &[]);
         for frame in 100..110 {
             let seen = watch.look(frame, &picture(80), &[], now).unwrap();
-            assert_eq!(seen, Verdict::Clear);
+            assert_eq!(seen, None);
         }
         (watch, now)
     }
@@ -201,10 +188,10 @@ mod tests {
         let (mut watch, now) = watching();
         for frame in 110..115 {
             let seen = watch.look(frame, &picture(200), &[], now).unwrap();
-            assert_eq!(seen, Verdict::Covered { from_frame: frame });
+            assert_eq!(seen, Some(frame));
         }
         let seen = watch.look(115, &picture(80), &[], now).unwrap();
-        assert_eq!(seen, Verdict::Clear);
+        assert_eq!(seen, None);
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl Probe {
 }
 
 /// Number of pixels that differ by more than a threshold in a colour.
-pub(super) fn changed_pixels(a: &[u8], b: &[u8], threshold: u8) -> usize {
+pub(in crate::simulator) fn changed_pixels(a: &[u8], b: &[u8], threshold: u8) -> usize {
     let pairs = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0);
     pairs
         .filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > threshold))

@@ -13,7 +13,6 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::mem;
-use std::ops::RangeInclusive;
 
 use super::probe::{MAX_LAG, Outcome, Probe};
 use crate::pixels::Rectangle;
@@ -60,14 +59,6 @@ pub(super) enum Show {
 /// A tick's image.
 #[derive(Debug)]
 pub(super) struct Taken<P> {
-    #[cfg_attr(
-        not(test),
-        expect(
-            dead_code,
-            reason = "the answer of the frame names the tick; tests compare both"
-        )
-    )]
-    pub(super) tick: u32,
     /// The frame in which the tick was written.
     pub(super) frame: u64,
     pub(super) picture: P,
@@ -87,6 +78,26 @@ pub(super) struct Tally {
     pub(super) held: u32,
     /// Numbers that were seen over two scenes.
     pub(super) repeated_numbers: u32,
+}
+
+/// What is known of a view before its block.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Known {
+    /// The lag, which is used where no probe can be seen.
+    pub(super) lag: Option<u64>,
+    /// True if the view's last block measured it: this one then begins with it instead of a probe.
+    pub(super) is_measured: bool,
+    /// True if numbers were repeated, so that every tick is shown in two frames.
+    pub(super) numbers_repeat: bool,
+    /// True if the scene moves by itself in a pause: two equal grabs are chance, and it has to be watched.
+    pub(super) scene_moves: bool,
+}
+
+impl Known {
+    /// The lag with which a block begins, before a probe has confirmed it.
+    fn first_lag(self) -> Option<u64> {
+        self.lag.filter(|_| self.is_measured)
+    }
 }
 
 /// Place of a probe's aircraft in the image, by tick; `None` if it is outside.
@@ -123,6 +134,11 @@ impl<P> Unproven<P> {
     fn newest_frame(&self) -> u64 {
         self.grab.unwrap_or(self.taken.frame)
     }
+
+    /// True if its tick is certain, with the lag confirmed up to a grab.
+    fn is_proven(&self, confirmed_up_to: u64) -> bool {
+        self.grab.is_none_or(|grab| grab <= confirmed_up_to)
+    }
 }
 
 /// A request that was sent.
@@ -140,9 +156,7 @@ pub(super) struct Sequence<P> {
     segment: u32,
     settle_frames: u64,
     probe_place: ProbePlace,
-    known_lag: Option<u64>,
-    /// True if the known lag is used before a probe has confirmed it.
-    begins_with_known_lag: bool,
+    known: Known,
     phase: Phase,
     /// The next tick that was never shown, and those to show again.
     next_tick: u32,
@@ -165,8 +179,7 @@ pub(super) struct Sequence<P> {
     /// Grabs whose successor was missing: in a row, and among the last ones.
     refused: u32,
     counted: (u32, u32),
-    /// True if the scene is known to move in a pause, and if it was watched for long enough.
-    expects_motion: bool,
+    /// True if the scene was watched for long enough to know how it moves.
     has_watched: bool,
     /// True if equal grabs ended the settling.
     came_to_rest: bool,
@@ -191,12 +204,12 @@ pub(super) struct Sequence<P> {
 }
 
 impl<P: Scene> Sequence<P> {
-    /// A block of this many ticks with a probe after each `segment`. `known_lag` is used where no probe can be seen.
+    /// A block of this many ticks with a probe after each `segment`.
     pub(super) fn new(
         ticks: u32,
         segment: u32,
         settle_frames: u32,
-        known_lag: Option<u64>,
+        known: Known,
         probe_place: ProbePlace,
     ) -> Self {
         Self {
@@ -204,8 +217,7 @@ impl<P: Scene> Sequence<P> {
             segment: segment.max(1),
             settle_frames: u64::from(settle_frames.max(1)),
             probe_place,
-            known_lag,
-            begins_with_known_lag: false,
+            known,
             phase: Phase::Settling { equal: 0 },
             next_tick: 0,
             again: VecDeque::new(),
@@ -215,12 +227,11 @@ impl<P: Scene> Sequence<P> {
             sent: VecDeque::new(),
             second: None,
             answered_up_to: 0,
-            stale_frames: 0,
+            stale_frames: u64::from(known.numbers_repeat),
             newest: None,
             newest_number: 0,
             refused: 0,
             counted: (0, 0),
-            expects_motion: false,
             has_watched: false,
             came_to_rest: false,
             shown: BTreeMap::new(),
@@ -240,24 +251,9 @@ impl<P: Scene> Sequence<P> {
         }
     }
 
-    /// Begins with the view's known lag, measured in an earlier block, instead of a probe.
-    pub(super) fn begin_with_known_lag(&mut self) {
-        self.begins_with_known_lag = true;
-    }
-
-    /// Shows every tick in two frames from the beginning, because numbers were repeated in an earlier block.
-    pub(super) fn begin_with_two_frames(&mut self) {
-        self.stale_frames = 1;
-    }
-
     /// True if every tick is shown in two frames.
     pub(super) fn shows_two_frames(&self) -> bool {
         self.stale_frames > 0
-    }
-
-    /// The scene moves by itself: two equal grabs are chance, and it has to be watched.
-    pub(super) fn expect_motion(&mut self) {
-        self.expects_motion = true;
     }
 
     /// Sets that the scene was watched for long enough to know how it moves. One that moves never comes to rest.
@@ -355,8 +351,7 @@ impl<P: Scene> Sequence<P> {
 
     fn is_probe_due(&self) -> bool {
         let confirmed = self.confirmed_up_to;
-        let waits = |picture: &Unproven<P>| picture.grab.is_some_and(|grab| grab > confirmed);
-        let is_unproven = self.pictures.values().any(waits);
+        let is_unproven = !(self.pictures.values()).all(|picture| picture.is_proven(confirmed));
         let is_under_way = !self.sent.is_empty() || !self.unseen.is_empty();
         let are_all_shown = self.next_tick == self.ticks && self.again.is_empty();
         if is_under_way && are_all_shown {
@@ -524,9 +519,8 @@ impl<P: Scene> Sequence<P> {
 
     /// Minimum and maximum frames by which a grab's scene is behind its number, if that is its own frame's.
     fn frames_behind(&self) -> (u64, u64) {
-        match (self.phase, self.known_lag) {
-            (Phase::Moving { lag }, _) => (lag, lag),
-            (Phase::Settling { .. }, Some(lag)) if self.begins_with_known_lag => (lag, lag),
+        match (self.phase, self.known.first_lag()) {
+            (Phase::Moving { lag }, _) | (Phase::Settling { .. }, Some(lag)) => (lag, lag),
             _ => (0, self.settle_frames),
         }
     }
@@ -591,11 +585,11 @@ impl<P: Scene> Sequence<P> {
             .is_some_and(|before| picture.is_settled_after(before));
         let equal = if is_equal { equal + 1 } else { 0 };
         self.spent.extend(self.last_settling.replace(picture));
-        let is_at_rest = equal >= EQUAL_GRABS && !self.expects_motion;
+        let is_at_rest = equal >= EQUAL_GRABS && !self.known.scene_moves;
         self.phase = if is_time && (is_at_rest || self.has_watched) {
             self.came_to_rest = is_at_rest;
             self.spent.extend(self.last_settling.take());
-            match self.known_lag.filter(|_| self.begins_with_known_lag) {
+            match self.known.first_lag() {
                 Some(lag) => Phase::Moving { lag },
                 None => Phase::Probing,
             }
@@ -616,7 +610,6 @@ impl<P: Scene> Sequence<P> {
             self.most_unseen += 1;
         }
         let taken = Taken {
-            tick,
             frame: since,
             picture,
         };
@@ -664,7 +657,8 @@ impl<P: Scene> Sequence<P> {
             (Phase::Moving { .. }, Outcome::Unclear) => {
                 self.since_probe = self.segment;
                 // One of them may show the displaced aircraft.
-                self.forget_grabs(frame.saturating_sub(1)..=frame + MAX_LAG + 1);
+                let grabs = frame.saturating_sub(1)..=frame + MAX_LAG + 1;
+                self.discard(|picture| picture.grab.is_some_and(|grab| grabs.contains(&grab)));
             }
             (_, Outcome::Unclear) => {}
             // With late numbers a scene looks less behind than it is.
@@ -681,11 +675,11 @@ impl<P: Scene> Sequence<P> {
             }
             (Phase::Moving { .. }, _) => self.confirmed_up_to = frame,
             (_, Outcome::Behind(lag)) => {
-                self.known_lag = Some(lag);
+                self.known.lag = Some(lag);
                 self.move_with(lag, frame);
             }
             (Phase::Held, Outcome::Unseen) => {}
-            (_, Outcome::Unseen) => match self.known_lag {
+            (_, Outcome::Unseen) => match self.known.lag {
                 Some(lag) => self.move_with(lag, frame),
                 None => self.hold_every_tick(),
             },
@@ -708,32 +702,26 @@ impl<P: Scene> Sequence<P> {
     fn forget_unproven(&mut self) {
         self.second = None;
         let confirmed = self.confirmed_up_to;
-        let doubtful = self.pictures.extract_if(.., |_, picture| {
-            picture.grab.is_some_and(|grab| grab > confirmed)
-        });
-        let mut again: Vec<u32> = Vec::new();
-        for (tick, picture) in doubtful {
-            again.push(tick);
-            self.spent.push(picture.taken.picture);
-        }
+        self.discard(|picture| !picture.is_proven(confirmed));
+        let counted = self.again.len();
         let unseen = mem::take(&mut self.unseen).into_values();
         let sent = self.sent.iter().filter_map(|sent| match sent.show {
             Show::Tick(tick) => Some(tick),
             Show::Probe(_) => None,
         });
-        again.extend(unseen.chain(sent).chain(self.again.drain(..)));
+        let mut again: Vec<u32> = unseen.chain(sent).chain(self.again.drain(..)).collect();
         again.retain(|tick| *tick >= self.delivered && !self.pictures.contains_key(tick));
         again.sort_unstable();
         again.dedup();
-        self.tally.repeated += again.len() as u32;
+        self.tally.repeated += again.len().saturating_sub(counted) as u32;
         self.again = again.into();
     }
 
-    /// Discards images of some grabs: their ticks are shown again.
-    fn forget_grabs(&mut self, grabs: RangeInclusive<u64>) {
-        let doubtful = self.pictures.extract_if(.., |_, picture| {
-            picture.grab.is_some_and(|grab| grabs.contains(&grab))
-        });
+    /// Discards some images: their ticks are shown again.
+    fn discard(&mut self, is_doubtful: impl Fn(&Unproven<P>) -> bool) {
+        let doubtful = self
+            .pictures
+            .extract_if(.., |_, picture| is_doubtful(picture));
         for (tick, picture) in doubtful {
             self.again.push_back(tick);
             self.tally.repeated += 1;
@@ -743,14 +731,7 @@ impl<P: Scene> Sequence<P> {
 
     /// Discards covered grabs from a frame on: their ticks are shown again. Returns true if none was delivered.
     pub(super) fn take_again(&mut self, from_frame: u64) -> bool {
-        let covered = self
-            .pictures
-            .extract_if(.., |_, picture| picture.newest_frame() >= from_frame);
-        for (tick, picture) in covered {
-            self.again.push_back(tick);
-            self.tally.repeated += 1;
-            self.spent.push(picture.taken.picture);
-        }
+        self.discard(|picture| picture.newest_frame() >= from_frame);
         let newest = self.newest.take_if(|grab| grab.number >= from_frame);
         self.spent.extend(newest.map(|grab| grab.picture));
         let undecided = mem::take(&mut self.undecided).into_iter();
@@ -766,10 +747,7 @@ impl<P: Scene> Sequence<P> {
     pub(super) fn deliver(&mut self) -> Option<Taken<P>> {
         let first = self.pictures.first_entry()?;
         let is_next = *first.key() == self.delivered;
-        let is_proven = first
-            .get()
-            .grab
-            .is_none_or(|grab| grab <= self.confirmed_up_to);
+        let is_proven = first.get().is_proven(self.confirmed_up_to);
         (is_next && is_proven).then(|| {
             self.delivered += 1;
             let picture = first.remove();
@@ -802,10 +780,7 @@ impl<P: Scene> Sequence<P> {
     /// True if the image of every tick has been taken and proven, though perhaps not delivered.
     pub(super) fn is_complete(&self) -> bool {
         let taken = self.delivered as usize + self.pictures.len();
-        let is_proven = |picture: &Unproven<P>| {
-            let grab = picture.grab;
-            grab.is_none_or(|grab| grab <= self.confirmed_up_to)
-        };
+        let is_proven = |picture: &Unproven<P>| picture.is_proven(self.confirmed_up_to);
         taken == self.ticks as usize && self.pictures.values().all(is_proven)
     }
 
@@ -832,7 +807,7 @@ impl<P: Scene> Sequence<P> {
 
     /// The lag that the probes of this block measured, or that was known before.
     pub(super) fn lag(&self) -> Option<u64> {
-        self.known_lag
+        self.known.lag
     }
 
     /// Statistics of the recording.

@@ -7,7 +7,7 @@ use super::super::Simulator;
 use super::BlockOfTicks;
 use super::aircraft_place::aircraft_place;
 use crate::error::BridgeError;
-use crate::link::{CaptureRequest, Deliver};
+use crate::link::Deliver;
 use crate::pixels::{PixelError, Rectangle};
 
 /// Ticks in a trial's block.
@@ -18,6 +18,8 @@ const MAX_TRIES: u32 = 4;
 /// settled images of one tick differ by: rain and slow motion are in all of them.
 const NOISE_SHARE: f64 = 0.5;
 
+/// Two pixels show different ticks if a colour differs by more than this, levels: clouds and compression stay below.
+const LATE_LEVELS: u8 = 16;
 /// Number of views that the code can distinguish.
 const VIEWS: usize = 16;
 
@@ -56,6 +58,19 @@ impl KnownBlocks {
         self.frames_behind = lag;
         self.of_view[view as usize % VIEWS] = lag.filter(|_| is_measured);
     }
+}
+
+/// Pixels of a block's images whose tick is not the image's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::simulator) struct Lagging {
+    /// Pixels that differ between settled images of consecutive ticks.
+    pub(in crate::simulator) changing: usize,
+    /// Those that show the tick before.
+    pub(in crate::simulator) late: usize,
+    /// Ticks that were shown again.
+    pub(in crate::simulator) repeated: u32,
+    /// Lag of the scene behind the code.
+    pub(in crate::simulator) frames_behind: Option<u32>,
 }
 
 /// Comparison of block images with settled ones.
@@ -170,25 +185,52 @@ impl Simulator {
         })
     }
 
+    /// Records a block in which everything that belongs to the aircraft is elsewhere in the next tick, and compares some of its images with
+    /// settled ones, pixel by pixel. The simulator is frozen.
+    pub(in crate::simulator) async fn lagging(
+        &mut self,
+        block: BlockOfTicks<'_>,
+    ) -> Result<Lagging, BridgeError> {
+        let mut recording = self.begin_block(block)?;
+        let mut moved = Vec::new();
+        while let Some(frame) = recording.next_picture().await? {
+            moved.push(frame.rgb);
+        }
+        let report = recording.report();
+        drop(recording);
+        let mut found = Lagging {
+            changing: 0,
+            late: 0,
+            repeated: report.repeated,
+            frames_behind: report.frames_behind,
+        };
+        let last = moved.len().saturating_sub(1);
+        for at in [last / 3, last / 2, last].into_iter().filter(|at| *at > 0) {
+            let before = self.settled(&block, at - 1).await?;
+            let own = self.settled(&block, at).await?;
+            let images = moved[at].as_chunks::<3>().0.iter();
+            let settled = own.as_chunks::<3>().0.iter().zip(before.as_chunks::<3>().0);
+            let differ = |a: &[u8; 3], b: &[u8; 3]| {
+                a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > LATE_LEVELS)
+            };
+            for (image, (own, before)) in images
+                .zip(settled)
+                .filter(|(_, (own, before))| differ(own, before))
+            {
+                found.changing += 1;
+                found.late += usize::from(differ(image, own) && !differ(image, before));
+            }
+        }
+        Ok(found)
+    }
+
     async fn settled(
         &mut self,
         block: &BlockOfTicks<'_>,
         at: usize,
     ) -> Result<Vec<u8>, BridgeError> {
-        let FlightState { pose, controls, .. } = block.states[at];
-        let tick = block.first_tick + at as u32;
-        let request = CaptureRequest {
-            tick,
-            time_ns: block.frame_rate.time_of_tick(tick).0,
-            view: block.view,
-            pose,
-            controls,
-            camera: block.camera,
-            width_px: block.size_px.0,
-            height_px: block.size_px.1,
-            deliver: Deliver::Drawn,
-        };
-        self.send_capture(&request).await?;
+        self.send_capture(&block.request(at as u32, Deliver::Drawn))
+            .await?;
         Ok(self.receive_frame().await?.rgb.to_vec())
     }
 }
@@ -206,12 +248,7 @@ fn starts(flight: &BlockOfTicks<'_>) -> Vec<usize> {
 
 /// Sum of the differences of two images in some places, levels.
 fn distance(a: &[u8], b: &[u8], width_px: u32, places: &[Rectangle]) -> f64 {
-    let rows = places.iter().flat_map(|place| {
-        (place.y_px..place.bottom_px()).map(move |y| {
-            let value = |x: u32| (y * width_px + x) as usize * 3;
-            value(place.x_px)..value(place.right_px())
-        })
-    });
+    let rows = places.iter().flat_map(|place| place.rows(width_px));
     rows.map(|row| {
         let (a, b) = (a.get(row.clone()), b.get(row));
         let values = a.unwrap_or_default().iter().zip(b.unwrap_or_default());

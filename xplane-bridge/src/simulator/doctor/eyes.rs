@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use dataset::conditions::Clock;
+use dataset::geometry::pose::Controls;
 use tokio::time::sleep;
 
 use super::lockstep::{self, difference};
@@ -10,7 +11,7 @@ use super::talk::PlaceOnGround;
 use super::window::picture_size;
 use crate::Simulator;
 use crate::error::BridgeError;
-use crate::link::{CapturedFrame, Deliver, PictureSize, PixelKind};
+use crate::link::{CaptureRequest, CapturedFrame, Deliver, PictureSize, PixelKind};
 
 /// Maximum mean difference between images of the same shot, of 255, in addition to the scene's own motion: film grain and temporal
 /// smoothing.
@@ -42,6 +43,8 @@ pub(super) struct Shot {
     pub(super) turned_deg: f64,
     /// Angle that the camera is turned upwards, degrees.
     pub(super) up_deg: f64,
+    /// Flaps and gear.
+    pub(super) controls: Controls,
 }
 
 impl Shot {
@@ -50,6 +53,10 @@ impl Shot {
         moved_m: 0.0,
         turned_deg: 0.0,
         up_deg: 0.0,
+        controls: Controls {
+            flap_ratio: 0.0,
+            gear_ratio: 0.0,
+        },
     };
     /// The shot with the aircraft moved.
     pub(super) const MOVED: Self = Self {
@@ -88,24 +95,19 @@ impl<'a> Eyes<'a> {
 
     /// The reason why no image can be seen, if so.
     pub(super) fn blind(&self) -> Option<String> {
-        deliver(self.simulator).is_none().then(|| {
+        (!sees(self.simulator)).then(|| {
             "images cannot be seen from here: run the doctor on X-Plane's own computer, in its desktop session".into()
         })
     }
 
     /// Size of the images: the window's, without the margins for the numbers of frames.
-    fn size(&self) -> PictureSize {
+    pub(super) fn size(&self) -> PictureSize {
         let window = picture_size(self.simulator.description()).unwrap_or(lockstep::ANY_SIZE);
         let [x_px, y_px] = self.simulator.margins_px().unwrap_or_default();
         PictureSize {
             width_px: window.width_px - 2 * x_px,
             height_px: window.height_px - 2 * y_px,
         }
-    }
-
-    /// Freezes from now on, with this many settle frames.
-    pub(super) async fn freeze(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
-        self.hold(settle_frames, true).await
     }
 
     /// Holds a shot in a pause, or while time runs at noon.
@@ -119,10 +121,35 @@ impl<'a> Eyes<'a> {
             zulu_time_s: noon_zulu_s(self.place.longitude_deg),
         };
         let running_at = (!is_paused).then_some(noon);
+        self.hold_at(settle_frames, running_at).await
+    }
+
+    /// Holds a shot in a pause, or while this clock runs.
+    pub(super) async fn hold_at(
+        &mut self,
+        settle_frames: u32,
+        running_at: Option<Clock>,
+    ) -> Result<(), BridgeError> {
         let runway = lockstep::runway(&self.place);
         self.simulator
-            .freeze_raw(&runway, settle_frames, running_at)
+            .freeze_raw(&runway, settle_frames, &[], running_at)
             .await
+    }
+
+    /// The request for a shot.
+    pub(super) fn request(&self, tick: u32, shot: Shot) -> CaptureRequest {
+        // If images come off a screen that cannot be seen from here, everything but their content can be examined.
+        let deliver = if sees(self.simulator) {
+            self.simulator.deliver()
+        } else {
+            Deliver::Drawn
+        };
+        let mut request = lockstep::request(&self.place, tick, shot.moved_m, self.size(), deliver);
+        let camera = &mut request.camera.pose;
+        camera.heading_true_deg = (camera.heading_true_deg + shot.turned_deg) % 360.0;
+        camera.pitch_deg += shot.up_deg;
+        request.controls = shot.controls;
+        request
     }
 
     /// Takes images one after the other, without a pause in between.
@@ -130,19 +157,12 @@ impl<'a> Eyes<'a> {
         &mut self,
         shots: [Shot; N],
     ) -> Result<[CapturedFrame; N], BridgeError> {
-        let deliver = deliver(self.simulator).unwrap_or(Deliver::Drawn);
-        let size = self.size();
         let ahead = self.simulator.most_outstanding();
         let mut frames = Vec::with_capacity(N);
         let mut asked = 0;
         while frames.len() < N {
             while asked < N && asked - frames.len() < ahead {
-                let shot = shots[asked];
-                let mut request =
-                    lockstep::request(&self.place, self.tick, shot.moved_m, size, deliver);
-                let camera = &mut request.camera.pose;
-                camera.heading_true_deg = (camera.heading_true_deg + shot.turned_deg) % 360.0;
-                camera.pitch_deg += shot.up_deg;
+                let request = self.request(self.tick, shots[asked]);
                 self.tick += 1;
                 self.simulator.send_capture(&request).await?;
                 asked += 1;
@@ -156,16 +176,23 @@ impl<'a> Eyes<'a> {
 
     /// Takes a completely settled image; time and weather continue afterwards.
     pub(super) async fn glance(&mut self, shot: Shot) -> Result<CapturedFrame, BridgeError> {
-        self.freeze(SETTLED).await?;
+        self.hold(SETTLED, true).await?;
         let [frame] = self.take([shot]).await?;
-        self.simulator.let_go().await?;
-        self.simulator.resume().await?;
+        self.simulator.go_on().await?;
         Ok(frame)
+    }
+
+    /// [`Self::glance`]; `None` if no image can be seen.
+    pub(super) async fn seen(&mut self, shot: Shot) -> Result<Option<CapturedFrame>, BridgeError> {
+        match self.blind() {
+            None => self.glance(shot).await.map(Some),
+            Some(_) => Ok(None),
+        }
     }
 
     /// Difference of a shot's first settled image from more within three seconds, since waves may repeat, and flags and trees swing slowly.
     pub(super) async fn noise(&mut self, shot: Shot) -> Result<f64, BridgeError> {
-        self.freeze(SETTLED).await?;
+        self.hold(SETTLED, true).await?;
         let [first] = self.take([shot]).await?;
         let mut most: f64 = 0.0;
         for pause in LATER {
@@ -177,12 +204,9 @@ impl<'a> Eyes<'a> {
     }
 }
 
-/// The sources of images, if any. The screen only once its window was found there.
-pub(super) fn deliver(simulator: &Simulator) -> Option<Deliver> {
-    match (simulator.pixels(), simulator.description().pixels.first()) {
-        (PixelKind::Screen, _) => Some(Deliver::Drawn),
-        (PixelKind::Screenshot, _) => Some(Deliver::Screenshot),
-        (_, Some(PixelKind::Link | PixelKind::Gl)) => Some(Deliver::Picture),
-        (_, Some(PixelKind::Screen | PixelKind::Screenshot) | None) => None,
-    }
+/// True if images can be seen from here: off the screen only once the window was found there.
+fn sees(simulator: &Simulator) -> bool {
+    let offered = simulator.description().pixels.first();
+    let comes_by_link = matches!(offered, Some(PixelKind::Link | PixelKind::Gl));
+    comes_by_link || simulator.deliver() != Deliver::Picture
 }

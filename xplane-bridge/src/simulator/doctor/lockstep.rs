@@ -10,9 +10,8 @@ use dataset::geometry::refraction::EARTH_RADIUS_M;
 use dataset::geometry::runway::Runway;
 
 use super::Check;
-use super::eyes::{SAME, deliver};
+use super::eyes::{Eyes, SAME, Shot};
 use super::talk::PlaceOnGround;
-use super::window::picture_size;
 use crate::Simulator;
 use crate::error::BridgeError;
 use crate::link::{CaptureRequest, CapturedFrame, Deliver, PictureSize};
@@ -66,7 +65,8 @@ pub(super) async fn lockstep(
 ) -> Check {
     const NAME: &str = "lockstep";
     let began = Instant::now();
-    let frames = match pictures(simulator, place, running_at).await {
+    let mut eyes = Eyes::at(simulator, *place);
+    let frames = match pictures(&mut eyes, running_at).await {
         Ok(frames) => frames,
         Err(error) => {
             return Check::failed(
@@ -107,23 +107,17 @@ pub(super) async fn lockstep(
 }
 
 async fn pictures(
-    simulator: &mut Simulator,
-    place: &PlaceOnGround,
+    eyes: &mut Eyes<'_>,
     running_at: Option<Clock>,
 ) -> Result<Vec<(CaptureRequest, CapturedFrame)>, BridgeError> {
-    // If they come off a screen that cannot be seen from here, everything but their content can be examined.
-    let deliver = deliver(simulator).unwrap_or(Deliver::Drawn);
-    let size = picture_size(simulator.description()).unwrap_or(ANY_SIZE);
-    simulator
-        .freeze_raw(&runway(place), simulator.frames_to_settle(), running_at)
-        .await?;
-    let mut frames = Vec::new();
-    for (tick, moved_m) in [0.0, 0.0, MOVED_M, 0.0].into_iter().enumerate() {
-        let request = request(place, tick as u32, moved_m, size, deliver);
-        simulator.send_capture(&request).await?;
-        frames.push((request, simulator.receive_frame().await?));
-    }
-    Ok(frames)
+    let shots = [Shot::BEHIND, Shot::BEHIND, Shot::MOVED, Shot::BEHIND];
+    let requests = (0..)
+        .zip(shots)
+        .map(|(tick, shot)| eyes.request(tick, shot));
+    let requests: Vec<CaptureRequest> = requests.collect();
+    let settle_frames = eyes.simulator.frames_to_settle();
+    eyes.hold_at(settle_frames, running_at).await?;
+    Ok(requests.into_iter().zip(eyes.take(shots).await?).collect())
 }
 
 /// Angle of an arc on the earth.

@@ -3,7 +3,6 @@
 pub(crate) mod following;
 
 use chrono::{SecondsFormat, Utc};
-use dataset::conditions::Clock;
 use dataset::geometry::pose::Pose;
 use futures_util::future::LocalBoxFuture;
 use serde_json::json;
@@ -15,7 +14,7 @@ use crate::Simulator;
 use crate::datarefs::{DatarefWrite, Generation, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
-use crate::profile::{Finding, Grabbing, KnownProfile, PROFILE_FORMAT, Profile};
+use crate::profile::{Finding, KnownProfile, PROFILE_FORMAT, Profile};
 use crate::simulator::SWITCH_TIMEOUT;
 
 const NAME: &str = "profile";
@@ -24,7 +23,6 @@ const NAME: &str = "profile";
 pub(super) async fn measure(
     simulator: &mut Simulator,
     place: PlaceOnGround,
-    grabbing: Finding<Grabbing>,
     options: &DoctorOptions,
     note: &mut (dyn FnMut(Check) + Send),
 ) {
@@ -52,19 +50,12 @@ pub(super) async fn measure(
     }
     // A clock that follows the computer's continues in a pause, and the sun with it.
     let clock = simulator.take_clock(place.longitude_deg).await;
-    let mut profile = Profile {
-        grabbing,
-        ..unmeasured(simulator)
-    };
+    let mut profile = unmeasured(simulator);
     let mut eyes = Eyes::at(simulator, place);
     pictures::measure(&mut eyes, &mut profile).await;
     pictures::checks(&profile).into_iter().for_each(&mut *note);
     // Weather changes while time runs.
-    let gone_on = match eyes.simulator.let_go().await {
-        Ok(()) => eyes.simulator.resume().await,
-        Err(error) => Err(error),
-    };
-    if let Err(error) = gone_on {
+    if let Err(error) = eyes.simulator.go_on().await {
         tracing::warn!(%error, "the simulator does not continue");
     }
     sky::measure(&mut eyes, &mut profile).await;
@@ -117,8 +108,7 @@ impl Simulator {
                 .await?;
             let mut profile = unmeasured(self);
             pictures::measure(&mut Eyes::at(self, place), &mut profile).await;
-            self.let_go().await?;
-            self.resume().await?;
+            self.go_on().await?;
             self.profile = KnownProfile::PicturesOnly(Box::new(profile));
             Ok(())
         })
@@ -130,29 +120,20 @@ fn unmeasured(simulator: &Simulator) -> Profile {
     const WEATHER: &str = "only `dtd doctor` measures the weather";
     const NOTHING_NEW: &str = "nothing new shows";
     let description = simulator.description();
-    let window = super::window::picture_size(description);
     Profile {
         format: PROFILE_FORMAT,
         measured_at: Utc::now().to_rfc3339_opts(SecondsFormat::Secs, true),
         dtd: env!("CARGO_PKG_VERSION").into(),
         simulator: format!("{} {}", description.name, description.version),
         plugin: description.plugin.clone(),
-        pixels: None,
-        window: window.map_or_else(
-            || Finding::not_measured("it draws images of any size"),
-            Finding::Found,
-        ),
-        grabbing: Finding::not_measured("only `dtd doctor` measures it"),
         wind_unit: Finding::not_measured(WEATHER),
         visibility_needs_regeneration: Finding::not_measured(WEATHER),
         clouds_need_regeneration: Finding::not_measured(WEATHER),
         clouds_take_s: Finding::not_measured(WEATHER),
         weather_follows: following::nothing(WEATHER),
         pause_shows_poses: Finding::not_measured(NOTHING_NEW),
-        frames_until_still: Finding::not_measured(NOTHING_NEW),
         frames_until_settled: Finding::not_measured(NOTHING_NEW),
         still_pictures_move: Finding::not_measured(NOTHING_NEW),
-        callbacks: Finding::not_measured(NOTHING_NEW),
         pace: Finding::not_measured("only `dtd doctor` and `dtd generate` measure it"),
     }
 }
@@ -186,14 +167,11 @@ impl Simulator {
     /// restore it.
     async fn take_clock(&mut self, longitude_deg: f64) -> Result<Vec<DatarefWrite>, BridgeError> {
         let names = [ZULU_TIME_S, USE_SYSTEM_TIME].map(|name| DatarefWrite::new(name, 0.0));
-        let found = self.read(&names).await?;
+        let before = self.values_now(&names).await?;
         self.write_until_read_back(&names[1..]).await?;
         self.write_surely(ZULU_TIME_S, noon_zulu_s(longitude_deg) as f32)
             .await?;
-        let before = names.into_iter().zip(found);
-        Ok(before
-            .filter_map(|(name, found)| Some(DatarefWrite::new(name.name, found?.into())))
-            .collect())
+        Ok(before)
     }
 
     /// Restores the time of day, and the setting that the clock follows the computer's.
@@ -203,13 +181,5 @@ impl Simulator {
             self.write_surely(&write.name, write.value).await?;
         }
         Ok(())
-    }
-
-    /// The clock that must run while images are taken here, if one must.
-    pub(super) fn running_clock(&self, clock: Clock) -> Option<Clock> {
-        let profile = self.profile.current();
-        profile
-            .is_some_and(Profile::time_has_to_run)
-            .then_some(clock)
     }
 }

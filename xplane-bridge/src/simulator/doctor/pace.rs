@@ -3,11 +3,13 @@
 //! In blocks, if the window has margins around the images of the sweep and the trial of blocks passes; else settled, from the views in
 //! turn, with several requests under way.
 
+pub(super) mod first_hour;
+
 use std::sync::Arc;
 use std::time::Instant;
 
 use dataset::geometry::camera::CameraPose;
-use dataset::geometry::pose::FlightState;
+use dataset::geometry::pose::{Controls, FlightState};
 use dataset::numbers::frame_rate::FrameRate;
 
 use super::eyes::{Eyes, Shot};
@@ -18,7 +20,7 @@ use super::{Check, Intent};
 use crate::error::BridgeError;
 use crate::link::{CaptureRequest, Deliver, PictureSize, PixelKind};
 use crate::pixels::{PixelChoice, Screen};
-use crate::profile::{Finding, Pace, PacedBy, Profile};
+use crate::profile::{Finding, Pace, PacedBy};
 use crate::{BlockOfTicks, BlockTrial, Simulator};
 
 /// First images, not counted: they load data for the others.
@@ -43,30 +45,15 @@ pub(super) async fn measure(
 ) -> (Finding<Pace>, Option<String>) {
     let mut why_settled = None;
     if let Some(pictures) = intent.and_then(|intent| size_in_blocks(simulator, intent)) {
-        match in_blocks(simulator, place, screen, pictures).await {
-            Ok(Some(pace)) => return (Finding::Found(pace), None),
-            Ok(None) => {
-                why_settled = Some("images of a resting camera do not show their own ticks".into());
-            }
+        let measure =
+            async |simulator: &mut Simulator| measure_blocks(simulator, place, pictures).await;
+        match in_blocks(simulator, screen, pictures, measure).await {
+            Ok(pace) => return (Finding::Found(pace), None),
             Err(error) => why_settled = Some(error.to_string()),
         }
     }
-    (settled_pace(simulator, place).await, why_settled)
-}
-
-async fn settled_pace(simulator: &mut Simulator, place: &PlaceOnGround) -> Finding<Pace> {
-    let settle_frames = simulator.frames_to_settle();
-    let mut eyes = Eyes::at(simulator, *place);
-    if let Some(reason) = eyes.blind() {
-        return Finding::NotMeasured(reason);
-    }
-    if eyes.simulator.pixels() == PixelKind::Screenshot {
-        return Finding::NotMeasured("X-Plane writes screenshots, which takes seconds each".into());
-    }
-    match settled(&mut eyes, settle_frames).await {
-        Ok(pace) => Finding::Found(pace),
-        Err(error) => Finding::NotMeasured(error.to_string()),
-    }
+    let settled = settled(Eyes::at(simulator, *place)).await;
+    (settled.into(), why_settled)
 }
 
 /// The size of the images, if the window has margins around them and time need not run.
@@ -75,29 +62,20 @@ fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize>
     let has_margins = simulator.may_have_margins(simulator.pixels())
         && picture_size(description)
             .is_some_and(|window| intent.pictures.margins_in(window).is_some());
-    let time_has_to_run = simulator
-        .profile()
-        .current()
-        .is_some_and(Profile::time_has_to_run);
-    (has_margins && !time_has_to_run).then_some(intent.pictures)
+    (has_margins && !simulator.time_has_to_run()).then_some(intent.pictures)
 }
 
-/// The pace in blocks; `None` if they are not possible, or not equal to settled images.
-async fn in_blocks(
+/// Measures on images inside the margins, in blocks.
+async fn in_blocks<T>(
     simulator: &mut Simulator,
-    place: &PlaceOnGround,
     screen: &Arc<dyn Screen>,
     pictures: PictureSize,
-) -> Result<Option<Pace>, BridgeError> {
+    measure: impl AsyncFnOnce(&mut Simulator) -> Result<T, BridgeError>,
+) -> Result<T, BridgeError> {
     let window = picture_size(simulator.description()).unwrap_or(pictures);
     register(simulator, screen, pictures).await?;
-    let measured = if simulator.can_record_blocks() {
-        measure_blocks(simulator, place, pictures).await
-    } else {
-        Ok(None)
-    };
-    simulator.let_go().await?;
-    simulator.resume().await?;
+    let measured = measure(simulator).await;
+    simulator.go_on().await?;
     // The other checks look at the whole window.
     register(simulator, screen, window).await?;
     measured
@@ -113,15 +91,22 @@ async fn register(
     pixels.await.map(|_| ())
 }
 
+/// The pace in blocks; an error if they are not possible, or not equal to settled images.
 async fn measure_blocks(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
     pictures: PictureSize,
-) -> Result<Option<Pace>, BridgeError> {
+) -> Result<Pace, BridgeError> {
     let settle_frames = simulator.frames_to_settle();
     let runway = lockstep::runway(place);
-    simulator.freeze_raw(&runway, settle_frames, None).await?;
-    let (states, camera) = flight(place, pictures);
+    simulator
+        .freeze_raw(&runway, settle_frames, &[], None)
+        .await?;
+    let way = |tick: u32| {
+        let moved_m = BLOCK_WAY_M * (f64::from(tick) / f64::from(BLOCK_TICKS) - 0.5);
+        (moved_m, Controls::default())
+    };
+    let (states, camera) = flight(place, pictures, BLOCK_TICKS, way);
     let block = |view| BlockOfTicks {
         first_tick: 0,
         states: &states,
@@ -130,8 +115,10 @@ async fn measure_blocks(
         camera,
         size_px: (pictures.width_px, pictures.height_px),
     };
-    if simulator.try_blocks(block(0)).await? != BlockTrial::Equal {
-        return Ok(None);
+    if !simulator.can_record_blocks() || simulator.try_blocks(block(0)).await? != BlockTrial::Equal
+    {
+        let reason = "images of a resting camera do not show their own ticks";
+        return Err(BridgeError::Failed(reason.into()));
     }
     let began = Instant::now();
     let mut taken = 0;
@@ -141,25 +128,36 @@ async fn measure_blocks(
             taken += 1;
         }
     }
-    Ok(Some(Pace {
-        measured_by: PacedBy::Doctor,
-        size: pictures,
+    Ok(Pace {
         in_blocks: true,
-        settle_frames,
-        pictures_per_s: f64::from(taken) / began.elapsed().as_secs_f64(),
-        loading_s: None,
-        weather_s: None,
-    }))
+        ..measured(pictures, settle_frames, taken, began)
+    })
 }
 
-/// The aircraft that moves to the side before the camera of the other checks.
-fn flight(place: &PlaceOnGround, size: PictureSize) -> (Vec<FlightState>, CameraPose) {
-    let request = |tick: u32| {
-        let moved_m = BLOCK_WAY_M * (f64::from(tick) / f64::from(BLOCK_TICKS) - 0.5);
-        lockstep::request(place, tick, moved_m, size, Deliver::Coded)
-    };
+/// The pace of settled images that were taken since then.
+fn measured(size: PictureSize, settle_frames: u32, taken: u32, since: Instant) -> Pace {
+    Pace {
+        measured_by: PacedBy::Doctor,
+        size,
+        in_blocks: false,
+        settle_frames,
+        pictures_per_s: f64::from(taken) / since.elapsed().as_secs_f64(),
+        loading_s: None,
+        weather_s: None,
+    }
+}
+
+/// The aircraft that moves to the side before the camera of the other checks, with its flaps and gear.
+fn flight(
+    place: &PlaceOnGround,
+    size: PictureSize,
+    ticks: u32,
+    of_tick: impl Fn(u32) -> (f64, Controls),
+) -> (Vec<FlightState>, CameraPose) {
+    let request = |tick, moved_m| lockstep::request(place, tick, moved_m, size, Deliver::Coded);
     let state = |tick: u32| {
-        let CaptureRequest { pose, controls, .. } = request(tick);
+        let (moved_m, controls) = of_tick(tick);
+        let CaptureRequest { pose, .. } = request(tick, moved_m);
         FlightState {
             time_s: BLOCK_RATE.time_of_tick(tick).seconds(),
             pose,
@@ -171,36 +169,27 @@ fn flight(place: &PlaceOnGround, size: PictureSize) -> (Vec<FlightState>, Camera
             on_ground: false,
         }
     };
-    ((0..BLOCK_TICKS).map(state).collect(), request(0).camera)
+    ((0..ticks).map(state).collect(), request(0, 0.0).camera)
 }
 
-async fn settled(eyes: &mut Eyes<'_>, settle_frames: u32) -> Result<Pace, BridgeError> {
-    let paused = !eyes
-        .simulator
-        .profile()
-        .current()
-        .is_some_and(Profile::time_has_to_run);
-    eyes.hold(settle_frames, paused).await?;
+async fn settled(mut eyes: Eyes<'_>) -> Result<Pace, BridgeError> {
+    if let Some(reason) = eyes.blind() {
+        return Err(BridgeError::Failed(reason));
+    }
+    if eyes.simulator.pixels() == PixelKind::Screenshot {
+        let reason = "X-Plane writes screenshots, which takes seconds each";
+        return Err(BridgeError::Failed(reason.into()));
+    }
+    let settle_frames = eyes.simulator.frames_to_settle();
+    let is_paused = !eyes.simulator.time_has_to_run();
+    eyes.hold(settle_frames, is_paused).await?;
     let views = |number: usize| [Shot::BEHIND, Shot::AWAY][number % 2];
     eyes.take::<NOT_COUNTED>(std::array::from_fn(views)).await?;
     let began = Instant::now();
-    let frames = eyes.take::<COUNTED>(std::array::from_fn(views)).await?;
-    let took_s = began.elapsed().as_secs_f64();
-    eyes.simulator.let_go().await?;
-    eyes.simulator.resume().await?;
-    let [first, ..] = &frames;
-    Ok(Pace {
-        measured_by: PacedBy::Doctor,
-        size: PictureSize {
-            width_px: first.header.width_px,
-            height_px: first.header.height_px,
-        },
-        in_blocks: false,
-        settle_frames,
-        pictures_per_s: COUNTED as f64 / took_s,
-        loading_s: None,
-        weather_s: None,
-    })
+    eyes.take::<COUNTED>(std::array::from_fn(views)).await?;
+    let pace = measured(eyes.size(), settle_frames, COUNTED as u32, began);
+    eyes.simulator.go_on().await?;
+    Ok(pace)
 }
 
 /// For a person.

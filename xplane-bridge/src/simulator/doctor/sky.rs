@@ -18,6 +18,7 @@ use crate::datarefs::{
     weather_writes,
 };
 use crate::error::BridgeError;
+use crate::link::CapturedFrame;
 use crate::profile::{Finding, Profile, WindUnit};
 
 /// The wind at the aircraft, knots.
@@ -41,8 +42,15 @@ const POLL: Duration = Duration::from_millis(500);
 /// The visibilities to try: the one that is farther from the current one.
 const VISIBILITIES_M: [f64; 2] = [4_000.0, 30_000.0];
 
+/// A closed sky.
+pub(super) const OVERCAST: CloudLayer = CloudLayer {
+    kind: CloudKind::Stratus,
+    cover_ratio: 0.9,
+    base_msl_m: 1_500.0,
+    top_msl_m: 2_500.0,
+};
 /// A clear sky without wind.
-const CALM: Weather = Weather {
+pub(super) const CALM: Weather = Weather {
     visibility_m: VISIBILITIES_M[1],
     clouds: Vec::new(),
     rain_ratio: 0.0,
@@ -68,14 +76,12 @@ pub(super) async fn measure(eyes: &mut Eyes<'_>, profile: &mut Profile) {
 }
 
 async fn measure_any(eyes: &mut Eyes<'_>, profile: &mut Profile) {
-    let visibility = visibility(eyes).await;
-    profile.visibility_needs_regeneration = visibility.unwrap_or_else(Finding::not_measured);
+    profile.visibility_needs_regeneration = visibility(eyes).await.into();
     let regenerate = profile.visibility_needs_regeneration.found() == Some(&true);
     let clouds = clouds(eyes, regenerate).await;
     (profile.clouds_take_s, profile.clouds_need_regeneration) = clouds
         .unwrap_or_else(|error| (Finding::not_measured(&error), Finding::not_measured(error)));
-    let wind_unit = wind(eyes.simulator, regenerate).await;
-    profile.wind_unit = wind_unit.unwrap_or_else(Finding::not_measured);
+    profile.wind_unit = wind(eyes.simulator, regenerate).await.into();
     let unit = profile.wind_unit.found().copied();
     profile.weather_follows = following::measure(eyes.simulator, unit).await;
 }
@@ -125,10 +131,17 @@ impl Simulator {
     /// The current values of everything that a scenario would write.
     async fn weather_now(&mut self) -> Result<Vec<DatarefWrite>, BridgeError> {
         let names = weather_writes(&CALM, self.generation)?;
-        let found = self.read(&names).await?;
-        let known = names.into_iter().zip(found);
+        self.values_now(&names).await
+    }
+
+    /// Writes that restore the current values of datarefs.
+    pub(super) async fn values_now(
+        &mut self,
+        names: &[DatarefWrite],
+    ) -> Result<Vec<DatarefWrite>, BridgeError> {
+        let known = names.iter().zip(self.read(names).await?);
         Ok(known
-            .filter_map(|(write, found)| Some(DatarefWrite::new(write.name, found?.into())))
+            .filter_map(|(write, found)| Some(DatarefWrite::new(&write.name, found?.into())))
             .collect())
     }
 
@@ -142,6 +155,10 @@ impl Simulator {
         self.write_weather(&values).await?;
         self.rebuild_weather(&values).await?;
         self.write_weather(&whose).await
+    }
+
+    async fn regenerate_now(&mut self) -> Result<(), BridgeError> {
+        self.command_once(COMMAND_REGENERATE_WEATHER).await
     }
 
     /// Writes weather that stays as it is written.
@@ -192,8 +209,7 @@ impl Simulator {
 }
 
 /// Writes a different visibility, and checks whether it shows: in images, or by X-Plane's own value if they cannot be seen.
-async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
-    let sees = eyes.blind().is_none();
+async fn visibility(eyes: &mut Eyes<'_>) -> Result<bool, BridgeError> {
     let before_m = eyes.simulator.value(VISIBILITY_EFFECTIVE_M).await?;
     let [near_m, far_m] = VISIBILITIES_M;
     let wanted_m = if before_m > 2.0 * near_m {
@@ -201,11 +217,7 @@ async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
     } else {
         far_m
     };
-    let before = if sees {
-        Some(eyes.glance(Shot::BEHIND).await?)
-    } else {
-        None
-    };
+    let before = eyes.seen(Shot::BEHIND).await?;
     let write = || {
         [DatarefWrite::new(
             VISIBILITY_SM,
@@ -215,9 +227,7 @@ async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
     for regenerated in [false, true] {
         eyes.simulator.write_steady(write()).await?;
         if regenerated {
-            eyes.simulator
-                .command_once(COMMAND_REGENERATE_WEATHER)
-                .await?;
+            eyes.simulator.regenerate_now().await?;
             eyes.simulator.write_steady(write()).await?;
         }
         let near = |shown_m: f64| (shown_m / wanted_m - 1.0).abs() < 0.1;
@@ -226,20 +236,27 @@ async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
             .value_once(VISIBILITY_EFFECTIVE_M, near)
             .await?;
         let shows = match &before {
-            Some(before) => {
-                let now = eyes.glance(Shot::BEHIND).await?;
-                difference(&before.rgb, &now.rgb) > CHANGED
-            }
+            Some(before) => has_changed(eyes, Shot::BEHIND, before).await?,
             None => near(shown_m),
         };
         if shows {
-            return Ok(Finding::Found(regenerated));
+            return Ok(regenerated);
         }
     }
-    Ok(Finding::NotMeasured(format!(
+    Err(BridgeError::Failed(format!(
         "{wanted_m} m were written, and neither showed by themselves nor after {COMMAND_REGENERATE_WEATHER}: is real weather on, or another \
          weather plugin?"
     )))
+}
+
+/// True if a shot differs from the image of it before the weather was written.
+async fn has_changed(
+    eyes: &mut Eyes<'_>,
+    shot: Shot,
+    before: &CapturedFrame,
+) -> Result<bool, BridgeError> {
+    let now = eyes.glance(shot).await?;
+    Ok(difference(&before.rgb, &now.rgb) > CHANGED)
 }
 
 /// Writes other clouds: how long they take to read back, and whether they show then or after a regeneration.
@@ -247,48 +264,37 @@ async fn clouds(
     eyes: &mut Eyes<'_>,
     regenerate: bool,
 ) -> Result<(Finding<f64>, Finding<bool>), BridgeError> {
-    let blind = eyes.blind();
     // In fog no cloud is visible.
     let far = DatarefWrite::new(VISIBILITY_SM, VISIBILITIES_M[1] / METERS_PER_STATUTE_MILE);
     eyes.simulator.write_steady([far]).await?;
     if regenerate {
-        eyes.simulator
-            .command_once(COMMAND_REGENERATE_WEATHER)
-            .await?;
+        eyes.simulator.regenerate_now().await?;
     }
     // Clouds written soon after a regeneration show because of it, whether it is ours or an earlier doctor's.
     eyes.simulator.let_time_pass(AFTER_REGENERATION_S).await?;
     let cover = eyes.simulator.value(&format!("{CLOUD_COVER}[0]")).await?;
     let writes = layers(cover < 0.5, eyes.simulator.generation)?;
-    let before = match &blind {
-        None => Some(eyes.glance(Shot::SKY).await?),
-        Some(_) => None,
-    };
+    let before = eyes.seen(Shot::SKY).await?;
     let took_s = await_clouds(eyes.simulator, &writes).await?;
     let Some(took_s) = took_s else {
-        let late = || {
-            format!(
-                "clouds do not read back within {} s: is real weather on, or another weather plugin?",
-                CLOUDS_WITHIN.as_secs()
-            )
-        };
-        return Ok((Finding::NotMeasured(late()), Finding::NotMeasured(late())));
+        return Err(BridgeError::Failed(format!(
+            "clouds do not read back within {} s: is real weather on, or another weather plugin?",
+            CLOUDS_WITHIN.as_secs()
+        )));
     };
     let took = Finding::Found(took_s);
-    let (Some(before), None) = (before, &blind) else {
-        return Ok((took, Finding::NotMeasured(blind.unwrap_or_default())));
+    let Some(before) = before else {
+        let blind = eyes.blind().unwrap_or_default();
+        return Ok((took, Finding::NotMeasured(blind)));
     };
     for regenerated in [false, true] {
         if regenerated {
-            eyes.simulator
-                .command_once(COMMAND_REGENERATE_WEATHER)
-                .await?;
+            eyes.simulator.regenerate_now().await?;
             eyes.simulator.pause_for_weather(REGENERATION).await;
             await_clouds(eyes.simulator, &writes).await?;
         }
         sleep(eyes.simulator.weather_settle).await;
-        let now = eyes.glance(Shot::SKY).await?;
-        if difference(&before.rgb, &now.rgb) > CHANGED {
+        if has_changed(eyes, Shot::SKY, &before).await? {
             return Ok((took, Finding::Found(regenerated)));
         }
     }
@@ -300,16 +306,8 @@ async fn clouds(
 
 /// A covered or an empty sky, all three slots.
 fn layers(covered: bool, generation: Generation) -> Result<Vec<DatarefWrite>, BridgeError> {
-    let layer = CloudLayer {
-        kind: CloudKind::Stratus,
-        cover_ratio: 0.9,
-        base_msl_m: 1_500.0,
-        top_msl_m: 2_500.0,
-    };
-    let weather = Weather {
-        clouds: if covered { vec![layer] } else { Vec::new() },
-        ..CALM
-    };
+    let clouds = covered.then_some(OVERCAST).into_iter().collect();
+    let weather = Weather { clouds, ..CALM };
     let clouds = [CLOUD_TYPE, CLOUD_COVER, CLOUD_BASE, CLOUD_TOP];
     writes_of(&clouds, &weather, generation)
 }
@@ -350,10 +348,7 @@ async fn await_clouds(
 }
 
 /// Writes two winds and reads the cockpit's gauge.
-async fn wind(
-    simulator: &mut Simulator,
-    regenerate: bool,
-) -> Result<Finding<WindUnit>, BridgeError> {
+async fn wind(simulator: &mut Simulator, regenerate: bool) -> Result<WindUnit, BridgeError> {
     let mut units = Vec::new();
     let mut shown = Vec::new();
     for written in WINDS {
@@ -366,21 +361,21 @@ async fn wind(
         let winds = writes_of(&winds, &any, simulator.generation)?;
         simulator.write_steady(winds).await?;
         if regenerate {
-            simulator.command_once(COMMAND_REGENERATE_WEATHER).await?;
+            simulator.regenerate_now().await?;
         }
         let is_one = |knots: f64| unit_of(written, knots).is_some();
         let knots = simulator.value_once(WIND_GAUGE_KT, is_one).await?;
         units.push(unit_of(written, knots));
         shown.push(knots);
     }
-    Ok(match units[..] {
-        [Some(one), Some(other)] if one == other => Finding::Found(one),
-        _ => Finding::NotMeasured(format!(
+    match units[..] {
+        [Some(one), Some(other)] if one == other => Ok(one),
+        _ => Err(BridgeError::Failed(format!(
             "{WIND_GAUGE_KT} shows {shown:.1?} for {WINDS:?}: about {:.0} kt and {:.0} kt would be metres per second, 10 kt and 20 kt knots",
             WINDS[0] / MPS_PER_KNOT,
             WINDS[1] / MPS_PER_KNOT
-        )),
-    })
+        ))),
+    }
 }
 
 /// The unit in which a written wind was taken, given the shown knots.

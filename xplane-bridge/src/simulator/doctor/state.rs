@@ -1,25 +1,15 @@
-//! State of X-Plane as the user sees it: a menu, a replay, a view, pop-ups, an aircraft.
+//! State of X-Plane that makes recording impossible: a menu, a replay.
 
 use super::Check;
 use super::talk::Talk;
-use crate::datarefs::{AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, FLIGHT_TIME_S};
+use crate::datarefs::FLIGHT_TIME_S;
 
 const IS_IN_REPLAY: &str = "sim/time/is_in_replay";
-const VIEW_IS_EXTERNAL: &str = "sim/graphics/view/view_is_external";
-const POP_UPS: &str = "sim/cockpit2/radios/indicators/show_popup";
-/// Pop-ups to check.
-const POP_UPS_COUNT: usize = 20;
 /// Names of the checks, for reporting them as skipped.
-pub(super) const NAMES: [&str; 5] = ["menus", "replay", "view", "pop-ups", "aircraft"];
+pub(super) const NAMES: [&str; 2] = ["menus", "replay"];
 
 pub(super) async fn checks(talk: &mut Talk) -> Vec<Check> {
-    vec![
-        menus(talk).await,
-        replay(talk).await,
-        view(talk).await,
-        pop_ups(talk).await,
-        aircraft(talk).await,
-    ]
+    vec![menus(talk).await, replay(talk).await]
 }
 
 /// Behind a menu or a dialog X-Plane answers, but its time stands still.
@@ -55,67 +45,4 @@ async fn replay(talk: &mut Talk) -> Check {
             "Leave it: the command sim/replay/replay_off, or the button in X-Plane",
         ),
     }
-}
-
-async fn view(talk: &mut Talk) -> Check {
-    const NAME: &str = NAMES[2];
-    match talk.read(&[VIEW_IS_EXTERNAL]).await[0] {
-        None => Check::skipped(NAME, format!("{VIEW_IS_EXTERNAL} could not be read")),
-        Some(0.0) => Check::ok(
-            NAME,
-            "from inside the aircraft; images are taken from an outside view, and this one is given back",
-        ),
-        Some(_) => Check::ok(NAME, "from outside"),
-    }
-}
-
-async fn pop_ups(talk: &mut Talk) -> Check {
-    const NAME: &str = NAMES[3];
-    let names: Vec<String> = (0..POP_UPS_COUNT)
-        .map(|at| format!("{POP_UPS}[{at}]"))
-        .collect();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let values = talk.read(&names).await;
-    let open: Vec<String> = values
-        .iter()
-        .enumerate()
-        .filter(|(_, value)| value.is_some_and(|value| value != 0.0))
-        .map(|(at, _)| at.to_string())
-        .collect();
-    if open.is_empty() {
-        return Check::ok(NAME, "none is open");
-    }
-    Check::warning(
-        NAME,
-        format!("open: {} ({POP_UPS})", open.join(", ")),
-        "They are closed before images are taken, as far as X-Plane has commands for it. Close them, and look that none comes back",
-    )
-}
-
-async fn aircraft(talk: &mut Talk) -> Check {
-    const NAME: &str = NAMES[4];
-    let names: Vec<String> = (0..4).map(|at| format!("{AIRCRAFT_ICAO}[{at}]")).collect();
-    let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
-    names.push(AIRCRAFT_LENGTH_M);
-    let values = talk.read(&names).await;
-    let type_name: String = values[..4]
-        .iter()
-        .map_while(|value| char::from_u32(value.unwrap_or(0.0) as u32))
-        .filter(char::is_ascii_alphanumeric)
-        .collect();
-    if type_name.is_empty() {
-        return Check::warning(
-            NAME,
-            format!("its type cannot be read ({AIRCRAFT_ICAO})"),
-            "Load the aircraft that the sweep names: its type cannot be checked while recording either",
-        );
-    }
-    let size = match values[4] {
-        Some(length_m) if length_m > 0.0 => format!(", {length_m:.0} m long"),
-        _ => String::new(),
-    };
-    Check::ok(
-        NAME,
-        format!("a {type_name}{size}; another one is loaded if the sweep names it"),
-    )
 }

@@ -1,4 +1,4 @@
-//! Checks over UDP: version, capture link, writing, commands, frame rate, position. The values read are evaluated elsewhere.
+//! Checks over UDP: version, capture link, writing, commands, position. The values read are evaluated elsewhere.
 
 pub(crate) mod announcement;
 pub(crate) mod web;
@@ -25,8 +25,6 @@ pub(super) const LONGITUDE: &str = "sim/flightmodel/position/longitude";
 pub(super) const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
 /// Oldest version on which XPPython3 runs: 11.52.
 const OLDEST: f32 = 115_200.0;
-/// Frames a second below which recording takes too long.
-const SLOW_HZ: f32 = 20.0;
 
 /// Position of the aircraft and height of the ground below it, from the datarefs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -107,18 +105,10 @@ impl Talk {
         let turned = DatarefWrite::new(NAV1_COURSE_MAGNETIC, f64::from((before + 1.0) % 360.0));
         let restored = DatarefWrite::new(NAV1_COURSE_MAGNETIC, f64::from(before));
         for (write, doing) in [(turned, "written"), (restored, "put back")] {
-            // A write may be lost.
-            let mut found = None;
-            for _ in 0..3 {
-                let _ = self.udp.write([(write.name.as_str(), write.value)]).await;
-                found = self
-                    .read_expecting(&write.name, |value| write.is_met_by(value))
-                    .await;
-                if found.is_some_and(|value| write.is_met_by(value)) {
-                    break;
-                }
-            }
-            if !found.is_some_and(|value| write.is_met_by(value)) {
+            let send =
+                async |udp: &SimulatorSocket| udp.write([(write.name.as_str(), write.value)]).await;
+            let is_met = |value| write.is_met_by(value);
+            if let Err(found) = self.send_until(send, &write.name, is_met).await {
                 let found = format!(
                     "{} was {doing} as {}, and reads {found:?}",
                     write.name, write.value
@@ -166,15 +156,27 @@ impl Talk {
             COMMAND_PAUSE_OFF
         };
         let is_so = |value: f32| (value != 0.0) == paused;
+        let send = async |udp: &SimulatorSocket| udp.command(command).await;
+        let sent = self.send_until(send, PAUSED, is_so).await;
+        sent.map_err(|found| format!("after {command}, {PAUSED} reads {found:?}"))
+    }
+
+    /// Sends something, which may be lost, until a dataref shows its effect; the error is its last value.
+    async fn send_until(
+        &mut self,
+        send: impl AsyncFn(&SimulatorSocket) -> Result<(), BridgeError>,
+        name: &str,
+        shows: impl Fn(f32) -> bool,
+    ) -> Result<(), Option<f32>> {
         let mut found = None;
         for _ in 0..3 {
-            let _ = self.udp.command(command).await;
-            found = self.read_expecting(PAUSED, is_so).await;
-            if found.is_some_and(is_so) {
+            let _ = send(&self.udp).await;
+            found = self.read_expecting(name, &shows).await;
+            if found.is_some_and(&shows) {
                 return Ok(());
             }
         }
-        Err(format!("after {command}, {PAUSED} reads {found:?}"))
+        Err(found)
     }
 
     /// Runs something while time runs, and pauses again if there was a pause.
@@ -200,30 +202,6 @@ impl Talk {
             day_of_year: days as u32 + 1,
             zulu_time_s: zulu_time_s.into(),
         })
-    }
-
-    pub(super) async fn frame_rate(&mut self) -> Check {
-        const NAME: &str = "frame rate";
-        match self.read(&[FRAME_PERIOD_S]).await[0] {
-            Some(period_s) if period_s > 0.0 => {
-                let rate = 1.0 / period_s;
-                let found = format!("{rate:.0} frames a second");
-                if rate >= SLOW_HZ {
-                    Check::ok(NAME, found)
-                } else {
-                    Check::warning(
-                        NAME,
-                        found,
-                        "Recording takes several frames an image: lower the graphics settings",
-                    )
-                }
-            }
-            found => Check::warning(
-                NAME,
-                format!("{FRAME_PERIOD_S} reads {found:?}"),
-                "Is a flight loaded?",
-            ),
-        }
     }
 
     pub(super) async fn place(&mut self) -> Option<PlaceOnGround> {

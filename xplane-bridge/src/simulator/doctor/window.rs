@@ -6,7 +6,6 @@ use super::{Check, Intent, Verdict};
 use crate::Simulator;
 use crate::link::{Hello, PictureSize, PixelKind, SimulatorWindow};
 use crate::pixels::{Lag, PixelChoice, PixelSource, Screen};
-use crate::profile::{Finding, Grabbing};
 
 pub(super) const NAME: &str = "window";
 
@@ -30,30 +29,24 @@ fn misfit(size: PictureSize, may_have_margins: bool, intent: Option<&Intent>) ->
 }
 
 /// Checks the window. If images come only off the screen, it is located there by its check pattern, and images come from there
-/// from now on; returns their delay.
+/// from now on.
 pub(super) async fn check(
     simulator: &mut Simulator,
     screen: &Arc<dyn Screen>,
     intent: Option<&Intent>,
-) -> (Check, Finding<Grabbing>) {
-    let mut grabbing = Finding::NotMeasured("images do not come off the screen".into());
-    let check = look(simulator, screen, &mut grabbing).await;
+) -> Check {
+    let check = look(simulator, screen).await;
     let source = simulator.description().pixels.first();
     let may_have_margins = source.is_some_and(|source| simulator.may_have_margins(*source));
     let size = picture_size(simulator.description());
     let misfit = size.and_then(|size| misfit(size, may_have_margins, intent));
-    let check = match (check.verdict, misfit) {
+    match (check.verdict, misfit) {
         (Verdict::Ok | Verdict::Skipped, Some(hint)) => Check::warning(NAME, check.found, hint),
         _ => check,
-    };
-    (check, grabbing)
+    }
 }
 
-async fn look(
-    simulator: &mut Simulator,
-    screen: &Arc<dyn Screen>,
-    grabbing: &mut Finding<Grabbing>,
-) -> Check {
+async fn look(simulator: &mut Simulator, screen: &Arc<dyn Screen>) -> Check {
     let description = simulator.description().clone();
     let first = description.pixels.first();
     let Some(size) = picture_size(&description) else {
@@ -71,7 +64,7 @@ async fn look(
         return Check::failed(NAME, format!("{size} pixels"), hint);
     }
     if first == Some(&PixelKind::Screen) {
-        return grabbed(simulator, size, screen, grabbing).await;
+        return grabbed(simulator, size, screen).await;
     }
     let Some(window) = &description.window else {
         let found = format!(
@@ -88,12 +81,7 @@ async fn look(
     }
 }
 
-async fn grabbed(
-    simulator: &mut Simulator,
-    size: PictureSize,
-    screen: &Arc<dyn Screen>,
-    grabbing: &mut Finding<Grabbing>,
-) -> Check {
+async fn grabbed(simulator: &mut Simulator, size: PictureSize, screen: &Arc<dyn Screen>) -> Check {
     let choice = PixelChoice::Only(PixelKind::Screen);
     let picture_px = (size.width_px, size.height_px);
     match simulator.use_pixels(choice, picture_px, screen).await {
@@ -102,10 +90,6 @@ async fn grabbed(
                 PixelSource::Screen(source) => source.lag(),
                 _ => Lag::default(),
             };
-            *grabbing = Finding::Found(Grabbing {
-                late_grabs: lag.grabs,
-                lag_ms: lag.time.as_secs_f64() * 1e3,
-            });
             let name = simulator.screen(screen).map(|screen| screen.name());
             let found = format!(
                 "{size} pixels, found on the screen {} by its check pattern, whole and unscaled, {} grabs and {:.0} ms late at most",
@@ -115,15 +99,12 @@ async fn grabbed(
             );
             Check::ok(NAME, found)
         }
-        Err(error) => {
-            *grabbing = Finding::NotMeasured(error.to_string());
-            Check::warning(
-                NAME,
-                format!("{size} pixels, but not to be seen from here: {error}"),
-                "Images of this simulator come off the screen: run dtd on its computer, in its desktop session, or have its plugin grab there \
-                 (docs/x-plane.md, \"X-Plane on another computer\"), with its window uncovered and the desktop's scale at 100 %",
-            )
-        }
+        Err(error) => Check::warning(
+            NAME,
+            format!("{size} pixels, but not to be seen from here: {error}"),
+            "Images of this simulator come off the screen: run dtd on its computer, in its desktop session, or have its plugin grab there \
+             (docs/x-plane.md, \"X-Plane on another computer\"), with its window uncovered and the desktop's scale at 100 %",
+        ),
     }
 }
 

@@ -6,8 +6,10 @@
 use std::collections::VecDeque;
 
 use dataset::geometry::camera::CameraPose;
+use dataset::geometry::pose::Controls;
 
 use super::shot::Shot;
+use crate::quirks::{Quirk, Quirks};
 
 /// Lag of the scene (camera and aircraft) behind the written state in frames, each at most [`Self::MAX_FRAMES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +42,8 @@ impl SceneBehind {
 #[derive(Debug)]
 pub(super) struct Shots {
     behind: SceneBehind,
+    /// What flaps and gear do otherwise.
+    quirks: Quirks,
     /// The newest first.
     past: VecDeque<Shot>,
     moves: u64,
@@ -49,9 +53,10 @@ pub(super) struct Shots {
 
 impl Shots {
     /// Initially none.
-    pub(super) fn new(behind: SceneBehind) -> Self {
+    pub(super) fn new(behind: SceneBehind, quirks: Quirks) -> Self {
         Self {
             behind,
+            quirks,
             past: VecDeque::new(),
             moves: 0,
             cameras: Vec::new(),
@@ -67,16 +72,20 @@ impl Shots {
             self.cameras.push(shot.camera);
         }
         self.past.push_front(shot);
-        self.past.truncate(SceneBehind::MAX_FRAMES);
+        self.past.truncate(SceneBehind::MAX_FRAMES + 1);
     }
 
     /// The shot that is drawn in a frame for which `shot` was written.
     pub(super) fn drawn(&self, shot: Shot) -> Shot {
-        let earlier = self.frames_behind(&shot.camera).checked_sub(1);
-        earlier
-            .and_then(|earlier| self.past.get(earlier))
-            .copied()
-            .unwrap_or(shot)
+        let frames = self.frames_behind(&shot.camera);
+        let of = |frames: usize| self.past.get(frames.checked_sub(1)?).copied();
+        let mut drawn = of(frames).unwrap_or(shot);
+        if self.quirks.has(Quirk::FixedParts) {
+            drawn.controls = Controls::default();
+        } else if self.quirks.has(Quirk::LaggingParts) {
+            drawn.controls = of(frames + 1).unwrap_or(drawn).controls;
+        }
+        drawn
     }
 
     fn frames_behind(&self, camera: &CameraPose) -> usize {
@@ -122,8 +131,6 @@ fn is_same(a: &CameraPose, b: &CameraPose) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use dataset::geometry::pose::Controls;
-
     use super::*;
     use crate::server::world::airport::{ON_THRESHOLD, on_final};
 
@@ -141,7 +148,7 @@ mod tests {
     }
 
     fn behind_in_flight(behind: SceneBehind, frames: u32) -> Vec<u32> {
-        let mut shots = Shots::new(behind);
+        let mut shots = Shots::new(behind, Quirks::NONE);
         let mut found = Vec::new();
         for step in 0..frames {
             let drawn = shots.drawn(shot(step));
@@ -158,7 +165,7 @@ mod tests {
             let found = behind_in_flight(SceneBehind::Constant(frames), 40);
             assert_eq!(found, [frames as u32; 36]);
             // After a rest as well.
-            let mut shots = Shots::new(SceneBehind::Constant(frames));
+            let mut shots = Shots::new(SceneBehind::Constant(frames), Quirks::NONE);
             (0..9).for_each(|_| shots.record(shot(1)));
             let mut old = 0;
             for _ in 0..9 {
@@ -184,7 +191,7 @@ mod tests {
 
     #[test]
     fn cameras_differ_and_keep_their_numbers_when_they_come_back() {
-        let mut shots = Shots::new(SceneBehind::ByCamera([1, 4]));
+        let mut shots = Shots::new(SceneBehind::ByCamera([1, 4]), Quirks::NONE);
         let turned = |step, heading_deg| {
             let mut shot = shot(step);
             shot.camera.pose.heading_true_deg += heading_deg;

@@ -136,7 +136,7 @@ impl PluginScene {
             move_origin_every_frames: options.move_origin_every_frames,
             quirks,
             placements,
-            shots: Shots::new(scene_behind(options, quirks)),
+            shots: Shots::new(scene_behind(options, quirks), quirks),
             before_pause: None,
             exposure: Exposure::NEW,
             window_px: options.window_px,

@@ -108,25 +108,24 @@ impl World {
         datarefs.get(names::AUTOPILOT_MODE) == 2.0 && follows_landing_system(datarefs)
     }
 
-    /// Rejects a flight that X-Plane's autopilot could not fly: it must be engaged, with the receiver on the landing system.
-    pub(in crate::server) fn check_autopilot(&self, request: &FlyRequest) -> Result<(), String> {
-        let datarefs = self.datarefs();
-        let mode = datarefs.get(names::AUTOPILOT_MODE);
-        if mode != 2.0 {
+    /// Engages the autopilot on the landing system, as the plugin does in an X-Plane. Rejects a flight that it could not fly: it must have
+    /// power, and the receiver must be on the landing system.
+    pub(in crate::server) fn engage_autopilot(
+        &mut self,
+        request: &FlyRequest,
+    ) -> Result<(), String> {
+        for path in [names::COMMAND_SERVOS_ON, names::COMMAND_AUTOTHROTTLE_ON] {
+            self.command(path);
+        }
+        if !self.flies_approach() {
+            self.command(names::COMMAND_APPROACH);
+        }
+        if !self.flies_approach() {
             return Err(format!(
-                "the autopilot is off ({} is {mode}, expected 2)",
-                names::AUTOPILOT_MODE
+                "the autopilot has no power ({ELECTRIC_MASTER} is 0, expected 1)"
             ));
         }
-        if let Some(off) = [names::NAV_STATUS, names::GLIDE_SLOPE_STATUS]
-            .into_iter()
-            .find(|mode| !is_on(datarefs, mode))
-        {
-            return Err(format!(
-                "the autopilot does not follow the landing system ({off} is 0, expected 1 or 2)"
-            ));
-        }
-        let tuned = datarefs.get(names::NAV1_FREQUENCY);
+        let tuned = self.datarefs().get(names::NAV1_FREQUENCY);
         let runway = &request.runway;
         match runway.ils_frequency_mhz.map(names::nav_frequency_10khz) {
             Some(wanted) if wanted != tuned => Err(format!(

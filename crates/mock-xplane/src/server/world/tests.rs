@@ -55,7 +55,7 @@ fn written_attitude_turns_the_aircraft() {
 }
 
 #[test]
-fn without_autopilot_or_tuned_receiver_nothing_flies() {
+fn without_power_or_tuned_receiver_nothing_flies_and_modes_that_are_on_stay_on() {
     use dataset::geometry::approach_profile::ApproachProfile;
     use xplane_bridge::fly::{FlightStart, FlyRequest};
     let request = FlyRequest {
@@ -71,27 +71,19 @@ fn without_autopilot_or_tuned_receiver_nothing_flies() {
         already_started: false,
     };
     let mut world = world();
-    assert!(
-        world
-            .check_autopilot(&request)
-            .unwrap_err()
-            .contains("autopilot is off")
-    );
-    world.command(names::COMMAND_SERVOS_ON);
-    let modes_off = world.check_autopilot(&request).unwrap_err();
-    assert!(modes_off.contains("nav_status is 0"), "{modes_off}");
-    world.command(names::COMMAND_APPROACH);
-    assert!(
-        world
-            .check_autopilot(&request)
-            .unwrap_err()
-            .contains("expected 11090")
-    );
+    let master = "sim/cockpit2/autopilot/autopilot_electric_master";
+    world.write(master, 0.0).unwrap();
+    let dead = world.engage_autopilot(&request).unwrap_err();
+    assert!(dead.contains("no power"), "{dead}");
+    world.write(master, 1.0).unwrap();
+    let untuned = world.engage_autopilot(&request).unwrap_err();
+    assert!(untuned.contains("expected 11090"), "{untuned}");
     world.write(names::NAV1_FREQUENCY, 11_090.0).unwrap();
-    assert_eq!(world.check_autopilot(&request), Ok(()));
-    // Pressed once more, the button switches off.
-    world.command(names::COMMAND_APPROACH);
-    assert!(world.check_autopilot(&request).is_err());
+    // Pressed once more, the button would switch off.
+    for _ in 0..2 {
+        assert_eq!(world.engage_autopilot(&request), Ok(()));
+        assert!(world.flies_approach());
+    }
 }
 
 #[test]

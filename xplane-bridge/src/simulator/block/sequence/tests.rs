@@ -72,14 +72,14 @@ struct Recorded {
 }
 
 /// Records a block of this many ticks in a world, as plugin, screen and client would together.
-fn record(ticks: u32, known_lag: Option<u64>, world: World, seed: u64) -> Recorded {
-    record_from(ticks, (known_lag, false), world, seed)
+fn record(ticks: u32, lag: Option<u64>, world: World, seed: u64) -> Recorded {
+    record_from(ticks, (lag, false), world, seed)
 }
 
 /// Records a block that may begin with the known lag instead of a probe.
 fn record_from(
     ticks: u32,
-    (known_lag, begins_with_it): (Option<u64>, bool),
+    (lag, is_measured): (Option<u64>, bool),
     world: World,
     seed: u64,
 ) -> Recorded {
@@ -94,15 +94,16 @@ fn record_from(
         ticks,
         20,
         world.settle_frames,
-        known_lag,
+        Known {
+            lag,
+            is_measured,
+            ..Known::default()
+        },
         Box::new(move |tick| {
             let (from, to) = world.in_picture;
             (from..to).contains(&tick).then_some(patch)
         }),
     );
-    if begins_with_it {
-        sequence.begin_with_known_lag();
-    }
     let mut waiting: VecDeque<Show> = VecDeque::new();
     let mut answers: VecDeque<(u64, u64)> = VecDeque::new();
     let (mut written, mut number, mut steady) = (Vec::new(), 0_u64, -1_i64);
@@ -159,7 +160,6 @@ fn record_from(
             }
         }
         while let Some(taken) = sequence.deliver() {
-            assert_eq!(taken.tick, shown.len() as u32, "ticks come in their order");
             assert_eq!(taken.picture.brightness, 0, "it has settled");
             shown.push(taken.picture.show);
         }

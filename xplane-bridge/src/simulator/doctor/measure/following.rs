@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use dataset::conditions::{CloudKind, CloudLayer, Weather};
+use dataset::conditions::Weather;
 use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
 
 use crate::Simulator;
@@ -11,6 +11,7 @@ use crate::datarefs::weather_writes;
 use crate::error::BridgeError;
 use crate::profile::{Finding, WindUnit};
 use crate::simulator::doctor::Check;
+use crate::simulator::doctor::sky::{CALM, OVERCAST};
 
 const NAME: &str = "weather at the aircraft";
 
@@ -59,28 +60,19 @@ pub(crate) fn check(findings: &BTreeMap<EffectiveQuantity, Finding<bool>>) -> Ch
 
 /// Rain from a closed sky in a strong wind, and a clear day with a different wind.
 fn weathers() -> [Weather; 2] {
-    let overcast = CloudLayer {
-        kind: CloudKind::Stratus,
-        cover_ratio: 0.9,
-        base_msl_m: 1_500.0,
-        top_msl_m: 2_500.0,
-    };
     [
         Weather {
             visibility_m: 6_000.0,
-            clouds: vec![overcast],
+            clouds: vec![OVERCAST],
             rain_ratio: 0.8,
             wind_speed_mps: 14.0,
             wind_from_true_deg: 90.0,
-            turbulence_ratio: 0.0,
+            ..CALM
         },
         Weather {
-            visibility_m: 30_000.0,
-            clouds: Vec::new(),
-            rain_ratio: 0.0,
             wind_speed_mps: 5.0,
             wind_from_true_deg: 250.0,
-            turbulence_ratio: 0.0,
+            ..CALM
         },
     ]
 }

@@ -14,29 +14,28 @@ const HINT: &str = "Needed only to begin flights with weather in one request (X-
                     own computer, port 8086, if \"Accept incoming connections\" is on. Another place: the environment variable \
                     DTD_WEB_API=HOST:PORT, or --web-api HOST:PORT for this examination alone";
 
-/// Tries the Web API there as a client would; returns it if a client would use it.
-pub(crate) async fn check(
-    place: Option<SocketAddr>,
-    capture_port: Option<u16>,
-) -> (Check, Option<WebApi>) {
+/// Tries the Web API there as a client would.
+pub(crate) async fn check(place: Option<SocketAddr>, capture_port: Option<u16>) -> Check {
     let Some(address) = place else {
         let reason = "not looked for: switched off (DTD_WEB_API=off), or the simulator is on another computer, where only \
                       DTD_WEB_API=HOST:PORT can tell where it is";
-        return (Check::skipped(NAME, reason), None);
+        return Check::skipped(NAME, reason);
     };
     let Some(capture_port) = capture_port else {
-        return (without_plugin(address).await, None);
+        return without_plugin(address).await;
     };
     match find(address, capture_port).await {
         Ok(api) => {
-            let can = |what: bool| if what { "yes" } else { "no" };
+            let can = if api.has_flights() {
+                "begins"
+            } else {
+                "cannot begin"
+            };
             let found = format!(
-                "{address}, X-Plane {}, the same simulator; commands: {}, beginning flights: {}",
-                api.simulator_version(),
-                can(api.has_commands()),
-                can(api.has_flights())
+                "{address}, X-Plane {}, the same simulator; it {can} flights",
+                api.simulator_version()
             );
-            (Check::ok(NAME, found), Some(api))
+            Check::ok(NAME, found)
         }
         Err(reason) => {
             let hint = match reason {
@@ -46,7 +45,7 @@ pub(crate) async fn check(
                 }
                 NotUsed::Fails(_) => HINT,
             };
-            (Check::warning(NAME, reason.to_string(), hint), None)
+            Check::warning(NAME, reason.to_string(), hint)
         }
     }
 }
