@@ -243,7 +243,7 @@ fn read_track(
         refused.push(Refused {
             what: what.clone(),
             reason,
-        })
+        });
     };
     let columns = track
         .columns
