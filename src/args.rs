@@ -34,7 +34,7 @@ use estimate::EstimateArgs;
 use estimator::{EvaluateArgs, ExportEstimatorsArgs, PredictArgs, RefitArgs, TrainArgs};
 use experiment::{DemoArgs, PaperArgs};
 use export::ExportArgs;
-use imports::{AircraftArgs, AirportCommand, TracksCommand};
+use imports::{AircraftArgs, AirportCommand, ImportArgs, TracksCommand};
 use recording::{GenerateArgs, PlanArgs};
 use shared::output::Output;
 use simulator::{DoctorArgs, InstallPluginArgs, MockXplaneArgs, TapeArgs};
@@ -247,6 +247,9 @@ pub(crate) enum Verb {
     /// Make recordings for a sweep from tracks of real arrivals
     #[command(subcommand, after_help = help::TRACKS_IMPORT)]
     Tracks(TracksCommand),
+    /// Make a corpus of boxes, cameras and tracks that were recorded at an airport
+    #[command(after_help = help::IMPORT)]
+    Import(ImportArgs),
     /// Install the plugin for poses and images into X-Plane
     #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),

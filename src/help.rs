@@ -13,8 +13,8 @@ const GROUPS: &[(&str, &[&str])] = &[
     (
         "Corpora",
         &[
-            "aircraft", "airport", "tracks", "plan", "generate", "label", "detect", "status",
-            "verify", "view", "export", "push", "fetch", "schema",
+            "aircraft", "airport", "tracks", "import", "plan", "generate", "label", "detect",
+            "status", "verify", "view", "export", "push", "fetch", "schema",
         ],
     ),
     (
@@ -208,6 +208,13 @@ Example:
       --out flights
 
 Exit codes: 3 if a file or track was refused, 2 if all were.";
+
+pub(crate) const IMPORT: &str = "\
+Example:
+  dtd import tower.toml --out corpus
+  dtd verify corpus && dtd train corpus --out run
+
+Exit codes: 3 if a file, camera or arrival was refused, 2 if nothing is left.";
 
 pub(crate) const TAPE: &str = "\
 Examples:

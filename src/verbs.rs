@@ -16,6 +16,7 @@ mod export;
 mod export_estimators;
 mod fetch;
 mod generate;
+mod import;
 mod install_plugin;
 mod label;
 mod man;
@@ -72,6 +73,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Aircraft(args) => aircraft::run(&args),
         Verb::Airport(args) => airport::run(&args),
         Verb::Tracks(args) => tracks::run(&args),
+        Verb::Import(args) => import::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),
         Verb::Doctor(args) => doctor::run(&args),

@@ -167,12 +167,13 @@ impl Run<'_> {
             tally.count(&scenario, &searched, &findings)?;
             candidates.offer(&scenario, &searched)?;
         }
-        let weather = &record.conditions;
-        let visibility_m = self
-            .visibility_m
-            .entry(weather.weather_name.clone())
-            .or_insert(f64::INFINITY);
-        *visibility_m = visibility_m.min(weather.weather.visibility_m);
+        if let Some(weather) = record.weather() {
+            let visibility_m = self
+                .visibility_m
+                .entry(record.weather_name().to_owned())
+                .or_insert(f64::INFINITY);
+            *visibility_m = visibility_m.min(weather.visibility_m);
+        }
         Ok(())
     }
 

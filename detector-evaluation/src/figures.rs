@@ -177,8 +177,7 @@ impl Tally {
         findings: &Findings,
     ) -> Result<()> {
         let record = scenario.record()?;
-        let conditions = &record.conditions;
-        let (weather, time_of_day) = (&conditions.weather_name, &conditions.time_of_day);
+        let (weather, time_of_day) = (record.weather_name(), record.time_of_day());
         self.recall.count(weather, time_of_day, searched);
         self.alarms
             .count(weather, record.frame_rate.period_s(), searched);

@@ -131,7 +131,8 @@ impl Recording {
         }
         let states: Vec<FlightState> = rows.iter().map(|row| row.state).collect();
         let path_flown = ApproachPath::new(&states, runway, inbound);
-        path_flown.units().map_err(implausible)?;
+        let has_attitude = rows.iter().any(|row| !row.has_derived_attitude);
+        path_flown.units(has_attitude).map_err(implausible)?;
         let trajectory = Trajectory::new(states.clone())
             .map_err(|fault| no_flight(fault.state().and_then(line_of), fault))?;
         trajectory

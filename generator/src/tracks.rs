@@ -34,7 +34,7 @@ use serde::Serialize;
 use arrival::FURTHEST_M;
 pub use axis::ArrivalAxis;
 pub(crate) use axis::{JudgedTracks, arrival_axis};
-pub use formats::NamedColumn;
+pub use formats::{NamedColumn, utc_s};
 
 use crate::recording::{Implausible, Recording, RecordingError};
 
@@ -172,6 +172,81 @@ pub fn import_tracks(
     Ok(outcome)
 }
 
+/// An arrival in a track, with its times.
+#[derive(Debug, Clone)]
+pub struct Arrival {
+    /// The aircraft's 24-bit address, if the file has one, or the number of the flight in it.
+    pub aircraft: Option<String>,
+    /// UTC of time 0 of the trajectory, seconds since 1970, by the track's times.
+    pub start_utc_s: f64,
+    /// The states, as `dtd tracks import` writes them.
+    pub recording: Recording,
+    /// Standard deviations of the smoothed positions along the course and across it, and of the heights, metres.
+    pub position_sd_m: [f64; 3],
+}
+
+/// The arrivals in a file of tracks with their times, and what cannot be used. `is_exact`: positions and altitudes (metres above the datum
+/// of the runway) are right within a metre, as of satellite navigation with corrections. `scratch`: a folder for recordings.
+///
+/// # Errors
+/// The file cannot be read, or a recording cannot be written.
+pub fn arrivals(
+    file: &Path,
+    columns: &[NamedColumn],
+    runway: &Runway,
+    is_exact: bool,
+    scratch: &Path,
+) -> dataset::Result<(Vec<Arrival>, Vec<RefusedTrack>)> {
+    let mut tracks = formats::read(file, columns, runway)?;
+    let (mut arrivals, mut refused) = (Vec::new(), Vec::new());
+    let alone = tracks.len() == 1;
+    for track in &mut tracks {
+        for fix in track.fixes.iter_mut().filter(|_| is_exact) {
+            fix.is_simulated = true;
+            fix.altitude_m = fix.altitude_m.or(fix.geometric_m);
+        }
+        let found = states::of_track(track, runway);
+        let count = found.len();
+        for (number, made) in (1..).zip(found) {
+            let of_aircraft = track.aircraft.clone().filter(|_| !alone);
+            let number = (count > 1).then(|| number.to_string());
+            let names = [Some(stem(file)), of_aircraft, number];
+            let name = names.into_iter().flatten().collect::<Vec<_>>().join("-");
+            let path = scratch.join(format!("{}.csv", plain(&name)));
+            let checked = match made {
+                Ok(made) => {
+                    fs::write(&path, made.csv()).map_err(dataset::Error::io("write", &path))?;
+                    let checked = checked(&path, runway)?;
+                    fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
+                    checked.map(|recording| Arrival {
+                        aircraft: track.aircraft.clone(),
+                        start_utc_s: made.start_utc_s,
+                        recording,
+                        position_sd_m: made.position_sd_m(),
+                    })
+                }
+                Err(reason) => Err(reason),
+            };
+            match checked {
+                Ok(arrival) => arrivals.push(arrival),
+                Err(reason) => refused.push(RefusedTrack {
+                    file: file.to_owned(),
+                    aircraft: track.aircraft.clone(),
+                    reason,
+                }),
+            }
+        }
+    }
+    if tracks.is_empty() {
+        refused.push(RefusedTrack {
+            file: file.to_owned(),
+            aircraft: None,
+            reason: "it has no positions".into(),
+        });
+    }
+    Ok((arrivals, refused))
+}
+
 /// Name of a file without its ending, and without the one before `.gz`.
 fn stem(file: &Path) -> String {
     let mut stem = Path::new(file.file_stem().unwrap_or_default());
@@ -189,25 +264,31 @@ fn plain(name: &str) -> String {
         .collect()
 }
 
+/// Reads a recording as a sweep would, or returns the reason why it is none.
+fn checked(path: &Path, runway: &Runway) -> dataset::Result<Result<Recording, String>> {
+    let reason = match Recording::read(path, runway, FURTHEST_M, &[]) {
+        Ok(recording) => return Ok(Ok(recording)),
+        Err(RecordingError::Unreadable(error)) => return Err(error),
+        Err(RecordingError::Implausible {
+            fault: Implausible::NoApproach { how, .. },
+            ..
+        }) => how,
+        Err(RecordingError::Implausible { fault, .. }) => fault.to_string(),
+        Err(RecordingError::Flight { fault, .. }) => fault.to_string(),
+        Err(RecordingError::OutOfLimits { fault, .. }) => format!("has {fault}"),
+        Err(RecordingError::Unusable(why)) => why,
+    };
+    Ok(Err(format!("its states are no approach: it {reason}")))
+}
+
 /// Writes a recording beside its place, reads it as a sweep would, and puts it there if it is accepted; else returns the reason. An
 /// existing file stays.
 fn write_checked(path: &Path, text: &str, runway: &Runway) -> dataset::Result<Option<String>> {
     let mut file = NewFile::create(path)?;
     let written = file.write_all(text.as_bytes());
     written.map_err(dataset::Error::io("write", path))?;
-    if let Err(error) = Recording::read(file.temporary(), runway, FURTHEST_M, &[]) {
-        let reason = match error {
-            RecordingError::Unreadable(error) => return Err(error),
-            RecordingError::Implausible {
-                fault: Implausible::NoApproach { how, .. },
-                ..
-            } => how,
-            RecordingError::Implausible { fault, .. } => fault.to_string(),
-            RecordingError::Flight { fault, .. } => fault.to_string(),
-            RecordingError::OutOfLimits { fault, .. } => format!("has {fault}"),
-            RecordingError::Unusable(why) => why,
-        };
-        return Ok(Some(format!("its states are no approach: it {reason}")));
+    if let Err(reason) = checked(file.temporary(), runway)? {
+        return Ok(Some(reason));
     }
     match file.commit_new() {
         Err(error) if error.is_taken() => {

@@ -441,7 +441,7 @@ fn truth_in_sight(scenario: &OpenScenario) -> Result<Option<Vec<TruthInSight>>> 
     let Some(truth) = scenario.truth_boxes_if_labelled()? else {
         return Ok(None);
     };
-    let clouds = CloudBase::of(&scenario.record()?.conditions.weather);
+    let clouds = CloudBase::of(scenario.record()?.weather());
     let rows = scenario.frames()?.rows;
     let altitudes_msl_m: HashMap<_, _> = rows
         .iter()

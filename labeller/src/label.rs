@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Failure, Result};
 use crate::truth_box::project;
-use track::labels_of;
+pub use track::labels_of;
 
 /// Class of every ground-truth box.
 pub(crate) const AIRCRAFT_CLASS: &str = "aircraft";
@@ -120,10 +120,14 @@ fn label_scenario(folder: &ScenarioFolder) -> Result<Labelled> {
         replace_files(
             &claim,
             folder.root(),
-            &[ScenarioFolder::FRAMES, ScenarioFolder::TRUTH_BOXES],
+            if labels.boxes.is_some() {
+                &[ScenarioFolder::FRAMES, ScenarioFolder::TRUTH_BOXES]
+            } else {
+                &[ScenarioFolder::FRAMES]
+            },
             |name, path| match name {
                 ScenarioFolder::FRAMES => labels.frames.write(path),
-                _ => TruthBox::write(&labels.boxes, path),
+                _ => TruthBox::write(labels.boxes.as_deref().unwrap_or_default(), path),
             },
         )?;
     }
@@ -139,7 +143,8 @@ struct Labels {
     seal: Seal,
     frames: Frames,
     views: Vec<String>,
-    boxes: Vec<TruthBox>,
+    /// `None` of a recorded scenario.
+    boxes: Option<Vec<TruthBox>>,
     /// True if the scenario already has them.
     are_there: bool,
 }
@@ -149,9 +154,14 @@ impl Labels {
         let scenario = folder.open()?;
         let record = scenario.record()?;
         let mut frames = scenario.frames()?;
-        let aircraft = check(&record, &frames)?;
-        let cameras = cameras(&scenario, &record)?;
-        let boxes = truth_boxes(&record, aircraft, &frames, &cameras);
+        // The attitude of a recorded aircraft, and often its type, are not known well enough for ground-truth boxes.
+        let boxes = if record.recorded.is_some() {
+            None
+        } else {
+            let aircraft = check(&record, &frames)?;
+            let cameras = cameras(&scenario, &record)?;
+            Some(truth_boxes(&record, aircraft, &frames, &cameras))
+        };
         let mut are_there = true;
         let labels = labels_of(
             &frames.rows,
@@ -162,7 +172,7 @@ impl Labels {
             are_there &= row.labels == Some(labels);
             row.labels = Some(labels);
         }
-        are_there = are_there && scenario.truth_boxes_if_labelled()?.as_ref() == Some(&boxes);
+        are_there = are_there && scenario.truth_boxes_if_labelled()? == boxes;
         Ok(Self {
             seal: scenario.seal().clone(),
             frames,
@@ -173,7 +183,10 @@ impl Labels {
     }
 
     fn views_without_boxes(&self) -> Vec<String> {
-        let is_empty = |view: &&String| self.boxes.iter().all(|seen| seen.view != **view);
+        let Some(boxes) = &self.boxes else {
+            return Vec::new();
+        };
+        let is_empty = |view: &&String| boxes.iter().all(|seen| seen.view != **view);
         self.views.iter().filter(is_empty).cloned().collect()
     }
 }
@@ -230,6 +243,9 @@ fn truth_boxes(
     cameras: &[Camera],
 ) -> Vec<TruthBox> {
     let mut boxes = Vec::new();
+    let Some(weather) = record.weather() else {
+        return boxes;
+    };
     // Flaps and gear move during only a few ticks of a flight.
     for rows in frames.rows.chunk_by(|a, b| a.controls == b.controls) {
         let Controls {
@@ -246,7 +262,6 @@ fn truth_boxes(
                 else {
                     continue;
                 };
-                let visibility_m = record.conditions.weather.visibility_m;
                 boxes.push(TruthBox {
                     tick: row.tick,
                     view: view.clone(),
@@ -254,7 +269,7 @@ fn truth_boxes(
                     pixel_box: seen.pixel_box,
                     visible_fraction: seen.visible_fraction,
                     truncation: seen.truncation,
-                    transmission: transmission(seen.range_m, visibility_m),
+                    transmission: transmission(seen.range_m, weather.visibility_m),
                 });
             }
         }

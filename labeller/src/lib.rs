@@ -28,7 +28,7 @@ pub use detect::{
 };
 pub use detector::Device;
 pub use error::{Error, Failure, Result};
-pub use label::{LabelOutcome, label_corpus};
+pub use label::{LabelOutcome, label_corpus, labels_of};
 pub use matching::false_boxes::FalseBoxes;
 pub use matching::statistics::TruthCounts;
 pub use registration::Patch;

@@ -85,7 +85,7 @@ impl SeenTicks {
                 continue;
             }
             let scenario = folder.open()?;
-            let weather = scenario.record()?.conditions.weather_name;
+            let weather = scenario.record()?.weather_name().to_owned();
             let mut best: BTreeMap<u32, BTreeMap<String, f64>> = BTreeMap::new();
             for found in scenario.detections(model_hash)?.boxes {
                 if found.confirmed {

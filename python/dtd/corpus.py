@@ -15,7 +15,7 @@ from dtd.camera import Camera
 from dtd.files import CorpusError, collect, damaged, is_sealed, read_json, recorded, refuse_link, scan, sealed, sealed_table
 from dtd.video import Picture, Video
 
-_PER_VIEW = ("sim_frame_", "pts_", "echo_", "camera_")
+_PER_VIEW = ("sim_frame_", "pts_", "echo_", "camera_", "image_time_ns_")
 """Columns of frames.parquet that have one copy for each view begin so and end with the view."""
 
 
@@ -34,7 +34,7 @@ _SCENARIOS: dict[str, pl.DataType] = {
 
 
 class Corpus:
-    """A folder that `dtd generate` made. Every table has a column `scenario`; other columns are those of docs/dataset.md."""
+    """A folder that `dtd generate` or `dtd import` made. Every table has a column `scenario`; other columns are those of docs/dataset.md."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -76,16 +76,18 @@ class Corpus:
         rows = []
         for scenario in self._scenarios:
             record = self.record(scenario)
-            rate, conditions, runway = record["frame_rate"], record["conditions"], record["runway"]
+            rate, runway = record["frame_rate"], record["runway"]
+            # Missing in a scenario that no simulator made.
+            conditions = record.get("conditions") or {}
             effective = record.get("effective_weather") or {}
             rows.append(
                 {
                     "scenario": scenario,
                     "side": self._sides.get(scenario, {}).get("side"),
                     "trajectory": record["trajectory"],
-                    "time_of_day": conditions["time_of_day"],
-                    "weather": conditions["weather_name"],
-                    "visibility_m": float(conditions["weather"]["visibility_m"]),
+                    "time_of_day": conditions.get("time_of_day"),
+                    "weather": conditions.get("weather_name"),
+                    "visibility_m": _number(conditions.get("weather", {}).get("visibility_m")),
                     "effective_visibility_m": _number(effective.get("visibility_m")),
                     "weather_differs": list(effective.get("differing", [])),
                     "airport": runway["airport"],
@@ -111,7 +113,10 @@ class Corpus:
         return _together(shared(scenario, folder) for scenario, folder in self._scenarios.items())
 
     def views(self) -> pl.DataFrame:
-        """One row per scenario, tick and view: the image's timestamp, the pose and the camera that the simulator reports."""
+        """One row per scenario, tick and view: the image's timestamp, the pose and the camera that the simulator reports.
+
+        Of a recorded scenario: the time of the image, null where the view has none.
+        """
 
         def of_views(scenario: str, folder: Path) -> Iterator[tuple[Path, pl.LazyFrame]]:
             path, table, by_view = self._frames(scenario, folder)

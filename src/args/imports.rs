@@ -64,6 +64,19 @@ pub(crate) struct AirportImportArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct ImportArgs {
+    /// The recording's description: runway, cameras, tables of boxes, tracks (docs/recordings.md)
+    #[arg(value_name = "RECORDING.toml")]
+    pub(crate) recording: PathBuf,
+    /// New folder for the corpus
+    #[arg(long, value_name = "CORPUS", value_parser = Output::Folder.parser())]
+    pub(crate) out: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum TracksCommand {
     /// Smooth the arrivals in files of tracks, and fill them in to complete recordings

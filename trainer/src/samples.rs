@@ -45,6 +45,7 @@ use crate::error::{Error, Result};
 use crate::samples::camera_health::late_images::{Pair, put_in_time};
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
+use crate::samples::sample::image_times::move_to_ticks;
 use crate::samples::trusted_boxes::is_whole;
 use crate::samples::view_shift::ViewShift;
 
@@ -93,7 +94,8 @@ pub(crate) struct ScenarioSummary {
     pub manifest_blake3: String,
     pub side: Side,
     pub weather: String,
-    pub planned_weather: Weather,
+    /// Planned weather; `None` in a recorded scenario.
+    pub planned_weather: Option<Weather>,
     /// Weather that the simulator reported at the aircraft.
     pub effective_weather: Option<EffectiveWeather>,
     /// Local time as named in the sweep.
@@ -124,12 +126,12 @@ impl ScenarioSummary {
             folder: folder.clone(),
             flight: flight_of(&record.flight, frames),
             manifest_blake3: scenario.seal().manifest_blake3.clone(),
-            trajectory: record.trajectory,
             side,
-            weather: record.conditions.weather_name,
-            planned_weather: record.conditions.weather,
+            weather: record.weather_name().to_owned(),
+            time_of_day: record.time_of_day().to_owned(),
+            trajectory: record.trajectory,
+            planned_weather: record.conditions.map(|planned| planned.weather),
             effective_weather: record.effective_weather,
-            time_of_day: record.conditions.time_of_day,
             aircraft: record.aircraft,
             runway: record.runway,
             touchdown: record.touchdown,
@@ -324,7 +326,8 @@ impl Samples {
         (summary, frames, observations): (ScenarioSummary, Frames, Vec<Observation>),
     ) -> Result<()> {
         let folder = scenario.folder();
-        let visibility_m = summary.planned_weather.visibility_m;
+        let weather = summary.planned_weather.as_ref();
+        let visibility_m = weather.map(|weather| weather.visibility_m);
         for (row, observed) in frames.rows.into_iter().zip(observations) {
             let labels = row.labels.ok_or_else(|| {
                 let fault = "has no labels in frames.parquet; run `dtd label` on the corpus first";
@@ -396,7 +399,9 @@ impl Samples {
                 format!("has detections of view {view}, which calibration.json does not list");
             return Err(Error::corpus(folder.root(), fault));
         }
+        let frames = scenario.frames()?;
         let mut detections = whole_boxes(detections, &cameras);
+        move_to_ticks(&mut detections, &frames);
         let registrations = scenario
             .registrations(&self.detections.hash)?
             .unwrap_or_default();
@@ -404,7 +409,6 @@ impl Samples {
             .into_iter()
             .map(|registration| ((registration.tick, registration.view.clone()), registration))
             .collect();
-        let frames = scenario.frames()?;
         let mut summary = ScenarioSummary::of(scenario, record, cameras, &frames, side);
         summary.registered_with = registered_with(folder, &self.detections.hash)?;
         let observe = |row: &TickRow| {
@@ -422,7 +426,17 @@ impl Samples {
                 .collect();
             let at = (self.scenarios.len(), row.tick, row.time_ns);
             let views = self.views.iter();
-            let looks = views.map(|view| look(row.tick, view));
+            let looks = views.map(|view| {
+                let recorded = frames.views.iter().zip(&row.image_times_ns);
+                let has_none = recorded
+                    .into_iter()
+                    .any(|(of, at)| of == view && at.is_none());
+                if has_none {
+                    Look::Blind
+                } else {
+                    look(row.tick, view)
+                }
+            });
             Observation::of(at, found, shifts, looks.collect())
         };
         let mut observations: Vec<Observation> = frames.rows.iter().map(observe).collect();
@@ -663,13 +677,21 @@ pub(crate) fn keep_whole(found: &mut Vec<Candidate>, camera: &Camera) {
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
 }
 
-/// Share of contrast that remains over the distance to the nearest camera whose image contains the aircraft.
-fn best_transmission(cameras: &[Camera], position: Geodetic, visibility_m: f64) -> Option<f64> {
+/// Share of contrast that remains over the distance to the nearest camera whose image contains the aircraft; an
+/// unknown weather counts as clear.
+fn best_transmission(
+    cameras: &[Camera],
+    position: Geodetic,
+    visibility_m: Option<f64>,
+) -> Option<f64> {
     let aircraft_m = position.to_ecef();
     cameras
         .iter()
         .filter(|camera| camera.shows(aircraft_m))
-        .map(|camera| transmission(camera.center_ecef_m.distance(aircraft_m), visibility_m))
+        .map(|camera| {
+            let range_m = camera.center_ecef_m.distance(aircraft_m);
+            visibility_m.map_or(1.0, |visibility_m| transmission(range_m, visibility_m))
+        })
         .reduce(f64::max)
 }
 

@@ -307,7 +307,7 @@ fn a_left_out_time_is_the_test_side_and_trains_nothing() {
     for id in moved {
         let folder = corpus.scenario(id);
         let mut record = folder.open().unwrap().record().unwrap();
-        record.conditions.time_of_day = "03:00".into();
+        record.conditions.as_mut().unwrap().time_of_day = "03:00".into();
         record.write(&folder.record_path()).unwrap();
         seal::seal_folder(folder.root(), "synthetic").unwrap();
     }

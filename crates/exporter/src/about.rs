@@ -58,7 +58,7 @@ impl About {
     }
 
     pub(crate) fn add(&mut self, record: &ScenarioRecord, model: Option<&str>) {
-        self.simulators.insert(record.versions.simulator.clone());
+        self.simulators.extend(record.versions.simulator.clone());
         self.models.extend(model.map(str::to_owned));
     }
 

@@ -29,8 +29,8 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
         schema_version: PINHOLE_SCHEMA_VERSION,
         id: id.into(),
         trajectory: format!("trajectory-of-{id}"),
-        seed: 7,
-        plan_hash: "plan".into(),
+        seed: Some(7),
+        plan_hash: Some("plan".into()),
         config_hash: "config".into(),
         aircraft: "B737-800".into(),
         frame_rate,
@@ -39,7 +39,7 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
         runway,
         flight_touchdown: None,
         geoid: None,
-        conditions: Conditions {
+        conditions: Some(Conditions {
             time_of_day: "12:00".into(),
             clock: Clock {
                 day_of_year: 80,
@@ -47,18 +47,19 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
             },
             weather_name: "clear".into(),
             weather: calm(40_000.0),
-        },
+        }),
         effective_weather: None,
         flight: Flight::Live,
         rig: "wide-baseline".into(),
         views: VIEWS.map(str::to_owned).to_vec(),
         blocks: None,
         graphics: None,
+        recorded: None,
         versions: Versions {
             dtd: "0".into(),
-            simulator: "fixture".into(),
-            capture_link: 1,
-            pixels: "link".into(),
+            simulator: Some("fixture".into()),
+            capture_link: Some(1),
+            pixels: Some("link".into()),
             encoder: None,
         },
     }
@@ -78,7 +79,9 @@ pub fn frame(tick: u32, frame_rate: FrameRate, pose: Pose) -> TickRow {
         },
         on_ground: false,
         views: Vec::new(),
+        image_times_ns: Vec::new(),
         labels: None,
+        dtd_sd_m: None,
     }
 }
 

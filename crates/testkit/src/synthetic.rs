@@ -392,12 +392,12 @@ impl SyntheticCorpus {
         let plain = record(id, self.frame_rate, frames.rows.len() as u32);
         ScenarioRecord {
             trajectory: trajectory.into(),
-            seed: self.seed,
-            plan_hash: "synthetic".into(),
+            seed: Some(self.seed),
+            plan_hash: Some("synthetic".into()),
             config_hash: "synthetic".into(),
             aircraft: "B738".into(),
             views: calibration.cameras.keys().cloned().collect(),
-            conditions: Conditions {
+            conditions: Some(Conditions {
                 time_of_day: times[number % times.len()].into(),
                 clock: Clock {
                     day_of_year: 80,
@@ -405,14 +405,14 @@ impl SyntheticCorpus {
                 },
                 weather_name: weathers[number % weathers.len()].into(),
                 weather: calm(20_000.0),
-            },
+            }),
             blocks: None,
             graphics: None,
             versions: Versions {
                 dtd: env!("CARGO_PKG_VERSION").into(),
-                simulator: "geometry".into(),
-                capture_link: 0,
-                pixels: "link".into(),
+                simulator: Some("geometry".into()),
+                capture_link: Some(0),
+                pixels: Some("link".into()),
                 encoder: None,
             },
             ..plain

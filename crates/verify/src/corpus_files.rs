@@ -105,9 +105,13 @@ fn check_scenario(
         .collect();
     let differences = [
         other_than("config_hash", &scenario.config_hash, &record.config_hash),
-        other_than("seed", &scenario.seed, &record.seed),
+        other_than("seed", &Some(scenario.seed), &record.seed),
         other_than("trajectory", &scenario.trajectory, &record.trajectory),
-        other_than("conditions", &parameters.conditions, &record.conditions),
+        other_than(
+            "conditions",
+            &Some(&parameters.conditions),
+            &record.conditions.as_ref(),
+        ),
         other_than("aircraft", &planned_aircraft, &record.aircraft),
         other_than("runway", &common.runway, &record.runway),
         other_than("flight", &parameters.flight, &record.flight),

@@ -44,6 +44,9 @@ pub(super) fn read_boxes(
 ) -> Option<Vec<TruthBox>> {
     let path = folder.truth_boxes_path();
     let boxes_exist = path.exists();
+    if frames.is_some_and(Frames::is_recorded) && !boxes_exist {
+        return None;
+    }
     let labelled = frames.map_or(boxes_exist, is_labelled);
     if labelled != boxes_exist {
         let fault = if labelled {
@@ -175,8 +178,10 @@ pub(super) fn check_boxes(
         let camera = camera.camera();
         let centre_ecef_m = frame.pose.position().to_ecef();
         let range_m = centre_ecef_m.distance(camera.center_ecef_m);
-        let visibility_m = record.conditions.weather.visibility_m;
-        let transmission = transmission(range_m, visibility_m);
+        let Some(weather) = record.weather() else {
+            continue;
+        };
+        let transmission = transmission(range_m, weather.visibility_m);
         if !close(truth.transmission, transmission, TIME_AND_SHARE_TOLERANCE) {
             let message = format!(
                 "is {}, distance and visibility give {transmission}",

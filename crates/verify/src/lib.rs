@@ -17,6 +17,7 @@ mod labels;
 pub mod pixels;
 mod planned_cameras;
 mod record;
+mod recorded;
 mod videos;
 
 use std::collections::BTreeMap;
@@ -263,7 +264,12 @@ fn verify_scenario(
             labels::check_boxes(&record, frames, boxes, calibration, faults);
         }
     }
-    if options.decode {
+    if record.recorded.is_some() {
+        let read = (frames.as_ref(), calibration.as_ref());
+        recorded::check(folder, &record, read, faults);
+        recorded::name_unchecked(&mut report.not_checked);
+    }
+    if options.decode && record.recorded.is_none() {
         let scenario = pixels::Scenario {
             record: &record,
             frames: frames.as_ref(),

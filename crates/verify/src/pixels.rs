@@ -324,7 +324,9 @@ impl<'a> Watcher<'a> {
         let (Some((_, truth)), Some(altitude_m)) = (truth, self.altitude_msl_m(tick)) else {
             return false;
         };
-        let weather = &self.scenario.record.conditions.weather;
+        let Some(weather) = self.scenario.record.weather() else {
+            return false;
+        };
         truth.truncation == 0.0
             && truth.visible_fraction >= MIN_VISIBLE
             && truth.transmission >= MIN_TRANSMISSION
@@ -456,7 +458,7 @@ impl<'a> Watcher<'a> {
         let own = found.truth.pixel_box;
         let row = self.scenario.frames?.rows.get(found.tick)?;
         let [north_mps, east_mps, _] = row.velocity_ned_mps;
-        let rain_ratio = self.scenario.record.conditions.weather.rain_ratio;
+        let rain_ratio = self.scenario.record.weather()?.rain_ratio;
         Some(timing::Point {
             tick: found.tick,
             offset_px: found.sight.offset_px,

@@ -6,7 +6,8 @@ use crate::faults::{Faults, LENGTH_TOLERANCE_M, RELATIVE_TOLERANCE, close};
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::calibration::{Calibration, CameraEntry};
 use dataset::corpus::scenario::{
-    MARKED_SCHEMA_VERSION, PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION, ScenarioRecord,
+    MARKED_SCHEMA_VERSION, PINHOLE_SCHEMA_VERSION, RECORDED_SCHEMA_VERSION, SCHEMA_VERSION,
+    ScenarioRecord,
 };
 use dataset::corpus::seal;
 use dataset::geometry::runway::RunwayCoordinates;
@@ -61,15 +62,21 @@ pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &m
             ),
         );
     }
-    if let Some(effective) = &record.effective_weather
-        && let Some(what) = effective.contradiction(&record.conditions.weather)
+    if let (Some(effective), Some(weather)) = (&record.effective_weather, record.weather())
+        && let Some(what) = effective.contradiction(weather)
     {
         faults.file(
             RECORD,
             format!("effective_weather contradicts itself: {what}"),
         );
     }
-    if record.required_version(PINHOLE_SCHEMA_VERSION) > record.schema_version {
+    if record.recorded.is_some() && record.schema_version < RECORDED_SCHEMA_VERSION {
+        let found = record.schema_version;
+        faults.file(
+            RECORD,
+            format!("schema version is {found}, but the scenario is recorded; expected {RECORDED_SCHEMA_VERSION}"),
+        );
+    } else if record.required_version(PINHOLE_SCHEMA_VERSION) > record.schema_version {
         let (found, expected) = (record.schema_version, MARKED_SCHEMA_VERSION);
         faults.file(
             RECORD,
@@ -129,7 +136,7 @@ pub(super) fn check_calibration(
         if let Some(fault) = entry.fault() {
             faults.file(CALIBRATION, format!("camera {id} {fault}"));
         }
-        if let Some(what) = difference(entry) {
+        if let Some(what) = difference(entry, record.recorded.is_some()) {
             faults.file(
                 CALIBRATION,
                 format!("camera {id}: {what} does not follow from where it was placed"),
@@ -138,8 +145,8 @@ pub(super) fn check_calibration(
     }
 }
 
-/// Name of the entry's part that does not follow from the placement.
-fn difference(entry: &CameraEntry) -> Option<&'static str> {
+/// Name of the entry's part that does not follow from the placement. The principal point of a real camera is anywhere.
+fn difference(entry: &CameraEntry, is_recorded: bool) -> Option<&'static str> {
     let again = CameraEntry::from_pose(entry.placed, entry.width_px, entry.height_px);
     let [ours, theirs] = [&again, entry].map(|entry| entry.camera());
     let rotations =
@@ -159,7 +166,7 @@ fn difference(entry: &CameraEntry) -> Option<&'static str> {
         Some("translation_m")
     } else if turned {
         Some("rotation")
-    } else if !scaled.all(|same| same) {
+    } else if !is_recorded && !scaled.all(|same| same) {
         Some("k")
     } else {
         None

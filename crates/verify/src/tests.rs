@@ -121,6 +121,8 @@ fn frame(tick: u32) -> TickRow {
         },
         on_ground: false,
         views: vec![stamp(0), stamp(1)],
+        image_times_ns: Vec::new(),
+        dtd_sd_m: None,
         labels: Some(TickLabels {
             dtd_m: place.dtd_m,
             along_track_m: place.along_track_m,
@@ -143,8 +145,8 @@ fn record(id: &str) -> ScenarioRecord {
         schema_version: PINHOLE_SCHEMA_VERSION,
         id: id.into(),
         trajectory: format!("live-{id}"),
-        seed: 1,
-        plan_hash: "plan".into(),
+        seed: Some(1),
+        plan_hash: Some("plan".into()),
         config_hash: "config".into(),
         aircraft: "B737-800".into(),
         frame_rate: RATE,
@@ -153,7 +155,7 @@ fn record(id: &str) -> ScenarioRecord {
         touchdown: runway().touchdown_target(),
         flight_touchdown: None,
         geoid: None,
-        conditions: Conditions {
+        conditions: Some(Conditions {
             time_of_day: "06:00".into(),
             clock: Clock {
                 day_of_year: 171,
@@ -168,18 +170,19 @@ fn record(id: &str) -> ScenarioRecord {
                 wind_from_true_deg: 0.0,
                 turbulence_ratio: 0.0,
             },
-        },
+        }),
         effective_weather: None,
         flight: Flight::Live,
         rig: "pair".into(),
         views: VIEWS.map(str::to_owned).to_vec(),
         blocks: None,
         graphics: None,
+        recorded: None,
         versions: Versions {
             dtd: "0".into(),
-            simulator: "none".into(),
-            capture_link: 1,
-            pixels: "link".into(),
+            simulator: Some("none".into()),
+            capture_link: Some(1),
+            pixels: Some("link".into()),
             encoder: None,
         },
     }

@@ -110,8 +110,8 @@ impl Row {
     fn add_record(&mut self, record: ScenarioRecord) {
         let differences = record.weather_marks();
         self.weather_differs = differences.iter().map(ToString::to_string).collect();
-        self.weather = Some(record.conditions.weather_name);
-        self.time_of_day = Some(record.conditions.time_of_day);
+        self.weather = Some(record.weather_name().to_owned());
+        self.time_of_day = Some(record.time_of_day().to_owned());
         self.trajectory = Some(record.trajectory);
         self.ticks = Some(record.ticks);
         self.views = record.views;

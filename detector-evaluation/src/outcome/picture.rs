@@ -39,7 +39,7 @@ pub(crate) fn pictures_of(scenario: &OpenScenario) -> Result<Vec<Picture>> {
         .into_iter()
         .map(|truth| ((truth.tick, truth.view.clone()), truth))
         .collect();
-    let cloud_base = CloudBase::of(&record.conditions.weather);
+    let cloud_base = CloudBase::of(record.weather());
     let mut pictures = Vec::with_capacity(frames.rows.len() * record.views.len());
     for row in &frames.rows {
         let labels = row

@@ -70,7 +70,7 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
             let scenario = Arc::new(folder.open()?);
             planned.check(&scenario.id(), &scenario.seal().config_hash)?;
             let record = scenario.record()?;
-            let weather = record.conditions.weather_name;
+            let weather = record.weather_name().to_owned();
             videos.extend(record.views.into_iter().map(|view| Video {
                 scenario: scenario.clone(),
                 view,

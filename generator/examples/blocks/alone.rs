@@ -62,12 +62,13 @@ pub(crate) fn measure(recording: &Recording, id: &str) -> Result<Steps, Box<dyn 
                 )
             })
             .collect();
+        let conditions = record.conditions.as_ref().expect("simulated");
         let scene_of = |camera: &Camera| {
             BuiltIn.prepare(&SceneSetting {
                 camera,
                 runway: &record.runway,
-                weather: &record.conditions.weather,
-                clock: &record.conditions.clock,
+                weather: &conditions.weather,
+                clock: &conditions.clock,
                 aircraft: airframe::AircraftType::boeing_737_800(),
                 degradation: None,
             })

@@ -237,7 +237,9 @@ fn covered_pictures(
 ) -> Result<u32, Box<dyn Error>> {
     let [expected, found] = [expected.scenario(id), found.scenario(id)];
     let record = found.open()?.record()?;
-    let time_runs = record.conditions.weather.rain_ratio > 0.0;
+    let time_runs = record
+        .weather()
+        .is_some_and(|weather| weather.rain_ratio > 0.0);
     let mut covered = 0;
     for view in &record.views {
         let mut videos = [

@@ -385,7 +385,9 @@ fn frames(
                 echoed_camera: drawn.camera,
             })
             .collect(),
+        image_times_ns: Vec::new(),
         labels: None,
+        dtd_sd_m: None,
     };
     Frames {
         views,
@@ -443,8 +445,8 @@ fn scenario_record(
         schema_version: PINHOLE_SCHEMA_VERSION,
         id: scenario.id.clone(),
         trajectory: scenario.trajectory.clone(),
-        seed: scenario.seed,
-        plan_hash: plan.plan_hash.clone(),
+        seed: Some(scenario.seed),
+        plan_hash: Some(plan.plan_hash.clone()),
         config_hash: scenario.config_hash.clone(),
         aircraft: parameters.aircraft(common).to_owned(),
         frame_rate: common.picture.frame_rate,
@@ -453,22 +455,23 @@ fn scenario_record(
         touchdown: common.runway.touchdown_target(),
         flight_touchdown: trajectory.touchdown(),
         geoid: None,
-        conditions: parameters.conditions.clone(),
+        conditions: Some(parameters.conditions.clone()),
         effective_weather: simulator.effective_weather().cloned(),
         flight: parameters.flight.clone(),
         rig: common.rig.clone(),
         views,
         blocks: None,
         graphics: None,
+        recorded: None,
         versions: Versions {
             dtd: env!("CARGO_PKG_VERSION").into(),
-            simulator: format!(
+            simulator: Some(format!(
                 "{} {}",
                 simulator.description().name,
                 simulator.description().version
-            ),
-            capture_link: LINK_VERSION,
-            pixels: simulator.pixels().name().into(),
+            )),
+            capture_link: Some(LINK_VERSION),
+            pixels: Some(simulator.pixels().name().into()),
             encoder: Some(common.video.codec.encoder().to_owned()),
         },
     }

@@ -127,8 +127,8 @@ impl<'a> ApproachPath<'a> {
         }
     }
 
-    /// Compares the units of the columns with each other, over the approach.
-    pub(super) fn units(&self) -> Result<(), Implausible> {
+    /// Compares the units of the columns with each other, over the approach. `has_attitude`: it was measured.
+    pub(super) fn units(&self, has_attitude: bool) -> Result<(), Implausible> {
         let approach = &self.states[self.range()];
         if approach.len() < 2 {
             return Ok(());
@@ -138,7 +138,9 @@ impl<'a> ApproachPath<'a> {
         units::directions(approach)?;
         units::climb(approach)?;
         units::airspeed(approach)?;
-        attitude::attitude(approach)?;
+        if has_attitude {
+            attitude::attitude(approach)?;
+        }
         self.controls()
     }
 

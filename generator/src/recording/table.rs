@@ -38,6 +38,8 @@ pub(super) struct Row {
     pub(super) state: FlightState,
     /// The first number that is impossible for an airliner on approach. It matters only if the row is part of the approach.
     pub(super) fault: Option<FieldOutOfLimits>,
+    /// True if the row says that its attitude was derived from the path, as `dtd tracks import` writes it.
+    pub(super) has_derived_attitude: bool,
 }
 
 pub(super) struct Rows<'a, R> {
@@ -46,6 +48,7 @@ pub(super) struct Rows<'a, R> {
     /// Places of [`COLUMNS`], and of [`ON_GROUND`].
     places: [usize; COLUMNS.len()],
     on_ground: usize,
+    attitude: Option<usize>,
 }
 
 impl<'a, R: BufRead> Rows<'a, R> {
@@ -82,6 +85,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
             records: reader.into_records(),
             places: COLUMNS.map(|(name, _)| place(name).unwrap_or_default()),
             on_ground: place(ON_GROUND).unwrap_or_default(),
+            attitude: place("attitude"),
         })
     }
 
@@ -110,6 +114,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
             line,
             state: state(numbers, is_on_ground),
             fault: check.first(),
+            has_derived_attitude: self.attitude.is_some_and(|at| &record[at] == "derived"),
         })
     }
 }

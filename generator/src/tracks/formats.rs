@@ -15,7 +15,7 @@ use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::runway::Runway;
 use flate2::bufread::MultiGzDecoder;
 
-pub use tables::NamedColumn;
+pub use tables::{NamedColumn, utc_s};
 
 /// The largest file that is read.
 const TRACKS: FileKind = FileKind::new("file of tracks", 1 << 40);

@@ -26,7 +26,7 @@ const ALIKE_M: f64 = 450.0;
 /// Residual of the steps after smoothing, metres (standard deviation).
 const STEPS_SD_M: f64 = 1.0;
 /// 95th percentile of the standard normal distribution.
-const NORMAL_90: f64 = 1.645;
+pub(super) const NORMAL_90: f64 = 1.645;
 
 /// Conversion from altitudes to heights above the touchdown target.
 #[derive(Debug, Clone, Copy, PartialEq)]

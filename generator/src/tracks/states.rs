@@ -12,7 +12,7 @@ use super::attitude::{
 };
 use super::flaps::{FlapSchedule, Moment};
 use super::formats::{Attitude, Fix, Track};
-use super::height::Datum;
+use super::height::{Datum, NORMAL_90};
 use super::smoother::{Measured, Noise, Smoothed, at, smooth};
 
 /// Time between states, seconds.
@@ -66,6 +66,10 @@ const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,ro
 
 pub(super) struct Made {
     rows: Vec<Row>,
+    /// UTC of the first row, seconds since 1970.
+    pub(super) start_utc_s: f64,
+    /// Mean time between positions, seconds.
+    spacing_s: f64,
     pub(super) along_sd_m: f64,
     pub(super) across_sd_m: f64,
     pub(super) outliers: usize,
@@ -149,7 +153,10 @@ fn of_arrival(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival> {
     let last_s = path.touchdown_s + ROLL_S;
     let count = ((last_s - first_s) / STEP_S).floor() as usize + 1;
     let times = (0..count).map(|step| first_s + step as f64 * STEP_S);
+    let lasts_s = seen[seen.len() - 1].fix.time_s - first_s;
     Ok(Made {
+        start_utc_s: first_s,
+        spacing_s: lasts_s / (seen.len() - 1).max(1) as f64,
         rows: times
             .map(|time_s| path.row(time_s, first_s, &seen))
             .collect(),
@@ -439,6 +446,21 @@ impl<'a> Path<'a> {
 }
 
 impl Made {
+    /// Standard deviations of the smoothed positions along the course and across it, and of the heights, metres. A path under white
+    /// acceleration of density q, through places with white errors of density r, has the variance `r^(3/4) q^(1/4) / (2 sqrt 2)`.
+    pub(super) fn position_sd_m(&self) -> [f64; 3] {
+        let smoothed = |scatter_m: f64, noise: Noise| {
+            let density = scatter_m * scatter_m * self.spacing_s;
+            (density.powf(0.75) * noise.acceleration.powf(0.25) / 8.0_f64.sqrt()).sqrt()
+        };
+        let mut heights: Vec<f64> = self.rows.iter().map(|row| row.height_90_m).collect();
+        [
+            smoothed(self.along_sd_m, ALONG),
+            smoothed(self.across_sd_m, ACROSS),
+            median(&mut heights) / NORMAL_90,
+        ]
+    }
+
     /// The recording as a table.
     pub(super) fn csv(&self) -> String {
         let mut text = format!("{HEADER}\n");

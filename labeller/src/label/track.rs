@@ -8,11 +8,7 @@ use dataset::numbers::units::SimTime;
 use dataset::tables::frames::{TickLabels, TickRow};
 
 /// Labels of all ticks, in their order.
-pub(crate) fn labels_of(
-    ticks: &[TickRow],
-    target: Geodetic,
-    course_true_deg: f64,
-) -> Vec<TickLabels> {
+pub fn labels_of(ticks: &[TickRow], target: Geodetic, course_true_deg: f64) -> Vec<TickLabels> {
     let coordinates: Vec<_> = ticks
         .iter()
         .map(|tick| RunwayCoordinates::of(tick.pose.position(), target, course_true_deg))

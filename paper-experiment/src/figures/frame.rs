@@ -44,8 +44,8 @@ impl Shown {
     pub(super) fn choose(corpus: &Corpus, detections: &str) -> Result<Self> {
         let mut folders = Vec::new();
         for folder in corpus.scenarios()? {
-            let conditions = folder.open()?.record()?.conditions;
-            let is_wanted = (&*conditions.weather_name, &*conditions.time_of_day) == WANTED;
+            let record = folder.open()?.record()?;
+            let is_wanted = (record.weather_name(), record.time_of_day()) == WANTED;
             folders.push((!is_wanted, folder));
         }
         folders.sort_by_key(|(is_other, _)| *is_other);

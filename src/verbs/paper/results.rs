@@ -98,12 +98,12 @@ fn corpus_figures(experiment: &Experiment<'_>) -> Result<CorpusFigures, Failure>
         let record = scenario.record()?;
         figures.scenarios += 1;
         figures.pictures += record.pictures();
+        figures.weathers.push(record.weather_name().to_owned());
+        figures.times.push(record.time_of_day().to_owned());
         flights.insert(record.trajectory);
-        figures.weathers.push(record.conditions.weather_name);
-        figures.times.push(record.conditions.time_of_day);
         figures.runway = format!("{} {}", record.runway.airport, record.runway.name);
         (figures.aircraft, figures.rig) = (record.aircraft, record.rig);
-        figures.simulators.push(record.versions.simulator);
+        figures.simulators.extend(record.versions.simulator);
         figures.frame_rate = record.frame_rate.to_string();
         if let Some(camera) = scenario.calibration()?.cameras.values().next() {
             (figures.width_px, figures.height_px) = (camera.width_px, camera.height_px);

@@ -8,7 +8,7 @@ use dataset::geometry::camera::Camera;
 use serde::{Deserialize, Serialize};
 
 use crate::samples::rig::moved_rig::Move;
-use crate::samples::training_cameras::camera_adjustment::Adjustment;
+use dataset::geometry::camera::camera_adjustment::Adjustment;
 
 /// The planned camera, slightly turned, zoomed and moved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,5 +1,7 @@
 //! Observations and ground truth at one tick before touchdown.
 
+pub(crate) mod image_times;
+
 use std::ops::Deref;
 
 use dataset::geometry::geodesy::Geodetic;

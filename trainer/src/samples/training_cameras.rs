@@ -6,7 +6,6 @@
 //!
 //! The fit needs ground truth, so it uses the training side alone and applies to it alone.
 
-pub(crate) mod camera_adjustment;
 mod camera_fit;
 mod contradiction;
 mod dropped_boxes;

@@ -31,9 +31,9 @@ pub struct CloudBase {
 }
 
 impl CloudBase {
-    /// Only layers that cover something count.
-    pub fn of(weather: &Weather) -> Self {
-        let layers = weather.clouds.iter();
+    /// Only layers that cover something count; an unknown weather has none.
+    pub fn of(weather: Option<&Weather>) -> Self {
+        let layers = weather.into_iter().flat_map(|weather| &weather.clouds);
         let covering = layers.filter(|layer| layer.cover_ratio > 0.0);
         Self {
             msl_m: covering.map(|layer| layer.base_msl_m).reduce(f64::min),

@@ -376,10 +376,13 @@ impl OpenScenario {
     /// There is none.
     pub fn video_name(&self, view: &str) -> Result<&str> {
         self.sealed.video_of(view).ok_or_else(|| {
-            Error::corpus(
-                self.folder.root(),
-                format!("has no sealed video of view {view}; generate the scenario again"),
-            )
+            let is_recorded = self.record().is_ok_and(|record| record.recorded.is_some());
+            let fault = if is_recorded {
+                format!("has no video of view {view}: it was imported from tables")
+            } else {
+                format!("has no sealed video of view {view}; generate the scenario again")
+            };
+            Error::corpus(self.folder.root(), fault)
         })
     }
 

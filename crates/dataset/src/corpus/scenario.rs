@@ -1,13 +1,14 @@
 //! `scenario.json`: all parameters of a scenario, and the versions that made it.
 
 pub mod other_flight;
+mod recorded;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::conditions::Conditions;
+use crate::conditions::{Conditions, Weather};
 use crate::corpus::effective_weather::{EffectiveWeather, WeatherDifference};
 use crate::error::{Error, Result};
 use crate::files::file_name;
@@ -17,8 +18,10 @@ use crate::geometry::runway::Runway;
 use crate::numbers::frame_rate::FrameRate;
 use crate::numbers::limits::{self, Check, FieldOutOfLimits};
 
+pub use recorded::{CameraClock, DelayedTrack, Origin, Recorded, SourceFile};
+
 /// Latest version of the file format. Readers reject a larger one.
-pub const SCHEMA_VERSION: u32 = MARKED_SCHEMA_VERSION;
+pub const SCHEMA_VERSION: u32 = RECORDED_SCHEMA_VERSION;
 /// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
 /// [`crate::corpus::calibration::Calibration::schema_version`] returns a scenario's version.
 pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
@@ -26,6 +29,11 @@ pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
 pub(crate) const LENS_SCHEMA_VERSION: u32 = 2;
 /// The version of scenarios that were drawn under a different weather than planned, which readers of version 2 would overlook.
 pub const MARKED_SCHEMA_VERSION: u32 = 3;
+/// The version of scenarios that no simulator made: images may be missing, and have their own times.
+pub const RECORDED_SCHEMA_VERSION: u32 = 4;
+
+/// Word for a weather, a time of day or an aircraft type that a recording does not name.
+pub const UNKNOWN: &str = "unknown";
 
 /// Flight source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,13 +75,15 @@ pub struct ScenarioRecord {
     pub id: String,
     /// Identifier of the trajectory. Scenarios that fly the same trajectory share it, and a split must not separate them.
     pub trajectory: String,
-    /// Seed of everything random in this scenario.
-    pub seed: u64,
-    /// Hash of the plan that this scenario belongs to.
-    pub plan_hash: String,
+    /// Seed of everything random in this scenario; missing in a recorded one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// Hash of the plan that this scenario belongs to; missing in a recorded one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan_hash: Option<String>,
     /// Hash of this scenario's own parameters: if it changes, the scenario must be recorded again.
     pub config_hash: String,
-    /// Aircraft type.
+    /// Aircraft type; [`UNKNOWN`] if a recording does not name it.
     pub aircraft: String,
     /// Rate of the ticks.
     pub frame_rate: FrameRate,
@@ -87,8 +97,9 @@ pub struct ScenarioRecord {
     pub flight_touchdown: Option<Geodetic>,
     /// Name of the geoid that heights refer to; `null` if heights above mean sea level are taken as heights above the ellipsoid.
     pub geoid: Option<String>,
-    /// Weather and time, as planned and written.
-    pub conditions: Conditions,
+    /// Weather and time, as planned and written; missing in a recorded scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conditions: Option<Conditions>,
     /// The weather that the simulator reported at the aircraft; missing if the simulator reports none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effective_weather: Option<EffectiveWeather>,
@@ -104,6 +115,9 @@ pub struct ScenarioRecord {
     /// What the images were drawn with; missing if the simulator does not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub graphics: Option<Graphics>,
+    /// Origin of a scenario that no simulator made; missing in a simulated one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorded: Option<Recorded>,
     /// Versions of the software that made it.
     pub versions: Versions,
 }
@@ -172,12 +186,15 @@ pub struct Blocks {
 pub struct Versions {
     /// This software.
     pub dtd: String,
-    /// Name and version of the simulator, as it reports itself.
-    pub simulator: String,
-    /// Version of the capture link in use.
-    pub capture_link: u32,
-    /// Source of the pixels: `link`, `gl`, `screen` or `screenshot`.
-    pub pixels: String,
+    /// Name and version of the simulator, as it reports itself; missing in a recorded scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulator: Option<String>,
+    /// Version of the capture link in use; missing in a recorded scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capture_link: Option<u32>,
+    /// Source of the pixels: `link`, `gl`, `screen` or `screenshot`; missing in a recorded scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixels: Option<String>,
     /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`.
     pub encoder: Option<String>,
 }
@@ -188,12 +205,27 @@ impl ScenarioRecord {
         u64::from(self.ticks) * self.views.len() as u64
     }
 
+    /// Planned weather; `None` in a recorded scenario.
+    pub fn weather(&self) -> Option<&Weather> {
+        self.conditions.as_ref().map(|planned| &planned.weather)
+    }
+
+    /// Name of the planned weather, or [`UNKNOWN`].
+    pub fn weather_name(&self) -> &str {
+        let conditions = self.conditions.as_ref();
+        conditions.map_or(UNKNOWN, |planned| &planned.weather_name)
+    }
+
+    /// Planned local time, or [`UNKNOWN`].
+    pub fn time_of_day(&self) -> &str {
+        let conditions = self.conditions.as_ref();
+        conditions.map_or(UNKNOWN, |planned| &planned.time_of_day)
+    }
+
     /// Differences between the weather at the aircraft and the planned one; empty unless the scenario is marked.
     pub fn weather_marks(&self) -> Vec<WeatherDifference> {
-        let effective = self.effective_weather.as_ref();
-        effective.map_or_else(Vec::new, |effective| {
-            effective.marks(&self.conditions.weather)
-        })
+        let effective = self.effective_weather.as_ref().zip(self.weather());
+        effective.map_or_else(Vec::new, |(effective, planned)| effective.marks(planned))
     }
 
     /// True if the weather at the aircraft differs from the planned one.
@@ -204,7 +236,9 @@ impl ScenarioRecord {
 
     /// The version of the file format that this record needs: `of_cameras` is what its cameras need.
     pub fn required_version(&self, of_cameras: u32) -> u32 {
-        if self.is_marked() {
+        if self.recorded.is_some() {
+            RECORDED_SCHEMA_VERSION
+        } else if self.is_marked() {
             MARKED_SCHEMA_VERSION
         } else {
             of_cameras
@@ -267,7 +301,9 @@ impl ScenarioRecord {
                 touchdown.check(limits::ALTITUDE_MSL_M, check);
             });
         }
-        check.part("conditions", |check| self.conditions.check(check));
+        if let Some(conditions) = &self.conditions {
+            check.part("conditions", |check| conditions.check(check));
+        }
         if let Some(effective) = &self.effective_weather {
             check.part("effective_weather", |check| effective.check(check));
         }
@@ -276,6 +312,15 @@ impl ScenarioRecord {
 
     /// The reason why this record cannot be used, as text: its meaning is unknown, or file names are invalid.
     fn unreadable(&self) -> Option<String> {
+        if self.schema_version < RECORDED_SCHEMA_VERSION
+            && (self.seed.is_none() || self.conditions.is_none())
+        {
+            return Some(format!(
+                "has schema version {} and no seed or conditions, which only recorded scenarios (version {RECORDED_SCHEMA_VERSION}) lack; \
+                 generate the scenario again",
+                self.schema_version
+            ));
+        }
         if self.schema_version > SCHEMA_VERSION {
             return Some(format!(
                 "has schema version {}, this program knows versions up to {SCHEMA_VERSION}; use a newer dtd",

@@ -4,6 +4,8 @@
 //! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so an image covers -0.5 to
 //! width - 0.5.
 
+pub mod camera_adjustment;
+
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

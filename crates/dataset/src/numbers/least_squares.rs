@@ -40,6 +40,17 @@ impl NormalEquations {
         }
     }
 
+    /// Adds an equation with few unknowns, by their numbers in rising order.
+    pub fn add_sparse(&mut self, row: &[(usize, f64)], value: f64, weight: f64) {
+        let unknowns = self.right.len();
+        for (at, (i, a)) in row.iter().enumerate() {
+            self.right[*i] += weight * a * value;
+            for (j, b) in &row[at..] {
+                self.matrix[i * unknowns + j] += weight * a * b;
+            }
+        }
+    }
+
     /// Adds knowledge of all unknowns: their values, with an information matrix.
     pub fn add_information<const N: usize>(
         &mut self,

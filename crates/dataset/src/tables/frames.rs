@@ -62,10 +62,15 @@ pub struct TickRow {
     pub controls: Controls,
     /// True if a wheel touches the ground.
     pub on_ground: bool,
-    /// One stamp per view, in the order of [`Frames::views`].
+    /// One stamp per view, in the order of [`Frames::views`]; empty in a recorded scenario.
     pub views: Vec<ViewStamp>,
+    /// Only in recorded scenarios: time of the view's image nearest to the tick, within half a period, by the corrected clock,
+    /// nanoseconds since tick 0; null if the view has none.
+    pub image_times_ns: Vec<Option<i64>>,
     /// Labels, once `dtd label` has run.
     pub labels: Option<TickLabels>,
+    /// Only in recorded scenarios: standard deviation of `dtd_m`, metres.
+    pub dtd_sd_m: Option<f64>,
 }
 
 /// The whole table.
@@ -113,6 +118,10 @@ const LABELS: [NumberColumn; 4] = [
     ("height_over_target_m", limits::HEIGHT_OVER_TARGET_M),
 ];
 
+/// Start of the name of a recorded view's column.
+const IMAGE_TIME: &str = "image_time_ns_";
+const DTD_SD: &str = "dtd_sd_m";
+
 /// A view's columns: their names with a prefix and the view's identifier.
 fn of_view<const N: usize>(
     columns: [NumberColumn; N],
@@ -126,6 +135,12 @@ impl Frames {
     /// Writes the table if all numbers are within their limits. It has label columns if every row has labels.
     pub fn write(&self, path: &Path) -> Result<()> {
         self.columns().write(path)
+    }
+
+    /// True if the images have their own times: no simulator drew them for the ticks.
+    pub fn is_recorded(&self) -> bool {
+        let mut rows = self.rows.iter();
+        rows.any(|row| !row.image_times_ns.is_empty())
     }
 
     /// The table with its columns.
@@ -147,6 +162,11 @@ impl Frames {
             )
             .bool("on_ground", rows.iter().map(|r| r.on_ground));
         for (v, id) in self.views.iter().enumerate() {
+            if self.is_recorded() {
+                let times = rows.iter().map(|r| r.image_times_ns[v]);
+                table = table.optional_i64(&format!("{IMAGE_TIME}{id}"), times);
+                continue;
+            }
             let stamps = rows.iter().map(|r| &r.views[v]);
             let cameras = stamps.clone().map(|stamp| stamp.echoed_camera);
             table = table
@@ -186,6 +206,11 @@ impl Frames {
                     labels.iter().map(|l| l.time_to_touchdown_s),
                 );
         }
+        if let Some(sds_m) = rows.iter().map(|r| r.dtd_sd_m).collect::<Option<Vec<_>>>()
+            && self.is_recorded()
+        {
+            table = table.f64_within(DTD_SD, limits::SD_M, sds_m);
+        }
         table
     }
 
@@ -205,11 +230,16 @@ impl Frames {
     }
 
     fn of_table(table: &mut Table) -> Result<Self> {
-        let views: Vec<String> = table
-            .column_names()
-            .filter_map(|name| name.strip_prefix("sim_frame_"))
-            .map(str::to_owned)
-            .collect();
+        let named = |prefix: &str| -> Vec<String> {
+            let names = table.column_names();
+            let views = names.filter_map(|name| name.strip_prefix(prefix));
+            views.map(str::to_owned).collect()
+        };
+        let mut views = named("sim_frame_");
+        let is_recorded = views.is_empty();
+        if is_recorded {
+            views = named(IMAGE_TIME);
+        }
         if views.len() > limits::MAX_VIEWS {
             let (found, most) = (views.len(), limits::MAX_VIEWS);
             return Err(table.fault(format!("has {found} views, expected at most {most}")));
@@ -223,10 +253,17 @@ impl Frames {
         let true_airspeed_mps = table.f64_within("true_airspeed_mps", limits::TRUE_AIRSPEED_MPS)?;
         let controls = table.numbers(Controls::COLUMNS)?;
         let on_ground = table.bool("on_ground")?;
-        let stamps = views
-            .iter()
-            .map(|id| read_stamps(table, id))
-            .collect::<Result<Vec<_>>>()?;
+        let (mut stamps, mut image_times, mut sds_m) = (Vec::new(), Vec::new(), None);
+        for id in &views {
+            if is_recorded {
+                image_times.push(table.optional_i64(&format!("{IMAGE_TIME}{id}"))?);
+            } else {
+                stamps.push(read_stamps(table, id)?);
+            }
+        }
+        if is_recorded && table.has(DTD_SD) {
+            sds_m = Some(table.f64_within(DTD_SD, limits::SD_M)?);
+        }
         let labels = read_labels(table)?;
         let rows = (0..table.rows())
             .map(|row| TickRow {
@@ -238,7 +275,9 @@ impl Frames {
                 controls: Controls::of_array(controls[row]),
                 on_ground: on_ground[row],
                 views: stamps.iter().map(|stamps| stamps[row]).collect(),
+                image_times_ns: image_times.iter().map(|times| times[row]).collect(),
                 labels: labels.as_ref().map(|labels| labels[row]),
+                dtd_sd_m: sds_m.as_ref().map(|sds_m| sds_m[row]),
             })
             .collect();
         Ok(Self { views, rows })
@@ -321,7 +360,9 @@ mod tests {
             },
             on_ground: false,
             views: vec![stamp(1.0), stamp(2.0)],
+            image_times_ns: Vec::new(),
             labels,
+            dtd_sd_m: None,
         };
         Frames {
             views: vec!["left".into(), "right".into()],

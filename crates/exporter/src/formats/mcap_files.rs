@@ -323,16 +323,16 @@ impl McapFile {
     fn metadata(&mut self, source: &Source<'_>) -> Result<()> {
         let record = &source.record;
         let metadata = [
-            ("scenario", &record.id),
-            ("weather", &record.conditions.weather_name),
-            ("time_of_day", &record.conditions.time_of_day),
+            ("scenario", &*record.id),
+            ("weather", record.weather_name()),
+            ("time_of_day", record.time_of_day()),
             ("config_hash", &record.config_hash),
             ("manifest_blake3", &source.scenario.seal().manifest_blake3),
         ];
         let metadata = mcap::records::Metadata {
             name: "dtd".to_owned(),
             metadata: metadata
-                .map(|(name, value)| (name.to_owned(), value.clone()))
+                .map(|(name, value)| (name.to_owned(), value.to_owned()))
                 .into(),
         };
         let written = self.writer.write_metadata(&metadata);

@@ -84,8 +84,8 @@ pub(super) fn write(scenario: &Writing<'_>, pictures: &str) -> Result<Value> {
     let views = source.selected.views.iter().map(write_view);
     scenario.part(&Part {
         scenario: source.record.id.clone(),
-        weather: source.record.conditions.weather_name.clone(),
-        time_of_day: source.record.conditions.time_of_day.clone(),
+        weather: source.record.weather_name().to_owned(),
+        time_of_day: source.record.time_of_day().to_owned(),
         side: source.selected.side,
         views: views.collect::<Result<_>>()?,
     })

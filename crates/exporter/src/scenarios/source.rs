@@ -65,7 +65,7 @@ impl<'a> Source<'a> {
         if boxes_used == BoxUse::Crops {
             detections.retain(|found| found.confirmed);
         }
-        let cloud_base = CloudBase::of(&record.conditions.weather);
+        let cloud_base = CloudBase::of(record.weather());
         let mut left_out = BTreeSet::new();
         let mut has_truth = request.boxes == BoxSource::Truth;
         let (boxes, beside) = match request.boxes {

@@ -41,11 +41,11 @@ fn a_record_that_contradicts_itself_or_cannot_be_is_found() {
         (|record| record.schema_version = 99, "has schema version 99"),
         (|record| record.schema_version = 0, "schema version is 0"),
         (
-            |record| record.conditions.weather.rain_ratio = 2.0,
+            |record| record.conditions.as_mut().unwrap().weather.rain_ratio = 2.0,
             "conditions.weather.rain_ratio 2 is out of range; expected a rain intensity from 0 to 1",
         ),
         (
-            |record| record.conditions.weather.rain_ratio = 2.0,
+            |record| record.conditions.as_mut().unwrap().weather.rain_ratio = 2.0,
             "0600-clear-r1/scenario.json: conditions was planned",
         ),
         (

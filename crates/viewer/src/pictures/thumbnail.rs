@@ -144,7 +144,7 @@ fn moment(opened: &Opened, models: &[String]) -> Result<Moment, Refusal> {
     let files = &opened.files;
     let found = match files.truth_boxes_if_labelled()? {
         Some(boxes) => {
-            let clouds = CloudBase::of(&opened.record.conditions.weather);
+            let clouds = CloudBase::of(opened.record.weather());
             let rows = files.frames()?.rows;
             let altitudes: BTreeMap<u32, f64> = rows.iter().map(altitude).collect();
             let candidates = boxes.iter().map(|real| {

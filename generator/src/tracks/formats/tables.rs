@@ -284,6 +284,15 @@ fn number(text: &str) -> Result<Option<f64>, String> {
     }
 }
 
+/// Seconds since 1970 of a number (seconds, milliseconds or less), or of a date with a time (UTC without a zone); the error says what is
+/// wrong with it.
+///
+/// # Errors
+/// It is neither.
+pub fn utc_s(text: &str) -> Result<f64, String> {
+    seconds(text, "")?.ok_or_else(|| "no time".to_owned())
+}
+
 /// Seconds since 1970 of a number, or of a date with a time (UTC without a zone) in one text or two.
 fn seconds(text: &str, date: &str) -> Result<Option<f64>, String> {
     if !date.is_empty() {

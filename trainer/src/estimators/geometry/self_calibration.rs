@@ -28,9 +28,9 @@ use crate::estimators::geometry::FittedCamera;
 use crate::estimators::geometry::triangulation::of_one_aircraft;
 use crate::samples::rig::Cameras;
 use crate::samples::rig::moved_rig::Move;
-use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
 use crate::samples::trusted_boxes::centre_and_size;
 use crate::samples::{FARTHEST_M, Observation, Sample, ScenarioSummary};
+use dataset::geometry::camera::camera_adjustment::{Adjustment, UNKNOWNS};
 
 use bundle::{AIRCRAFT_UNKNOWNS, Bundle, Solution, Tick};
 use measured::{Deviations, Measured};

@@ -34,9 +34,12 @@ pub(crate) fn left_out_line(ids: &[String]) -> String {
 pub(crate) fn reported_on_test_side(samples: &Samples) -> BTreeMap<String, ReportedWeather> {
     let mut by_name: BTreeMap<String, ReportedWeather> = BTreeMap::new();
     for scenario in samples.scenarios_of(Side::Test) {
+        let Some(planned) = &scenario.planned_weather else {
+            continue;
+        };
         let effective = scenario.effective_weather.as_ref();
         let of_name = by_name.entry(scenario.weather.clone()).or_default();
-        of_name.add(&scenario.id, effective, &scenario.planned_weather);
+        of_name.add(&scenario.id, effective, planned);
     }
     by_name.retain(|_, weather| weather.is_reported());
     by_name

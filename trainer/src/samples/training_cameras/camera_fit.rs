@@ -11,7 +11,7 @@ use dataset::numbers::spread::{deviation_from_zero, median_of};
 use glam::{DVec2, DVec3};
 use sight::sight::CONTRADICTS_SD;
 
-use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
+use dataset::geometry::camera::camera_adjustment::{Adjustment, UNKNOWNS};
 
 /// Prior standard deviations of the difference from the stated camera, after the turn by the median offset: a mast surveyed by hand, a lens
 /// by its label. In the order of [`Adjustment::to_array`].

@@ -4,7 +4,7 @@ use dataset::corpus::splits::Side;
 use testkit::synthetic::SyntheticCorpus;
 
 use super::*;
-use crate::samples::training_cameras::camera_adjustment::Adjustment;
+use dataset::geometry::camera::camera_adjustment::Adjustment;
 
 fn tiny() -> Samples {
     Samples::synthetic(&SyntheticCorpus::tiny(), 0.0)

@@ -67,13 +67,12 @@ impl ReportedWeather {
     ) -> BTreeMap<String, Self> {
         let mut by_name: BTreeMap<String, Self> = BTreeMap::new();
         for record in records {
-            let conditions = &record.conditions;
-            let of_name: &mut Self = by_name.entry(conditions.weather_name.clone()).or_default();
-            of_name.add(
-                &record.id,
-                record.effective_weather.as_ref(),
-                &conditions.weather,
-            );
+            let Some(weather) = record.weather() else {
+                continue;
+            };
+            let name = record.weather_name().to_owned();
+            let of_name: &mut Self = by_name.entry(name).or_default();
+            of_name.add(&record.id, record.effective_weather.as_ref(), weather);
         }
         by_name
     }

@@ -320,6 +320,11 @@ impl Table {
         self.optional::<UInt32Array, _>(column, "u32")
     }
 
+    /// A column of signed integers that may be missing.
+    pub fn optional_i64(&self, column: &str) -> Result<Vec<Option<i64>>> {
+        self.optional::<Int64Array, _>(column, "i64")
+    }
+
     /// The values of a column of arrays of this type, which is called `word` in messages.
     fn optional<A: Array + 'static, V>(&self, column: &str, word: &str) -> Result<Vec<Option<V>>>
     where

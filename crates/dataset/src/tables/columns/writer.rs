@@ -113,6 +113,11 @@ impl TableWriter {
         self.push(name, false, Int64Array::from_iter_values(values))
     }
 
+    /// Adds a column of signed integers that may be missing.
+    pub fn optional_i64(self, name: &str, values: impl IntoIterator<Item = Option<i64>>) -> Self {
+        self.push(name, true, Int64Array::from_iter(values))
+    }
+
     /// Adds a column of unsigned 32-bit integers.
     pub fn u32(self, name: &str, values: impl IntoIterator<Item = u32>) -> Self {
         self.push(name, false, UInt32Array::from_iter_values(values))

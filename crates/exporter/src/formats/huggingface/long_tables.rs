@@ -1,5 +1,6 @@
 //! Tables over all scenarios, with the identifiers in every row.
 
+use dataset::conditions::Weather;
 use dataset::corpus::detections::Detection;
 use dataset::tables::columns::TableWriter;
 use dataset::tables::pixel_box::{PixelBox, TruthBox};
@@ -10,18 +11,27 @@ use crate::scenarios::{FLOWN, LABELLED, Source};
 
 pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {
     let record = &source.record;
-    let weather = &record.conditions.weather;
     let runway = &record.runway;
-    TableWriter::new()
+    let mut table = TableWriter::new()
         .text("scenario", [&record.id])
         .text("trajectory", [&record.trajectory])
-        .text("weather", [&record.conditions.weather_name])
-        .text("time_of_day", [&record.conditions.time_of_day])
-        .f64("visibility_m", [weather.visibility_m])
-        .f64("rain_ratio", [weather.rain_ratio])
-        .f64("turbulence_ratio", [weather.turbulence_ratio])
-        .f64("wind_speed_mps", [weather.wind_speed_mps])
-        .f64("wind_from_true_deg", [weather.wind_from_true_deg])
+        .text("weather", [record.weather_name()])
+        .text("time_of_day", [record.time_of_day()]);
+    let weather = record.weather();
+    let numbers: [(&str, fn(&Weather) -> f64); 5] = [
+        ("visibility_m", |weather| weather.visibility_m),
+        ("rain_ratio", |weather| weather.rain_ratio),
+        ("turbulence_ratio", |weather| weather.turbulence_ratio),
+        ("wind_speed_mps", |weather| weather.wind_speed_mps),
+        ("wind_from_true_deg", |weather| weather.wind_from_true_deg),
+    ];
+    for (name, number) in numbers {
+        table = match weather {
+            Some(weather) => table.f64(name, [number(weather)]),
+            None => table.optional_f64(name, [None]),
+        };
+    }
+    table = table
         .text("aircraft", [&record.aircraft])
         .text("airport", [&runway.airport])
         .text("runway", [&runway.name])
@@ -36,9 +46,13 @@ pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {
         .text("rig", [&record.rig])
         .u32("ticks", [record.ticks])
         .u32("frame_rate_numerator", [record.frame_rate.numerator])
-        .u32("frame_rate_denominator", [record.frame_rate.denominator])
-        .u64("seed", [record.seed])
-        .text("simulator", [&record.versions.simulator])
+        .u32("frame_rate_denominator", [record.frame_rate.denominator]);
+    table = match (record.seed, &record.versions.simulator) {
+        (Some(seed), Some(simulator)) => table.u64("seed", [seed]).text("simulator", [simulator]),
+        // Recorded: there is neither.
+        (_, simulator) => table.optional_text("simulator", [simulator.as_ref()]),
+    };
+    table
         .text("dtd_version", [&record.versions.dtd])
         .text("config_hash", [&record.config_hash])
         .text("manifest_blake3", [&source.scenario.seal().manifest_blake3])

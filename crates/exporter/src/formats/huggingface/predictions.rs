@@ -141,10 +141,7 @@ impl Predictions {
             )
             .optional_f64("predicted_dtd_to_m", all().map(|(one, row)| one.to_m[row]))
             .optional_f64("dtd_m", all().map(|(_, row)| self.true_dtd_m[row]))
-            .text(
-                "weather",
-                all().map(|_| &source.record.conditions.weather_name),
-            )
+            .text("weather", all().map(|_| source.record.weather_name()))
             .optional_text(
                 "side",
                 all().map(|_| source.selected.side.map(|side| split_of(Some(side)))),

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::measured::{Deviations, Measured};
 use crate::estimators::HUBER;
-use crate::samples::training_cameras::camera_adjustment::{Adjustment, UNKNOWNS};
+use dataset::geometry::camera::camera_adjustment::{Adjustment, UNKNOWNS};
 
 /// Unknowns of the aircraft: the measured point ahead, right and up of the labelled position.
 pub(super) const AIRCRAFT_UNKNOWNS: usize = 3;

@@ -1,15 +1,17 @@
 //! Rotation, zoom and displacement relative to a given camera.
 
-use dataset::geometry::camera::Camera;
-use dataset::geometry::geodesy::Geodetic;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-pub(crate) const UNKNOWNS: usize = 7;
+use crate::geometry::camera::Camera;
+use crate::geometry::geodesy::Geodetic;
+
+/// Numbers of an [`Adjustment`].
+pub const UNKNOWNS: usize = 7;
 
 /// Difference from a given camera, or its standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub(crate) struct Adjustment {
+pub struct Adjustment {
     /// Pan of the optical axis to the right, degrees.
     pub pan_deg: f64,
     /// Upward tilt of the optical axis, degrees.
@@ -28,7 +30,7 @@ pub(crate) struct Adjustment {
 
 impl Adjustment {
     /// The numbers in the order of the fields.
-    pub(crate) fn to_array(self) -> [f64; UNKNOWNS] {
+    pub fn to_array(self) -> [f64; UNKNOWNS] {
         [
             self.pan_deg,
             self.tilt_deg,
@@ -40,7 +42,8 @@ impl Adjustment {
         ]
     }
 
-    pub(crate) fn from_array(numbers: [f64; UNKNOWNS]) -> Self {
+    /// The difference with these numbers, in the order of the fields.
+    pub fn from_array(numbers: [f64; UNKNOWNS]) -> Self {
         let [
             pan_deg,
             tilt_deg,
@@ -62,7 +65,7 @@ impl Adjustment {
     }
 
     /// Applies the difference to a camera.
-    pub(crate) fn applied_to(&self, given: &Camera) -> Camera {
+    pub fn applied_to(&self, given: &Camera) -> Camera {
         // Camera axes: x right, y down, z forward.
         let turned = DMat3::from_rotation_y(self.pan_deg.to_radians())
             * DMat3::from_rotation_x(self.tilt_deg.to_radians())

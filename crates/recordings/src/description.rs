@@ -1,0 +1,442 @@
+//! `RECORDING.toml`: the runway, the cameras and the files of a recording.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::calibration::{Calibration, CameraEntry};
+use dataset::files::file_name;
+use dataset::files::outside_file::{FileKind, read_text};
+use dataset::files::toml_file::TomlFile;
+use dataset::geometry::camera::CameraPose;
+use dataset::geometry::geodesy::LatLon;
+use dataset::geometry::pose::Pose;
+use dataset::geometry::runway::Runway;
+use generator::airports::{bundled, in_file};
+use generator::tracks::utc_s;
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+
+/// GPS time is ahead of UTC by this since 2017, seconds.
+const GPS_AHEAD_S: f64 = 18.0;
+/// Cameras farther from the threshold see no arrival, metres.
+const MAX_CAMERA_DISTANCE_M: f64 = 40_000.0;
+/// Masts and towers are within this height of the threshold, metres; heights in feet are not, at most airports.
+const MAX_CAMERA_HEIGHT_M: f64 = 400.0;
+/// Positions that are right within this are taken as they are, metres.
+const EXACT_M: f64 = 1.0;
+/// Delays of ADS-B reports differ by this between aircraft, seconds (standard deviation): -0.2 to +0.4 s in published comparisons.
+const DELAY_SD_S: f64 = 0.2;
+
+/// The file as its author wrote it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    /// Name of the rig.
+    name: String,
+    runway: String,
+    airports: Option<PathBuf>,
+    /// Geoid of all heights; missing: heights are above the ellipsoid, or are taken as such.
+    geoid: Option<String>,
+    aircraft: Option<String>,
+    ticks_per_s: Option<f64>,
+    #[serde(default)]
+    split_by: SplitBy,
+    camera: Vec<WrittenCamera>,
+    track: Vec<WrittenTrack>,
+}
+
+/// Unit that stays on one side of the split.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum SplitBy {
+    #[default]
+    Arrival,
+    Day,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenCamera {
+    name: String,
+    width_px: u32,
+    height_px: u32,
+    boxes: PathBuf,
+    #[serde(default)]
+    format: BoxFormat,
+    first_image: Option<String>,
+    images_per_s: Option<f64>,
+    #[serde(default = "utc")]
+    time: String,
+    #[serde(default = "default_clock_sd_s")]
+    clock_sd_s: f64,
+    #[serde(default = "default_drift_sd_ppm")]
+    drift_sd_ppm: f64,
+    calibration: Option<PathBuf>,
+    guess: Option<Guess>,
+    #[serde(default)]
+    position_sd_m: f64,
+    #[serde(default)]
+    direction_sd_deg: f64,
+    #[serde(default)]
+    focal_sd_pct: f64,
+}
+
+/// A camera without a calibration.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Guess {
+    latitude_deg: f64,
+    longitude_deg: f64,
+    altitude_m: f64,
+    heading_deg: f64,
+    pitch_deg: f64,
+    #[serde(default)]
+    roll_deg: f64,
+    focal_px: f64,
+    #[serde(default)]
+    distortion: Vec<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenTrack {
+    file: PathBuf,
+    #[serde(default = "utc")]
+    time: String,
+    #[serde(default)]
+    columns: BTreeMap<String, String>,
+    position_sd_m: Option<f64>,
+    delay_sd_s: Option<f64>,
+}
+
+/// Form of a table of boxes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum BoxFormat {
+    /// Named columns.
+    #[default]
+    Csv,
+    /// MOTChallenge: numbers of images, no names.
+    Mot,
+}
+
+fn utc() -> String {
+    "utc".to_owned()
+}
+
+/// Clocks that someone set by hand or by a phone are right within seconds.
+fn default_clock_sd_s() -> f64 {
+    10.0
+}
+
+/// Quartz clocks.
+fn default_drift_sd_ppm() -> f64 {
+    20.0
+}
+
+/// A recording's description, checked.
+#[derive(Debug)]
+pub(crate) struct Description {
+    pub(crate) name: String,
+    pub(crate) runway: Runway,
+    pub(crate) geoid: Option<String>,
+    pub(crate) aircraft: Option<String>,
+    pub(crate) ticks_per_s: Option<f64>,
+    pub(crate) split_by: SplitBy,
+    pub(crate) cameras: Vec<CameraDescription>,
+    pub(crate) tracks: Vec<TrackDescription>,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct CameraDescription {
+    pub(crate) name: String,
+    pub(crate) boxes: PathBuf,
+    pub(crate) format: BoxFormat,
+    /// Time of image 1 and rate of the images, for tables that number images.
+    pub(crate) numbered: Option<(f64, f64)>,
+    /// Seconds to add to the stated times to get UTC.
+    pub(crate) to_utc_s: f64,
+    pub(crate) clock_sd_s: f64,
+    pub(crate) drift_sd_ppm: f64,
+    pub(crate) entry: CameraEntry,
+    /// True if the camera is a first guess.
+    pub(crate) is_guess: bool,
+    pub(crate) position_sd_m: f64,
+    pub(crate) direction_sd_deg: f64,
+    pub(crate) focal_sd_pct: f64,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct TrackDescription {
+    pub(crate) file: PathBuf,
+    pub(crate) to_utc_s: f64,
+    pub(crate) columns: Vec<String>,
+    /// Stated standard deviation; missing: by the scatter of the positions.
+    pub(crate) position_sd_m: Option<f64>,
+    pub(crate) is_exact: bool,
+    pub(crate) delay_sd_s: f64,
+}
+
+impl Description {
+    /// Reads the file with the calibrations that it names. Paths are relative to its folder.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let text = read_text(path, FileKind::new("recording's description", 16 << 20))?;
+        let toml = TomlFile::new(path, &text);
+        let written: Written = toml.parse()?;
+        let refused = |key: &str, why: &str| Error::from(toml.rejected(key, why));
+        let folder = path.parent().unwrap_or(Path::new(""));
+        file_name::check(&written.name).map_err(|bad| refused("name", &bad.to_string()))?;
+        let Some((airport, name)) = written.runway.split_once('/') else {
+            return Err(refused(
+                "runway",
+                "expected airport and runway, e.g. WSSS/02L",
+            ));
+        };
+        let runway = match &written.airports {
+            Some(file) => in_file(&folder.join(file), airport, name)?,
+            None => bundled(airport, name).ok_or_else(|| {
+                refused(
+                    "runway",
+                    "is not built in; make its table with `dtd airport import`, and name the file as `airports`",
+                )
+            })?,
+        };
+        if let Some(rate) = written.ticks_per_s
+            && !(1.0 / 60.0..=240.0).contains(&rate)
+        {
+            return Err(refused("ticks_per_s", "expected 1/60 to 240"));
+        }
+        let mut names = BTreeSet::new();
+        let mut cameras = Vec::new();
+        for (index, camera) in written.camera.iter().enumerate() {
+            let key = |field: &str| format!("camera.{index}.{field}");
+            if !names.insert(&camera.name) {
+                let why = format!(
+                    "{} is named twice; each camera needs its own name",
+                    camera.name
+                );
+                return Err(refused(&key("name"), &why));
+            }
+            let at = |field: &str, why: String| refused(&key(field), &why);
+            cameras.push(camera.checked(folder, &runway, at)?);
+        }
+        if cameras.is_empty() || written.track.is_empty() {
+            return Err(refused(
+                "name",
+                "expected at least one [[camera]] and one [[track]]",
+            ));
+        }
+        let tracks =
+            written
+                .track
+                .iter()
+                .enumerate()
+                .map(|(index, track)| -> Result<TrackDescription> {
+                    let to_utc_s = to_utc_s(&track.time)
+                        .map_err(|why| refused(&format!("track.{index}.time"), &why))?;
+                    let is_exact = track.position_sd_m.is_some_and(|sd_m| sd_m <= EXACT_M);
+                    let columns = track.columns.iter();
+                    Ok(TrackDescription {
+                        file: folder.join(&track.file),
+                        to_utc_s,
+                        columns: columns
+                            .map(|(name, column)| format!("{name}={column}"))
+                            .collect(),
+                        position_sd_m: track.position_sd_m,
+                        is_exact,
+                        delay_sd_s: track.delay_sd_s.unwrap_or(if is_exact {
+                            0.0
+                        } else {
+                            DELAY_SD_S
+                        }),
+                    })
+                });
+        let tracks = tracks.collect::<Result<_>>()?;
+        Ok(Self {
+            name: written.name,
+            runway,
+            geoid: written.geoid,
+            aircraft: written.aircraft,
+            ticks_per_s: written.ticks_per_s,
+            split_by: written.split_by,
+            cameras,
+            tracks,
+        })
+    }
+}
+
+impl WrittenCamera {
+    fn checked(
+        &self,
+        folder: &Path,
+        runway: &Runway,
+        refused: impl Fn(&str, String) -> Error,
+    ) -> Result<CameraDescription> {
+        file_name::check(&self.name).map_err(|bad| refused("name", bad.to_string()))?;
+        let to_utc_s = to_utc_s(&self.time).map_err(|why| refused("time", why))?;
+        let numbered = match (self.format, &self.first_image, self.images_per_s) {
+            (_, Some(first), Some(rate)) if rate > 0.0 => Some((
+                utc_s(first).map_err(|why| refused("first_image", why))?,
+                rate,
+            )),
+            (BoxFormat::Csv, None, None) => None,
+            _ => {
+                let why = "tables that number their images need `first_image` (UTC of image 1) and `images_per_s`";
+                return Err(refused("boxes", why.to_owned()));
+            }
+        };
+        let sds = [
+            ("clock_sd_s", self.clock_sd_s),
+            ("drift_sd_ppm", self.drift_sd_ppm),
+            ("position_sd_m", self.position_sd_m),
+            ("direction_sd_deg", self.direction_sd_deg),
+            ("focal_sd_pct", self.focal_sd_pct),
+        ];
+        if let Some((name, sd)) = sds.iter().find(|(_, sd)| !(0.0..=1e4).contains(sd)) {
+            return Err(refused(
+                name,
+                format!("is {sd}, expected a standard deviation from 0 to 10,000"),
+            ));
+        }
+        let entry = match (&self.calibration, &self.guess) {
+            (Some(file), None) => self.calibrated(&folder.join(file))?,
+            (None, Some(guess)) => {
+                if self.direction_sd_deg == 0.0 || self.focal_sd_pct == 0.0 {
+                    let why = "a guess needs `position_sd_m`, `direction_sd_deg` and `focal_sd_pct`, its standard deviations";
+                    return Err(refused("guess", why.to_owned()));
+                }
+                let entry = self.guessed(guess);
+                if let Some(fault) = entry.fault() {
+                    return Err(refused("guess", fault));
+                }
+                entry
+            }
+            _ => {
+                return Err(refused(
+                    "name",
+                    "expected either `calibration` or [camera.guess]".to_owned(),
+                ));
+            }
+        };
+        let at = entry.placed.pose;
+        let place = |latitude_deg, longitude_deg| LatLon {
+            latitude_deg,
+            longitude_deg,
+        };
+        let threshold = runway.threshold.lat_lon();
+        let away_m = place(at.latitude_deg, at.longitude_deg).distance_m(threshold);
+        if away_m > MAX_CAMERA_DISTANCE_M {
+            let swapped_m =
+                place(at.longitude_deg.clamp(-90.0, 90.0), at.latitude_deg).distance_m(threshold);
+            let hint = if swapped_m < MAX_CAMERA_DISTANCE_M {
+                "; latitude and longitude are swapped"
+            } else {
+                ""
+            };
+            return Err(refused(
+                "name",
+                format!(
+                    "is {:.0} km from the threshold of {}/{}, expected at most {:.0} km{hint}",
+                    away_m / 1e3,
+                    runway.airport,
+                    runway.name,
+                    MAX_CAMERA_DISTANCE_M / 1e3
+                ),
+            ));
+        }
+        let above_m = at.altitude_msl_m - runway.threshold.altitude_msl_m;
+        if above_m.abs() > MAX_CAMERA_HEIGHT_M {
+            return Err(refused(
+                "name",
+                format!(
+                    "is {above_m:.0} m above the threshold, expected at most {MAX_CAMERA_HEIGHT_M} m: are heights in feet, or above another datum?"
+                ),
+            ));
+        }
+        Ok(CameraDescription {
+            name: self.name.clone(),
+            boxes: folder.join(&self.boxes),
+            format: self.format,
+            numbered,
+            to_utc_s,
+            clock_sd_s: self.clock_sd_s,
+            drift_sd_ppm: self.drift_sd_ppm,
+            entry,
+            is_guess: self.guess.is_some(),
+            position_sd_m: self.position_sd_m,
+            direction_sd_deg: self.direction_sd_deg,
+            focal_sd_pct: self.focal_sd_pct,
+        })
+    }
+
+    fn calibrated(&self, file: &Path) -> Result<CameraEntry> {
+        let calibration = Calibration::read(file)?;
+        let fault = |message: String| dataset::Error::corpus(file, message);
+        let entry = calibration.cameras.get(&self.name).ok_or_else(|| {
+            let known: Vec<&str> = calibration.cameras.keys().map(String::as_str).collect();
+            fault(format!(
+                "has no camera {}; it has {}",
+                self.name,
+                known.join(", ")
+            ))
+        })?;
+        if let Some(found) = entry.fault() {
+            return Err(fault(format!("camera {} {found}", self.name)).into());
+        }
+        let (found, expected) = (
+            [entry.width_px, entry.height_px],
+            [self.width_px, self.height_px],
+        );
+        if found != expected {
+            return Err(fault(format!(
+                "camera {} is calibrated for images of {} x {} px, expected {} x {} px as the recording states; calibrate this resolution",
+                self.name, found[0], found[1], expected[0], expected[1]
+            ))
+            .into());
+        }
+        Ok(entry.clone())
+    }
+
+    fn guessed(&self, guess: &Guess) -> CameraEntry {
+        let half_width = f64::from(self.width_px) / 2.0;
+        let placed = CameraPose {
+            pose: Pose {
+                latitude_deg: guess.latitude_deg,
+                longitude_deg: guess.longitude_deg,
+                altitude_msl_m: guess.altitude_m,
+                heading_true_deg: guess.heading_deg,
+                pitch_deg: guess.pitch_deg,
+                roll_deg: guess.roll_deg,
+            },
+            hfov_deg: 2.0 * (half_width / guess.focal_px).atan().to_degrees(),
+        };
+        CameraEntry {
+            distortion: guess.distortion.clone(),
+            ..CameraEntry::from_pose(placed, self.width_px, self.height_px)
+        }
+    }
+}
+
+/// Seconds to add to times of this scale: `utc`, `gps`, or local time as its difference from UTC, such as `+08:00`.
+fn to_utc_s(scale: &str) -> std::result::Result<f64, String> {
+    match scale {
+        "utc" => return Ok(0.0),
+        "gps" => return Ok(-GPS_AHEAD_S),
+        _ => {}
+    }
+    let parsed = || {
+        let (sign, rest) = match scale.split_at_checked(1)? {
+            ("+", rest) => (-1.0, rest),
+            ("-", rest) => (1.0, rest),
+            _ => return None,
+        };
+        let (hours, minutes) = rest.split_once(':')?;
+        let [hours, minutes] = [hours, minutes].map(|part| part.parse::<u32>().ok());
+        let (hours, minutes) = (hours.filter(|h| *h <= 14)?, minutes.filter(|m| *m < 60)?);
+        Some(sign * f64::from(hours * 3_600 + minutes * 60))
+    };
+    parsed().ok_or_else(|| {
+        format!("is {scale:?}, expected \"utc\", \"gps\" or local time as \"+08:00\"")
+    })
+}

@@ -1,0 +1,40 @@
+//! Reasons why a recording does not become a corpus.
+
+use std::path::Path;
+
+use dataset::files::toml_file::TomlError;
+
+/// Result of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Reasons why a recording does not become a corpus.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A mistake in `RECORDING.toml`.
+    #[error(transparent)]
+    Description(#[from] TomlError),
+    /// A file cannot be read or written, or has the wrong content.
+    #[error(transparent)]
+    Dataset(#[from] dataset::Error),
+    /// No part of the recording can be used.
+    #[error("{0}")]
+    Unusable(String),
+}
+
+impl Error {
+    /// A wrong line of a table.
+    pub(crate) fn line(path: &Path, line: u64, message: impl std::fmt::Display) -> Self {
+        Self::Dataset(dataset::Error::corpus(
+            path,
+            format!("line {line}: {message}"),
+        ))
+    }
+
+    /// True if the input is wrong, not the disk.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::Description(_) | Self::Unusable(_) => true,
+            Self::Dataset(error) => !error.is_of_environment(),
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Recordings that no simulator made: every verb reads the imported corpus, and wrong input is named.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use testkit::TINY_TRAINING;
+use testkit::command::{Dtd, Ending};
+use testkit::judge::judged;
+
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
+const JUDGE: &str = "recorded_arrivals.py";
+
+/// A recording of the judge in `folder/tower`.
+fn recording(folder: &Path, arguments: &str) {
+    let tower = folder.join("tower").display().to_string();
+    let arguments = format!("make {tower} {arguments}");
+    judged(JUDGE, &arguments.split(' ').collect::<Vec<_>>());
+}
+
+fn import(folder: &Path) -> Value {
+    let [recording, corpus] =
+        ["tower/recording.toml", "corpus"].map(|name| folder.join(name).display().to_string());
+    DTD.json(&["import", &recording, "--out", &corpus, "--json"])
+}
+
+#[test]
+fn every_verb_reads_an_imported_corpus() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder, "adsb 1 10 2 1");
+    let outcome = import(folder);
+    assert_eq!(outcome["refused"], serde_json::json!([]), "{outcome:#}");
+    let run = |arguments: &str| {
+        let arguments: Vec<&str> = arguments.split(' ').collect();
+        DTD.command(&arguments).current_dir(folder).succeeds()
+    };
+    let verified = run("verify corpus");
+    let said = String::from_utf8_lossy(&verified.stdout).into_owned()
+        + &String::from_utf8_lossy(&verified.stderr);
+    assert!(said.contains("recorded scenarios have none"), "{said}");
+    run("label corpus");
+    run("status corpus");
+    fs::write(folder.join("train.toml"), TINY_TRAINING).unwrap();
+    run("train corpus --config train.toml --out run");
+    let figures = run("evaluate run --corpus corpus --json");
+    let figures: Value = serde_json::from_slice(&figures.stdout).unwrap();
+    let text = figures.to_string();
+    assert!(text.contains("inverse_range_filtered"), "{text}");
+    run("predict run --corpus corpus --out predictions.csv");
+}
+
+#[test]
+fn mistakes_are_named_with_file_line_and_remedy_and_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder, "rtk 3 2 2 1 --calibrated");
+    let tower = folder.join("tower");
+    let file = tower.join("recording.toml");
+    let sound = fs::read_to_string(&file).unwrap();
+    let [recording, corpus] =
+        [&file, &folder.join("corpus")].map(|path| path.display().to_string());
+    let fails = |code: i32, words: &[&str]| {
+        DTD.ends_with(&["import", &recording, "--out", &corpus], code, words);
+        let left = ["corpus", "corpus.partial"].map(|name| folder.join(name).exists());
+        assert_eq!(left, [code != 2, false], "{words:?}");
+    };
+    let cases: [(&str, &str, &[&str]); 6] = [
+        (
+            "name = \"camera1\"",
+            "name = \"camera0\"",
+            &["recording.toml:", "is named twice"],
+        ),
+        (
+            "width_px = 1920",
+            "width_px = 1280",
+            &[
+                "calibration.json",
+                "1920 x 1280 px, expected 1280 x 1280 px",
+            ],
+        ),
+        (
+            "boxes = \"camera0.csv\"",
+            "boxs = \"camera0.csv\"",
+            &["recording.toml:", "boxs"],
+        ),
+        (
+            "clock_sd_s = 15.0",
+            "time = \"mars\"",
+            &["time", "expected \"utc\", \"gps\" or local time"],
+        ),
+        ("WSSS/02L", "WSSS/20R", &["refused"]),
+        (
+            "runway = \"WSSS/02L\"",
+            "runway = \"02L\"",
+            &["expected airport and runway"],
+        ),
+    ];
+    for (from, to, words) in cases {
+        fs::write(&file, sound.replacen(from, to, 1)).unwrap();
+        if to.contains("20R") {
+            fails(2, &[]);
+        } else {
+            fails(2, words);
+        }
+    }
+    fs::write(&file, &sound).unwrap();
+
+    // One camera's table is of another resolution: the other camera is used.
+    let boxes = fs::read_to_string(tower.join("camera1.csv")).unwrap();
+    let broken = boxes.replacen(
+        ",0.9\n",
+        ",0.9\n1772352100.0,5000.0,300.0,40.0,20.0,0.9\n",
+        1,
+    );
+    fs::write(tower.join("camera1.csv"), broken).unwrap();
+    fails(
+        3,
+        &[
+            "camera camera1",
+            "camera1.csv",
+            "line ",
+            "another resolution",
+        ],
+    );
+}
