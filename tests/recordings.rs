@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 use testkit::TINY_TRAINING;
 use testkit::command::{Dtd, Ending};
-use testkit::judge::judged;
+use testkit::judged;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 const JUDGE: &str = "recorded_arrivals.py";

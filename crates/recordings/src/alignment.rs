@@ -75,7 +75,7 @@ impl CameraModel {
         }
     }
 
-    /// Starts again at a coarse offset, and turned so that what is seen moves by `shift_px`.
+    /// Starts again at a coarse offset, and turned so that the scene moves by `shift_px`.
     pub(crate) fn started_at(&self, coarse_s: f64, shift_px: DVec2) -> Self {
         let mut started = self.clone();
         started.coarse_s = coarse_s;

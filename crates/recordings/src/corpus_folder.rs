@@ -45,7 +45,7 @@ const RATE_STEPS: f64 = 1_000.0;
 const TEST_SHARE: f64 = 0.2;
 const SECONDS_PER_DAY: f64 = 86_400.0;
 
-/// A camera with what it saw.
+/// A camera and its boxes.
 pub(crate) struct Seen<'a> {
     pub(crate) camera: &'a CameraDescription,
     pub(crate) sightings: Sightings,
@@ -53,7 +53,7 @@ pub(crate) struct Seen<'a> {
     pub(crate) matched: Matched,
 }
 
-/// What a corpus is made of.
+/// Contents of a corpus.
 pub(crate) struct Parts<'a> {
     pub(crate) described: &'a Description,
     pub(crate) alignment: &'a Alignment<'a>,

@@ -80,7 +80,7 @@ pub struct ImportOutcome {
     pub scenarios: Vec<String>,
     /// Clocks and cameras.
     pub cameras: Vec<CameraOutcome>,
-    /// What was not used.
+    /// Unused inputs.
     pub refused: Vec<Refused>,
 }
 

@@ -107,7 +107,7 @@ fn contrast_is_that_over_the_distance_to_the_nearest_camera_that_has_the_aircraf
     let aircraft_m = sample.position.to_ecef();
     let range_m = |camera: &Camera| camera.center_ecef_m.distance(aircraft_m);
     let nearest_m = cameras.iter().map(range_m).fold(f64::INFINITY, f64::min);
-    let found = best_transmission(cameras, sample.position, nearest_m).unwrap();
+    let found = best_transmission(cameras, sample.position, Some(nearest_m)).unwrap();
     assert!(
         (found - 0.02).abs() < 1e-4,
         "2 % remain at the visibility: {found}"
@@ -116,7 +116,7 @@ fn contrast_is_that_over_the_distance_to_the_nearest_camera_that_has_the_aircraf
         altitude_msl_m: 40_000.0,
         ..sample.position
     };
-    assert_eq!(best_transmission(cameras, above, nearest_m), None);
+    assert_eq!(best_transmission(cameras, above, Some(nearest_m)), None);
 }
 
 #[test]

@@ -112,7 +112,7 @@ pub struct ScenarioRecord {
     /// The blocks of ticks for which the camera rested; missing if the camera was settled for each image separately.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blocks: Option<Blocks>,
-    /// What the images were drawn with; missing if the simulator does not say.
+    /// Graphics of the images; missing if the simulator does not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub graphics: Option<Graphics>,
     /// Origin of a scenario that no simulator made; missing in a simulated one.
@@ -122,7 +122,7 @@ pub struct ScenarioRecord {
     pub versions: Versions,
 }
 
-/// What a simulator's images were drawn with, by its own files.
+/// Settings and devices behind the images of a simulator, by its own files.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Graphics {
     /// Device, driver, desktop session, graphics settings and scenery, by the simulator's names for them.

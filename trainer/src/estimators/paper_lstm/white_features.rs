@@ -1,8 +1,8 @@
 //! Whitened features: uncorrelated, with mean 0 and deviation 1, as inputs of the LSTM.
 //!
-//! Trained with the shared head alone, features mostly repeat the distance that their view predicts. What tells the views apart, and so the
-//! distance of both together, is small beside it, and an LSTM finds it late. The last layers of the networks and the first layer of the head
-//! change against each other, so that stage one predicts the same distances.
+//! Trained with the shared head alone, features mostly repeat the distance that their view predicts. Differences between the views, and so
+//! the distance by both together, are small beside it, and an LSTM finds them late. The last layers of the networks and the first layer of
+//! the head change against each other, so that stage one predicts the same distances.
 
 use burn::tensor::{Device, Tensor};
 use dataset::numbers::least_squares::CholeskyFactor;

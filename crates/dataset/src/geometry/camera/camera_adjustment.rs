@@ -83,12 +83,25 @@ impl Adjustment {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use glam::DVec2;
-    use testkit::rig::placed;
+
+    use super::*;
+    use crate::geometry::camera::CameraPose;
+    use crate::geometry::pose::Pose;
 
     fn camera() -> Camera {
-        Camera::from_pose(&placed("left"), 1920, 1280)
+        let placed = CameraPose {
+            pose: Pose {
+                latitude_deg: 1.36,
+                longitude_deg: 103.98,
+                altitude_msl_m: 16.7,
+                heading_true_deg: 197.7,
+                pitch_deg: 1.6,
+                roll_deg: 0.0,
+            },
+            hfov_deg: 10.0,
+        };
+        Camera::from_pose(&placed, 1920, 1280)
     }
 
     #[test]

@@ -18,16 +18,26 @@ pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {
         .text("weather", [record.weather_name()])
         .text("time_of_day", [record.time_of_day()]);
     let weather = record.weather();
-    let numbers: [(&str, fn(&Weather) -> f64); 5] = [
-        ("visibility_m", |weather| weather.visibility_m),
-        ("rain_ratio", |weather| weather.rain_ratio),
-        ("turbulence_ratio", |weather| weather.turbulence_ratio),
-        ("wind_speed_mps", |weather| weather.wind_speed_mps),
-        ("wind_from_true_deg", |weather| weather.wind_from_true_deg),
+    let numbers = |of: &Weather| {
+        [
+            of.visibility_m,
+            of.rain_ratio,
+            of.turbulence_ratio,
+            of.wind_speed_mps,
+            of.wind_from_true_deg,
+        ]
+    };
+    let names = [
+        "visibility_m",
+        "rain_ratio",
+        "turbulence_ratio",
+        "wind_speed_mps",
+        "wind_from_true_deg",
     ];
-    for (name, number) in numbers {
-        table = match weather {
-            Some(weather) => table.f64(name, [number(weather)]),
+    let numbers = weather.map(numbers);
+    for (at, name) in names.into_iter().enumerate() {
+        table = match numbers {
+            Some(numbers) => table.f64(name, [numbers[at]]),
             None => table.optional_f64(name, [None]),
         };
     }
