@@ -28,7 +28,7 @@ fn import(folder: &Path) -> Value {
 fn every_verb_reads_an_imported_corpus() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    recording(folder, "adsb 1 10 2 1");
+    recording(folder, "rtk 1 10 2 1 --calibrated");
     let outcome = import(folder);
     assert_eq!(outcome["refused"], serde_json::json!([]), "{outcome:#}");
     let run = |arguments: &str| {
@@ -47,7 +47,10 @@ fn every_verb_reads_an_imported_corpus() {
     let figures: Value = serde_json::from_slice(&figures.stdout).unwrap();
     let text = figures.to_string();
     assert!(text.contains("inverse_range_filtered"), "{text}");
-    run("predict run --corpus corpus --out predictions.csv");
+    run("predict run --corpus corpus --out predictions.parquet");
+    DTD.command(&["export", "corpus", "--to", "coco", "--out", "coco"])
+        .current_dir(folder)
+        .ends_with(2, &["imported from tables", "Parquet"]);
 }
 
 #[test]
@@ -108,11 +111,9 @@ fn mistakes_are_named_with_file_line_and_remedy_and_leave_nothing() {
 
     // One camera's table is of another resolution: the other camera is used.
     let boxes = fs::read_to_string(tower.join("camera1.csv")).unwrap();
-    let broken = boxes.replacen(
-        ",0.9\n",
-        ",0.9\n1772352100.0,5000.0,300.0,40.0,20.0,0.9\n",
-        1,
-    );
+    let columns = boxes.lines().next().unwrap_or_default();
+    assert_eq!(columns, "time,cx,cy,width,height,score");
+    let broken = boxes + "1772352100.0,5000.0,300.0,40.0,20.0,0.9\n";
     fs::write(tower.join("camera1.csv"), broken).unwrap();
     fails(
         3,

@@ -59,7 +59,14 @@ pub(crate) fn select(
             continue;
         }
         let scenario = folder.open()?;
-        let mut views = scenario.record()?.views;
+        let record = scenario.record()?;
+        if record.recorded.is_some() {
+            return Err(Error::Request(format!(
+                "scenario {id} was imported from tables and has no images, which every export needs; read its tables in Python or with any \
+                 Parquet reader (docs/dataset.md)"
+            )));
+        }
+        let mut views = record.views;
         all_views.extend(views.clone());
         if let Some(asked) = &request.views {
             views.retain(|view| asked.contains(view));
