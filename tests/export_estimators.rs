@@ -139,7 +139,7 @@ fn onnx_runtime_answers_what_the_evaluation_stored() {
         "| `paper_lstm.onnx` |",
         "triangulation: not exported",
         "| left | 1920x1280 |",
-        "except for: layer widths.",
+        "whitened features, layer widths.",
     ] {
         assert!(card.contains(words), "no {words:?} in {card}");
     }

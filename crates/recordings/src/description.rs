@@ -326,7 +326,8 @@ impl WrittenCamera {
         };
         let threshold = runway.threshold.lat_lon();
         let away_m = place(at.latitude_deg, at.longitude_deg).distance_m(threshold);
-        if away_m > MAX_CAMERA_DISTANCE_M {
+        // A latitude beyond the pole has no distance.
+        if away_m.is_nan() || away_m > MAX_CAMERA_DISTANCE_M {
             let swapped_m =
                 place(at.longitude_deg.clamp(-90.0, 90.0), at.latitude_deg).distance_m(threshold);
             let hint = if swapped_m < MAX_CAMERA_DISTANCE_M {
@@ -346,7 +347,7 @@ impl WrittenCamera {
             ));
         }
         let above_m = at.altitude_msl_m - runway.threshold.altitude_msl_m;
-        if above_m.abs() > MAX_CAMERA_HEIGHT_M {
+        if above_m.is_nan() || above_m.abs() > MAX_CAMERA_HEIGHT_M {
             return Err(refused(
                 "name",
                 format!(

@@ -32,6 +32,9 @@ const MAX_FITTED: usize = 20_000;
 /// Rounds of the fit, with the distance within which boxes count in any case, pixels; the last is repeated.
 const WITHIN_PX: [f64; 4] = [20.0, 10.0, 5.0, 0.0];
 const MAX_ROUNDS: usize = 20;
+/// Maximum median distance of matched boxes, pixels: 0.6 to 1.4 in sound recordings (docs/results/recordings.json), 16 and more with a
+/// wrong clock, rate or order of the images.
+const MAX_RESIDUAL_PX: f64 = 5.0;
 /// Change in prior deviations that ends the fit.
 const LAST_CHANGE: f64 = 1e-4;
 
@@ -154,19 +157,30 @@ fn make(file: &Path, described: &Description, workshop: &Workshop) -> Result<Imp
             "no camera's boxes fit the tracks",
         ));
     }
-    let alignment = aligned(models, &cameras, &paths)?;
-    let found: Vec<Matched> = (cameras.iter().enumerate())
-        .map(|(camera, (_, seen, _))| matched(&alignment, camera, &seen.boxes))
-        .collect();
-    for (index, (camera, seen, _)) in cameras.iter().enumerate() {
-        outcome.cameras.push(camera_outcome(
-            &alignment,
-            index,
-            &camera.name,
-            seen,
-            &found[index],
-        ));
-    }
+    let (alignment, found) = loop {
+        let alignment = aligned(models.clone(), &cameras, &paths)?;
+        let found: Vec<Matched> = (cameras.iter().enumerate())
+            .map(|(camera, (_, seen, _))| matched(&alignment, camera, &seen.boxes))
+            .collect();
+        let of_camera =
+            |(index, (camera, seen, _)): (usize, &(&CameraDescription, Sightings, _))| {
+                camera_outcome(&alignment, index, &camera.name, seen, &found[index])
+            };
+        let fitted: Vec<CameraOutcome> = cameras.iter().enumerate().map(of_camera).collect();
+        let Some(worst) = worst_misfit(&fitted) else {
+            outcome.cameras = fitted;
+            break (alignment, found);
+        };
+        outcome.refused.push(misfit(&fitted[worst]));
+        cameras.remove(worst);
+        models.remove(worst);
+        if models.is_empty() {
+            return Err(unusable(
+                &outcome.refused,
+                "no camera's boxes fit the tracks",
+            ));
+        }
+    };
     let is_seen = |flight: usize| {
         let shown = found
             .iter()
@@ -207,6 +221,25 @@ fn make(file: &Path, described: &Description, workshop: &Workshop) -> Result<Imp
     outcome.scenarios = corpus_folder::write(&parts, file, &workshop.path(NEW))?;
     workshop.put_in_place()?;
     Ok(outcome)
+}
+
+/// The camera that fits the tracks worst, if it cannot be used: it also spoils the others.
+fn worst_misfit(fitted: &[CameraOutcome]) -> Option<usize> {
+    let misfits = (fitted.iter().enumerate())
+        .filter(|(_, camera)| camera.matched == 0 || camera.residual_px > MAX_RESIDUAL_PX);
+    let worst = misfits.max_by(|(_, a), (_, b)| a.residual_px.total_cmp(&b.residual_px));
+    worst.map(|(index, _)| index)
+}
+
+fn misfit(camera: &CameraOutcome) -> Refused {
+    Refused {
+        what: format!("camera {}", camera.camera),
+        reason: format!(
+            "the {} boxes that match an arrival best are {:.1} px from it in the median, and {} match none; expected at most \
+             {MAX_RESIDUAL_PX} px; check its place, its direction, the size of its images and its times",
+            camera.matched, camera.residual_px, camera.unmatched
+        ),
+    }
 }
 
 fn unusable(refused: &[Refused], why: &str) -> Error {

@@ -37,10 +37,13 @@ impl ViewTicks {
                 ticks: frames
                     .rows
                     .iter()
-                    .map(|row| ViewTick {
-                        tick: row.tick,
-                        time_s: SimTime(row.time_ns).seconds(),
-                        pts: row.views[index].pts,
+                    // Rows of a recorded scenario have no images.
+                    .filter_map(|row| {
+                        Some(ViewTick {
+                            tick: row.tick,
+                            time_s: SimTime(row.time_ns).seconds(),
+                            pts: row.views.get(index)?.pts,
+                        })
                     })
                     .collect(),
             })

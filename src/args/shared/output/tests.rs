@@ -12,7 +12,7 @@ use crate::args::Args;
 
 /// Arguments that take any path, because they name an input, or any text. Add one to this list only if nothing is written there.
 /// `install-plugin` writes only into a folder that it knows as an X-Plane.
-const INPUTS: [&str; 39] = [
+const INPUTS: [&str; 40] = [
     "airport",
     "airports",
     "against",
@@ -35,6 +35,7 @@ const INPUTS: [&str; 39] = [
     "predictions",
     "pretrained_detector",
     "quirks",
+    "recording",
     "registration_of",
     "restart_simulator",
     "run",
