@@ -40,7 +40,6 @@ fn every_verb_reads_an_imported_corpus() {
         + &String::from_utf8_lossy(&verified.stderr);
     assert!(said.contains("recorded scenarios have none"), "{said}");
     run("label corpus");
-    run("status corpus");
     fs::write(folder.join("train.toml"), TINY_TRAINING).unwrap();
     run("train corpus --config train.toml --out run");
     let figures = run("evaluate run --corpus corpus --json");
