@@ -142,11 +142,9 @@ pub fn import_tracks(
                         continue;
                     }
                 };
-                let number = (count > 1).then(|| number.to_string());
-                let of_aircraft = aircraft.clone().filter(|_| !alone);
-                let names = [Some(stem(file)), of_aircraft, number];
-                let name = names.into_iter().flatten().collect::<Vec<_>>().join("-");
-                let path = folder.join(format!("{}.csv", plain(&name)));
+                let of_aircraft = aircraft.as_deref().filter(|_| !alone);
+                let number = (count > 1).then_some(number);
+                let path = folder.join(recording_name(file, of_aircraft, number));
                 if let Some(other) = made_from.insert(path.clone(), file) {
                     let other = other.display();
                     let path = path.display();
@@ -175,8 +173,6 @@ pub fn import_tracks(
 /// An arrival in a track, with its times.
 #[derive(Debug, Clone)]
 pub struct Arrival {
-    /// The aircraft's 24-bit address, if the file has one, or the number of the flight in it.
-    pub aircraft: Option<String>,
     /// UTC of time 0 of the trajectory, seconds since 1970, by the track's times.
     pub start_utc_s: f64,
     /// The states, as `dtd tracks import` writes them.
@@ -208,18 +204,15 @@ pub fn arrivals(
         let found = states::of_track(track, runway);
         let count = found.len();
         for (number, made) in (1..).zip(found) {
-            let of_aircraft = track.aircraft.clone().filter(|_| !alone);
-            let number = (count > 1).then(|| number.to_string());
-            let names = [Some(stem(file)), of_aircraft, number];
-            let name = names.into_iter().flatten().collect::<Vec<_>>().join("-");
-            let path = scratch.join(format!("{}.csv", plain(&name)));
+            let of_aircraft = track.aircraft.as_deref().filter(|_| !alone);
+            let number = (count > 1).then_some(number);
+            let path = scratch.join(recording_name(file, of_aircraft, number));
             let checked = match made {
                 Ok(made) => {
                     fs::write(&path, made.csv()).map_err(dataset::Error::io("write", &path))?;
                     let checked = checked(&path, runway)?;
                     fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
                     checked.map(|recording| Arrival {
-                        aircraft: track.aircraft.clone(),
                         start_utc_s: made.start_utc_s,
                         recording,
                         position_sd_m: made.position_sd_m(),
@@ -245,6 +238,14 @@ pub fn arrivals(
         });
     }
     Ok((arrivals, refused))
+}
+
+/// File name of the recording of a track: of which aircraft, if there are several, and the number of its arrival, if it has several.
+fn recording_name(file: &Path, aircraft: Option<&str>, number: Option<u32>) -> String {
+    let number = number.map(|number| number.to_string());
+    let names = [Some(stem(file)), aircraft.map(str::to_owned), number];
+    let name = names.into_iter().flatten().collect::<Vec<_>>().join("-");
+    format!("{}.csv", plain(&name))
 }
 
 /// Name of a file without its ending, and without the one before `.gz`.

@@ -34,7 +34,7 @@ _SCENARIOS: dict[str, pl.DataType] = {
 
 
 class Corpus:
-    """A folder that `dtd generate` or `dtd import` made. Every table has a column `scenario`; other columns are those of docs/dataset.md."""
+    """A folder that `dtd generate` or `dtd import` made. Every table has a column `scenario`; docs/dataset.md describes the others."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)

@@ -31,7 +31,7 @@ const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
 /// Files of a first hour.
 const TAPE: &str = "session.mcap";
 const REPORT: &str = "report.json";
-/// How long a restarted X-Plane may stay silent: twice a cold start.
+/// Longest silence of a restarted X-Plane: twice a cold start.
 const BACK_WITHIN: Duration = Duration::from_secs(600);
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 

@@ -172,7 +172,7 @@ async fn a_plugin_that_looks_up_a_deprecated_name_is_reported_and_spoils_its_pic
         complaints.found.contains("use_real_weather_bool"),
         "{complaints:?}"
     );
-    assert!(read(address, FOREIGN_NAMES).await >= 1.0);
+    assert_eq!(read(address, FOREIGN_NAMES).await, 1.0);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -336,7 +336,7 @@ impl<'a> Alignment<'a> {
         Some(largest)
     }
 
-    /// Whether each unknown is a time.
+    /// True for each unknown that is a time.
     fn time_unknowns(&self) -> Vec<bool> {
         let cameras = self
             .cameras

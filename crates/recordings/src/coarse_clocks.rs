@@ -9,6 +9,7 @@ use glam::DVec2;
 
 use crate::alignment::{Alignment, CameraModel, FIRST_BOX_SD_PX};
 use crate::flight_path::FlightPath;
+use crate::likely_cause::GPS_AHEAD_S;
 use crate::sightings::Sighting;
 
 /// Step of the offsets, seconds: aircraft near the runway move by tens of pixels in that time.
@@ -17,8 +18,6 @@ const STEP_S: f64 = 1.0;
 const REACH: f64 = 3.0;
 /// Half hours from UTC that are in use.
 const HALF_HOURS: i32 = 28;
-/// Offsets of a known cause: GPS time.
-const GPS_S: f64 = 18.0;
 /// Side of a cell of shifts; two by two count: as much as a wrong roll or focal length adds, pixels.
 const CELL_PX: f64 = 32.0;
 /// Tolerance of a calibrated camera, pixels.
@@ -60,7 +59,8 @@ pub(crate) fn best_start(
     if (most(&tried) as f64) < BELIEVABLE * seen.len() as f64 {
         let causes: Vec<f64> = (-HALF_HOURS..=HALF_HOURS)
             .flat_map(|half_hours| {
-                [0.0, GPS_S, -GPS_S].map(|rest_s| 1_800.0 * f64::from(half_hours) + rest_s)
+                [0.0, GPS_AHEAD_S, -GPS_AHEAD_S]
+                    .map(|rest_s| 1_800.0 * f64::from(half_hours) + rest_s)
             })
             .collect();
         tried = around(&causes);

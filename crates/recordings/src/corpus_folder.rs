@@ -41,7 +41,7 @@ const DESCRIPTION: &str = "recording.toml";
 const BOXES: &str = "boxes";
 /// Denominator of rates of ticks that were measured.
 const RATE_STEPS: f64 = 1_000.0;
-/// Share of the arrivals, or days, on the test side, and on the validation side: that of sweeps.
+/// Share of the arrivals, or days, on the test side; the validation side has as many.
 const TEST_SHARE: f64 = 0.2;
 const SECONDS_PER_DAY: f64 = 86_400.0;
 
@@ -99,7 +99,7 @@ pub(crate) fn write(parts: &Parts<'_>, description: &Path, root: &Path) -> Resul
     Ok(written.into_iter().map(|(id, _)| id).collect())
 }
 
-/// One scenario.
+/// A scenario before it is written.
 struct Scenario {
     id: String,
     flight: usize,

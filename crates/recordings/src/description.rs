@@ -16,9 +16,8 @@ use generator::tracks::utc_s;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
+use crate::likely_cause::GPS_AHEAD_S;
 
-/// GPS time is ahead of UTC by this since 2017, seconds.
-const GPS_AHEAD_S: f64 = 18.0;
 /// Cameras farther from the threshold see no arrival, metres.
 const MAX_CAMERA_DISTANCE_M: f64 = 40_000.0;
 /// Masts and towers are within this height of the threshold, metres; heights in feet are not, at most airports.
@@ -227,31 +226,10 @@ impl Description {
                 "expected at least one [[camera]] and one [[track]]",
             ));
         }
-        let tracks =
-            written
-                .track
-                .iter()
-                .enumerate()
-                .map(|(index, track)| -> Result<TrackDescription> {
-                    let to_utc_s = to_utc_s(&track.time)
-                        .map_err(|why| refused(&format!("track.{index}.time"), &why))?;
-                    let is_exact = track.position_sd_m.is_some_and(|sd_m| sd_m <= EXACT_M);
-                    let columns = track.columns.iter();
-                    Ok(TrackDescription {
-                        file: folder.join(&track.file),
-                        to_utc_s,
-                        columns: columns
-                            .map(|(name, column)| format!("{name}={column}"))
-                            .collect(),
-                        position_sd_m: track.position_sd_m,
-                        is_exact,
-                        delay_sd_s: track.delay_sd_s.unwrap_or(if is_exact {
-                            0.0
-                        } else {
-                            DELAY_SD_S
-                        }),
-                    })
-                });
+        let tracks = written.track.iter().enumerate().map(|(index, track)| {
+            let refused = |why: String| refused(&format!("track.{index}.time"), &why);
+            track.checked(folder).map_err(refused)
+        });
         let tracks = tracks.collect::<Result<_>>()?;
         Ok(Self {
             name: written.name,
@@ -262,6 +240,26 @@ impl Description {
             split_by: written.split_by,
             cameras,
             tracks,
+        })
+    }
+}
+
+impl WrittenTrack {
+    /// # Errors
+    /// The reason why `time` is wrong.
+    fn checked(&self, folder: &Path) -> std::result::Result<TrackDescription, String> {
+        let is_exact = self.position_sd_m.is_some_and(|sd_m| sd_m <= EXACT_M);
+        let usual_delay_sd_s = if is_exact { 0.0 } else { DELAY_SD_S };
+        let columns = self.columns.iter();
+        Ok(TrackDescription {
+            file: folder.join(&self.file),
+            to_utc_s: to_utc_s(&self.time)?,
+            columns: columns
+                .map(|(name, column)| format!("{name}={column}"))
+                .collect(),
+            position_sd_m: self.position_sd_m,
+            is_exact,
+            delay_sd_s: self.delay_sd_s.unwrap_or(usual_delay_sd_s),
         })
     }
 }

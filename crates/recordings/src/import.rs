@@ -25,7 +25,7 @@ use crate::sightings::{Sighting, Sightings};
 
 /// Entry of the workshop for recordings that are being read.
 const SCRATCH: &str = "tracks";
-/// Approaches begin within this distance, metres, as those of `dtd tracks import`.
+/// Greatest distance at which an approach may begin, metres: the limit of `dtd tracks import`.
 const LONGEST_M: f64 = 25.0 * METERS_PER_NAUTICAL_MILE;
 /// Maximum number of boxes in the fit; more have little effect, since their errors last.
 const MAX_FITTED: usize = 20_000;
@@ -158,7 +158,7 @@ fn make(file: &Path, described: &Description, workshop: &Workshop) -> Result<Imp
         ));
     }
     let (alignment, found) = loop {
-        let alignment = aligned(models.clone(), &cameras, &paths)?;
+        let alignment = aligned(models.clone(), &cameras, &paths, described)?;
         let found: Vec<Matched> = (cameras.iter().enumerate())
             .map(|(camera, (_, seen, _))| matched(&alignment, camera, &seen.boxes))
             .collect();
@@ -415,10 +415,11 @@ fn aligned<'a>(
     models: Vec<CameraModel>,
     cameras: &[(&CameraDescription, Sightings, SourceFile)],
     paths: &'a [FlightPath],
+    described: &Description,
 ) -> Result<Alignment<'a>> {
     let used: Vec<Vec<Sighting>> = (cameras.iter())
         .map(|(_, seen, _)| {
-            let step = fitted_step(seen, cameras.len());
+            let step = fitted_step(seen, described.cameras.len());
             seen.boxes.iter().step_by(step).copied().collect()
         })
         .collect();

@@ -1,7 +1,7 @@
 //! Likely causes of a clock's offset.
 
 /// GPS time has no leap seconds, and is 18 s ahead since 2017.
-const GPS_S: f64 = 18.0;
+pub(crate) const GPS_AHEAD_S: f64 = 18.0;
 /// Offsets from a cause that are within this are explained by it, seconds: what a clock that is set by network is off by.
 const NEAR_S: f64 = 0.3;
 
@@ -11,7 +11,7 @@ pub(crate) fn likely_cause(offset_s: f64, sd_s: f64) -> Option<String> {
     let half_hours = (offset_s / 1_800.0).round();
     let rest_s = offset_s - 1_800.0 * half_hours;
     let is_near = |cause_s: f64| (rest_s.abs() - cause_s).abs() < near_s;
-    let small = if is_near(GPS_S) {
+    let small = if is_near(GPS_AHEAD_S) {
         Some("GPS time instead of UTC (18 s)")
     } else if is_near(1.0) {
         Some("a leap second, or times of the image before or after (1 s)")

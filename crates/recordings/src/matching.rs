@@ -1,4 +1,4 @@
-//! Which box shows which arrival.
+//! Boxes matched with the arrivals that they show.
 //!
 //! A box near one projected arrival shows it. Near two, or on a track of which less than most is near an arrival, it is doubtful, and shows
 //! none: aircraft without a transponder have no track, and a wrong label is worse than a missing one.
@@ -12,7 +12,7 @@ use crate::sightings::Sighting;
 
 /// Least share of the boxes of a source's track that must be near the arrival that it shows.
 const MOST: f64 = 0.5;
-/// Another arrival that is near this part of as many boxes makes a track doubtful.
+/// Share of those boxes that another arrival must be near for the track to be doubtful.
 const ALSO: f64 = 0.5;
 
 /// The arrivals that a camera's boxes show.

@@ -1,4 +1,4 @@
-"""What X-Plane draws with, and who else draws: driver, graphics settings, scenery, exposure, other plugins.
+"""Driver, graphics settings, scenery and exposure of this X-Plane, and the other plugins, which may draw as well.
 
 X-Plane has no dataref for most of it. Its log names device, driver, desktop session and plugins; its preferences have a line for each
 graphics setting, as last saved; ``scenery_packs.ini`` has the scenery. What stands nowhere is left out.
@@ -22,7 +22,7 @@ PREFERENCES = "Output/preferences/X-Plane.prf"
 SCENERY = "Custom Scenery/scenery_packs.ini"
 # The beginning of a very long one.
 MAX_BYTES = 32 << 20
-# The most that a client is told: an answer has to stay a header that can be sent.
+# Limits of an answer, which is sent as one header.
 MAX_ENTRIES, MAX_CHARACTERS = 150, 100
 _OF_LOG = re.compile(r"^(Vulkan Device|Vulkan Driver|GLSL Version|Desktop session type)\s*: *(.+)$")
 _PLUGIN = re.compile(r"Loaded: .+\.xpl \((.+)\)\.")

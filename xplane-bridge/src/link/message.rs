@@ -190,7 +190,7 @@ pub enum Answer {
     },
 }
 
-/// What X-Plane draws with, and what else draws, by its own files.
+/// X-Plane's graphics and other plugins, by its own files.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Installation {
     /// Complaints of the log about the plugin, each once; at most some twenty.

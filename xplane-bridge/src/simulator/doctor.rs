@@ -178,7 +178,7 @@ pub struct DoctorOptions {
     pub measuring: Measuring,
     /// The planned recording, if known.
     pub intent: Option<Intent>,
-    /// Measure what nobody knows, with a landing on this runway.
+    /// Runway for the landing of the first hour, which is measured if there is one.
     pub first_hour: Option<Runway>,
 }
 

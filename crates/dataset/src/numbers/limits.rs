@@ -342,7 +342,7 @@ pub(crate) const MAX_FRAME_RATE_TERM: u32 = 1_000_000;
 
 /// Over ground.
 pub const DTD_M: Limits = Limits::new(0.0, 500_000.0, "a distance to touchdown in metres");
-/// Of a distance.
+/// Standard deviation of a distance.
 pub(crate) const SD_M: Limits = Limits::new(0.0, 100_000.0, "a standard deviation in metres");
 /// Along or across the course.
 pub(crate) const TRACK_M: Limits = Limits::new(-500_000.0, 500_000.0, "a distance in metres");

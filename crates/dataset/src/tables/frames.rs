@@ -62,7 +62,7 @@ pub struct TickRow {
     pub controls: Controls,
     /// True if a wheel touches the ground.
     pub on_ground: bool,
-    /// One stamp per view, in the order of [`Frames::views`]; empty in a recorded scenario.
+    /// Stamps of the views' images, in the order of [`Frames::views`]; empty in a recorded scenario.
     pub views: Vec<ViewStamp>,
     /// Only in recorded scenarios: time of the view's image nearest to the tick, within half a period, by the corrected clock,
     /// nanoseconds since tick 0; null if the view has none.

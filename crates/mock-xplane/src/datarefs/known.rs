@@ -183,6 +183,8 @@ const BOTH: &[Dataref] = &[
 /// X-Plane 12 only. Weather: fair, as in a fresh simulator.
 const TWELVE: &[Dataref] = &[
     read_only(names::VERSION, Int, 124_009.0),
+    // Of a sunny day.
+    read_only("sim/private/controls/photometric/ev100", Float, 14.0),
     float("sim/cockpit2/controls/flap_handle_request_ratio"),
     writable(names::CHANGE_MODE, Int, 3.0),
     writable(names::VARIABILITY, Float, 0.25),

@@ -22,24 +22,32 @@ pub(crate) fn with_white_features(
     samples: &Encoded,
     device: &Device,
 ) -> CalibrationNetworks {
-    let mut rows = Vec::new();
+    let doubles = |tensor| -> Vec<f64> { numbers(tensor).into_iter().map(f64::from).collect() };
+    // Sums over the features less those of a first batch, which are small, so that single precision suffices within a batch.
+    let mut origin: Option<Tensor<2>> = None;
+    let (mut count, mut sums, mut products) = (0.0, Vec::new(), Vec::new());
     for view in 0..samples.views() {
         for batch in samples.seen_by(view).chunks(CHUNK) {
             let features = networks.features(view, samples.inputs(batch, view, device));
-            rows.push(features);
+            let origin = origin.get_or_insert_with(|| features.clone().mean_dim(0));
+            let moved = features - origin.clone();
+            count += batch.len() as f64;
+            add(&mut sums, &doubles(moved.clone().sum_dim(0)));
+            add(
+                &mut products,
+                &doubles(moved.clone().transpose().matmul(moved)),
+            );
         }
     }
-    if rows.is_empty() {
+    let Some(origin) = origin else {
         return networks;
-    }
-    let rows = Tensor::cat(rows, 0);
-    let count = rows.dims()[0] as f32;
-    let means = rows.clone().mean_dim(0);
-    let centred = rows - means.clone();
-    let covariance = centred.clone().transpose().matmul(centred) / count;
-    let doubles = |tensor| -> Vec<f64> { numbers(tensor).into_iter().map(f64::from).collect() };
-    let (means, mut covariance) = (doubles(means), doubles(covariance));
-    let width = means.len();
+    };
+    let width = sums.len();
+    let mut means: Vec<f64> = sums.iter().map(|sum| sum / count).collect();
+    let mut covariance: Vec<f64> = (products.iter().enumerate())
+        .map(|(at, product)| product / count - means[at / width] * means[at % width])
+        .collect();
+    add(&mut means, &doubles(origin));
     let total: f64 = covariance.iter().step_by(width + 1).sum();
     for variance in covariance.iter_mut().step_by(width + 1) {
         *variance += NOISE_SHARE * total;
@@ -48,6 +56,14 @@ pub(crate) fn with_white_features(
         Some(factor) => networks.with_white_features(&means, &factor),
         None => networks,
     }
+}
+
+/// Adds to sums, which are empty at first.
+fn add(sums: &mut Vec<f64>, terms: &[f64]) {
+    sums.resize(terms.len(), 0.0);
+    sums.iter_mut()
+        .zip(terms)
+        .for_each(|(sum, term)| *sum += term);
 }
 
 #[cfg(test)]

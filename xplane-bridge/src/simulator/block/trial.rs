@@ -65,7 +65,7 @@ impl KnownBlocks {
 pub(in crate::simulator) struct Lagging {
     /// Pixels that differ between settled images of consecutive ticks.
     pub(in crate::simulator) changing: usize,
-    /// Those that show the tick before.
+    /// Pixels of these that show the tick before.
     pub(in crate::simulator) late: usize,
     /// Ticks that were shown again.
     pub(in crate::simulator) repeated: u32,

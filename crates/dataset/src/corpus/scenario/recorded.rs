@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// How a quantity became known.
+/// Source of a quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
-    /// By an instrument, a survey or a detector.
+    /// Measured by an instrument, a survey or a detector.
     Measured,
     /// Stated without a measurement.
     Assumed,
     /// Computed from measured quantities.
     Derived,
-    /// By a simulator.
+    /// Read from a simulator.
     Simulated,
 }
 

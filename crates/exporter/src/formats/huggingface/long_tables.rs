@@ -18,26 +18,22 @@ pub(crate) fn scenario_row(source: &Source<'_>) -> TableWriter {
         .text("weather", [record.weather_name()])
         .text("time_of_day", [record.time_of_day()]);
     let weather = record.weather();
-    let numbers = |of: &Weather| {
-        [
-            of.visibility_m,
-            of.rain_ratio,
-            of.turbulence_ratio,
-            of.wind_speed_mps,
-            of.wind_from_true_deg,
-        ]
-    };
-    let names = [
-        "visibility_m",
-        "rain_ratio",
-        "turbulence_ratio",
-        "wind_speed_mps",
-        "wind_from_true_deg",
-    ];
-    let numbers = weather.map(numbers);
-    for (at, name) in names.into_iter().enumerate() {
-        table = match numbers {
-            Some(numbers) => table.f64(name, [numbers[at]]),
+    let number = |of: fn(&Weather) -> f64| weather.map(of);
+    for (name, number) in [
+        ("visibility_m", number(|weather| weather.visibility_m)),
+        ("rain_ratio", number(|weather| weather.rain_ratio)),
+        (
+            "turbulence_ratio",
+            number(|weather| weather.turbulence_ratio),
+        ),
+        ("wind_speed_mps", number(|weather| weather.wind_speed_mps)),
+        (
+            "wind_from_true_deg",
+            number(|weather| weather.wind_from_true_deg),
+        ),
+    ] {
+        table = match number {
+            Some(number) => table.f64(name, [number]),
             None => table.optional_f64(name, [None]),
         };
     }

@@ -42,7 +42,7 @@ impl SceneBehind {
 #[derive(Debug)]
 pub(super) struct Shots {
     behind: SceneBehind,
-    /// What flaps and gear do otherwise.
+    /// Quirks of flaps and gear.
     quirks: Quirks,
     /// The newest first.
     past: VecDeque<Shot>,

@@ -1,5 +1,5 @@
-//! What nobody has measured on an X-Plane: whether the parts of the aircraft move with it in the same frame, whether the autopilot obeys,
-//! and how long loading and grabbing take.
+//! Measurements that no X-Plane has had: whether the parts of the aircraft move with it in the same frame, whether the autopilot obeys, and
+//! how long loading and grabbing take.
 
 use std::time::Instant;
 
