@@ -1,15 +1,17 @@
-//! `dtd paper --scale small`: it makes the page, and killed in its stages and started again it arrives at the same figures.
+//! `dtd paper --scale small`: it makes the page, and killed in its stages and started again it arrives at the same figures. Images and steps
+//! are few: figures are compared, not judged.
+
+mod tiny;
 
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, ChildStderr, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::Value;
-use testkit::TINY_TRAINING;
-use testkit::command::{Dtd, said};
+use testkit::command::{Dtd, Ending, said};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -24,24 +26,16 @@ const KILLED_IN: [(&str, Duration); 4] = [
     ("ranges", Duration::from_millis(200)),
 ];
 
-/// A quarter of the small scale's images, and few steps: figures are compared, not judged.
-fn arguments(out: &Path) -> Vec<String> {
-    arguments_at("1/12", out)
-}
-
-fn arguments_at(frame_rate: &str, out: &Path) -> Vec<String> {
-    let training = out.with_file_name("training.toml");
-    let line = format!(
-        "paper --scale small --frame-rate {frame_rate} --config {} --out {}",
-        training.display(),
-        out.display()
-    );
-    line.split(' ').map(str::to_owned).collect()
+/// The experiment beside the folder that it makes.
+fn command(line: &str, out: &Path) -> Command {
+    let words: Vec<&str> = line.split(' ').collect();
+    let mut command = DTD.command(&words);
+    command.current_dir(out.parent().unwrap());
+    command
 }
 
 fn start(out: &Path) -> (Child, BufReader<ChildStderr>) {
-    let mut process = DTD
-        .command(&arguments(out))
+    let mut process = command(tiny::PAPER, out)
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
@@ -104,9 +98,9 @@ fn figures(out: &Path) -> Value {
 #[test]
 fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures() {
     let folder = tempfile::tempdir().unwrap();
-    let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
-    fs::write(folder.path().join("training.toml"), TINY_TRAINING).unwrap();
-    DTD.succeeds(&arguments(&whole));
+    let (whole, killed) = (tiny::paper().join("paper"), folder.path().join("paper"));
+    let training = "training.toml";
+    fs::copy(tiny::paper().join(training), folder.path().join(training)).unwrap();
     let page = fs::read_to_string(whole.join("paper.md")).unwrap();
     for part in ["9.95", "not done, because", "100 recorded landings"] {
         assert!(page.contains(part), "no {part:?} in {page}");
@@ -125,16 +119,13 @@ fn the_papers_experiment_makes_its_page_and_killed_four_times_the_same_figures()
     for (words, later) in KILLED_IN {
         kill_in(&killed, words, later);
     }
-    let output = DTD.succeeds(&arguments(&killed));
+    let output = command(tiny::PAPER, &killed).succeeds();
     assert!(
         said(&output).contains("paper: labels: done already"),
         "{}",
         said(&output)
     );
     assert_eq!(figures(&killed), figures(&whole));
-    DTD.ends_with(
-        &arguments_at("1", &killed),
-        2,
-        &["another sweep or frame rate"],
-    );
+    let otherwise = tiny::PAPER.replace("1/12", "1");
+    command(&otherwise, &killed).ends_with(2, &["another sweep or frame rate"]);
 }

@@ -65,11 +65,31 @@ static MADE: LazyLock<(MadeOnce, Tiny)> = LazyLock::new(|| {
     (made, tiny)
 });
 
-fn make(folder: &Path) {
-    fs::write(folder.join("sweep.toml"), sweep_toml()).unwrap();
-    // Minimal steps that create every file of a run.
+/// Minimal steps that create every file of a run.
+fn write_training(folder: &Path) {
     let few = TINY_TRAINING.replace("steps = 60, batch_size = 64", "steps = 10, batch_size = 16");
     fs::write(folder.join("training.toml"), few).unwrap();
+}
+
+/// The paper's experiment with a quarter of the small scale's images.
+pub(crate) const PAPER: &str =
+    "paper --scale small --frame-rate 1/12 --config training.toml --out paper";
+
+/// A folder with `training.toml` and what [`PAPER`] made in it. Never changed.
+pub(crate) fn paper() -> &'static Path {
+    static MADE: LazyLock<MadeOnce> = LazyLock::new(|| {
+        MadeOnce::made("paper", |folder| {
+            write_training(folder);
+            let mut command = DTD.command(&PAPER.split(' ').collect::<Vec<_>>());
+            command.current_dir(folder).succeeds();
+        })
+    });
+    MADE.path()
+}
+
+fn make(folder: &Path) {
+    fs::write(folder.join("sweep.toml"), sweep_toml()).unwrap();
+    write_training(folder);
     let tiny = Tiny::at(folder);
     for line in [
         "generate sweep.toml --out corpus",

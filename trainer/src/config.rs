@@ -277,7 +277,7 @@ impl TrainConfig {
         }
     }
 
-    /// Settings of `--quick`: narrower layers and fewer steps; about a minute and a half on two cores, for a dozen scenarios.
+    /// Settings of `--quick`: narrower layers and fewer steps; about a minute on two cores, for a dozen scenarios.
     pub fn demo() -> Self {
         let narrow = |steps, learning_rate| Optimisation {
             steps,
@@ -297,7 +297,7 @@ impl TrainConfig {
             estimator: EstimatorConfig {
                 lstm: vec![96, 96],
                 head_hidden: vec![96],
-                optimisation: narrow(9_000, 2e-3),
+                optimisation: narrow(3_000, 4e-3),
                 ends: StageEnd::Steps,
                 ..EstimatorConfig::default()
             },
