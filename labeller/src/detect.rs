@@ -47,6 +47,7 @@ pub use live_view::{ImageFindings, SeenBox, ViewSearch};
 pub use mode::Mode;
 pub use pairs::fitted_cameras::FittedCameras;
 pub use pairs::register_views;
+pub use pictures::VideoImages;
 pub use pictures::image::Image;
 pub use scenario_search::{Findings, Searcher};
 pub use view_search::cpu_time::CpuTime;

@@ -24,7 +24,8 @@ mod view_health;
 
 pub use detect::{
     CpuTime, DetectOptions, DetectOutcome, Findings, FittedCameras, Image, ImageFindings, Mode,
-    RegistrationCounts, Searcher, SeenBox, Unhealthy, ViewSearch, detect_corpus, register_views,
+    RegistrationCounts, Searcher, SeenBox, Unhealthy, VideoImages, ViewSearch, detect_corpus,
+    register_views,
 };
 pub use detector::Device;
 pub use error::{Error, Failure, Result};

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use generator::tracks::NamedColumn;
 
+use crate::args::detector::RuntimeArgs;
 use crate::args::shared::output::Output;
 use crate::help;
 
@@ -66,12 +67,19 @@ pub(crate) struct AirportImportArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
-    /// The recording's description: runway, cameras, tables of boxes, tracks (docs/recordings.md)
+    /// The recording's description: runway, cameras, videos or tables of boxes, tracks (docs/recordings.md)
     #[arg(value_name = "RECORDING.toml")]
     pub(crate) recording: PathBuf,
     /// New folder for the corpus
     #[arg(long, value_name = "CORPUS", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
+    /// The detector for videos, an ONNX file [default: the bundled one]
+    ///
+    /// The bundled one is for images of the bundled simulator, and has never seen a photograph (docs/detectors.md).
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) runtime: RuntimeArgs,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -1,16 +1,26 @@
 //! `dtd import`: a corpus of recordings that no simulator made.
 
-use recordings::{CameraOutcome, import};
+use labeller::Searcher;
+use recordings::{CameraOutcome, Error, import};
 
 use super::Outcome;
 use super::output::{count, print_json};
 use crate::args::imports::ImportArgs;
 use crate::failure::{Ending, Failure};
+use crate::progress::verb_watch::VerbWatch;
+use crate::shipped::Detector;
 
 /// Runs the verb.
 pub(crate) fn run(args: &ImportArgs) -> Outcome {
-    let outcome = import(&args.recording, &args.out)
-        .map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;
+    let model = Detector::chosen(args.model.as_deref())?;
+    let watch = VerbWatch::new("import", "images");
+    let load = || Searcher::load(model.path(), &args.runtime.options());
+    let outcome =
+        import(&args.recording, &args.out, load, &watch).map_err(|error| match error {
+            Error::Stopped(_) => Failure::Interrupted { resumes: true },
+            error => Failure::bad_input_if(error.is_bad_input(), error),
+        })?;
+    drop(watch);
     if args.json {
         print_json(&outcome)?;
     } else {

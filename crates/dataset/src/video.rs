@@ -15,6 +15,7 @@ mod index;
 mod packets;
 mod reader;
 mod time_base;
+mod unlike_scene;
 mod writer;
 
 use std::any::Any;
@@ -39,6 +40,7 @@ pub use index::fragments::recorded_pictures;
 pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::{RgbPicture, VideoReader};
 pub use time_base::TimeBase;
+pub use unlike_scene::{is_turned, unlike_the_scene};
 pub use writer::{GROUP_OF_PICTURES, VideoWriter};
 
 use crate::error::{Error, Result};

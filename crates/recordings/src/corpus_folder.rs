@@ -58,6 +58,8 @@ pub(crate) struct Parts<'a> {
     pub(crate) described: &'a Description,
     pub(crate) alignment: &'a Alignment<'a>,
     pub(crate) seen: Vec<Seen<'a>>,
+    /// The model that found the boxes; `None` if they came as tables.
+    pub(crate) detector: Option<&'a ModelIdentity>,
     /// Numbers of the arrivals that become scenarios.
     pub(crate) flights: &'a [usize],
 }
@@ -427,11 +429,11 @@ impl Scenario {
         seal_folder(partial.root(), &config_hash)?;
         let folder = corpus.scenario(&self.id);
         commit_folder(partial.root(), folder.root())?;
-        let detector = ModelIdentity {
+        let detector = parts.detector.cloned().unwrap_or_else(|| ModelIdentity {
             model: Some(BOXES.into()),
             model_blake3: hash_of(&[]),
             profile_blake3: None,
-        };
+        });
         let tables = NewTables::unregistered(&self.detections);
         let claim = folder.claim()?;
         detections::replace(

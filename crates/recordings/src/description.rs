@@ -17,6 +17,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::likely_cause::GPS_AHEAD_S;
+use crate::videos::Video;
 
 /// Cameras farther from the threshold see no arrival, metres.
 const MAX_CAMERA_DISTANCE_M: f64 = 40_000.0;
@@ -60,7 +61,9 @@ struct WrittenCamera {
     name: String,
     width_px: u32,
     height_px: u32,
-    boxes: PathBuf,
+    boxes: Option<PathBuf>,
+    #[serde(default)]
+    videos: Vec<WrittenVideo>,
     #[serde(default)]
     format: BoxFormat,
     first_image: Option<String>,
@@ -79,6 +82,13 @@ struct WrittenCamera {
     direction_sd_deg: f64,
     #[serde(default)]
     focal_sd_pct: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenVideo {
+    file: PathBuf,
+    first_image: Option<String>,
 }
 
 /// A camera without a calibration.
@@ -150,7 +160,9 @@ pub(crate) struct Description {
 #[derive(Debug, Clone)]
 pub(crate) struct CameraDescription {
     pub(crate) name: String,
+    /// Its table of boxes; empty if it has videos instead.
     pub(crate) boxes: PathBuf,
+    pub(crate) videos: Vec<Video>,
     pub(crate) format: BoxFormat,
     /// Time of image 1 and rate of the images, for tables that number images.
     pub(crate) numbered: Option<(f64, f64)>,
@@ -264,6 +276,17 @@ impl WrittenTrack {
     }
 }
 
+impl WrittenVideo {
+    /// # Errors
+    /// The reason why its time is wrong.
+    fn checked(&self, folder: &Path) -> std::result::Result<Video, String> {
+        Ok(Video {
+            file: folder.join(&self.file),
+            first_image_s: self.first_image.as_deref().map(utc_s).transpose()?,
+        })
+    }
+}
+
 impl WrittenCamera {
     fn checked(
         &self,
@@ -282,6 +305,26 @@ impl WrittenCamera {
             _ => {
                 let why = "tables that number their images need `first_image` (UTC of image 1) and `images_per_s`";
                 return Err(refused("boxes", why.to_owned()));
+            }
+        };
+        let is_numbered = self.format != BoxFormat::Csv || numbered.is_some();
+        let (boxes, videos) = match (&self.boxes, &*self.videos) {
+            (Some(boxes), []) => (folder.join(boxes), Vec::new()),
+            (None, videos @ [_, ..]) if !is_numbered => {
+                let videos = videos.iter().map(|video| video.checked(folder));
+                let videos = videos.collect::<std::result::Result<_, String>>();
+                (
+                    PathBuf::new(),
+                    videos.map_err(|why| refused("videos", why))?,
+                )
+            }
+            (None, [_, ..]) => {
+                let why = "are searched for boxes: `format`, `first_image` and `images_per_s` belong to tables of `boxes`";
+                return Err(refused("videos", why.to_owned()));
+            }
+            _ => {
+                let why = "expected either `boxes`, a table, or `videos`, which are searched";
+                return Err(refused("name", why.to_owned()));
             }
         };
         let sds = [
@@ -355,7 +398,8 @@ impl WrittenCamera {
         }
         Ok(CameraDescription {
             name: self.name.clone(),
-            boxes: folder.join(&self.boxes),
+            boxes,
+            videos,
             format: self.format,
             numbered,
             to_utc_s,

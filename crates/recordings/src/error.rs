@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use dataset::files::toml_file::TomlError;
+use dataset::work::watch::Stopped;
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -16,6 +17,12 @@ pub enum Error {
     /// A file cannot be read or written, or has the wrong content.
     #[error(transparent)]
     Dataset(#[from] dataset::Error),
+    /// The detector cannot be used, or fails.
+    #[error(transparent)]
+    Search(#[from] labeller::Error),
+    /// The caller stopped the import.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// No part of the recording can be used.
     #[error("{0}")]
     Unusable(String),
@@ -35,6 +42,8 @@ impl Error {
         match self {
             Self::Description(_) | Self::Unusable(_) => true,
             Self::Dataset(error) => !error.is_of_environment(),
+            Self::Search(error) => !error.is_of_environment(),
+            Self::Stopped(_) => false,
         }
     }
 }

@@ -1,16 +1,19 @@
 //! The import of a recording.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
 use chrono::DateTime;
+use dataset::corpus::model_identity::ModelIdentity;
 use dataset::corpus::scenario::SourceFile;
 use dataset::corpus::seal::hash_file;
 use dataset::corpus::workshop::{NEW, Workshop, is_vacant, resolve};
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+use dataset::work::watch::Watch;
 use generator::tracks::{NamedColumn, arrivals};
+use labeller::Searcher;
 use serde::Serialize;
 
 use crate::alignment::{Alignment, CameraModel, OF_CAMERA};
@@ -22,9 +25,12 @@ use crate::flight_path::FlightPath;
 use crate::likely_cause::likely_cause;
 use crate::matching::{Matched, matched, residual_px};
 use crate::sightings::{Sighting, Sightings};
+use crate::videos::{self, Searched};
 
 /// Entry of the workshop for recordings that are being read.
 const SCRATCH: &str = "tracks";
+/// Entry of the workshop for tables of the boxes in videos.
+const SEARCHED: &str = "boxes";
 /// Greatest distance at which an approach may begin, metres: the limit of `dtd tracks import`.
 const LONGEST_M: f64 = 25.0 * METERS_PER_NAUTICAL_MILE;
 /// Maximum number of boxes in the fit; more have little effect, since their errors last.
@@ -87,27 +93,74 @@ pub struct ImportOutcome {
     pub refused: Vec<Refused>,
 }
 
-/// Makes a corpus of a recording in a new folder, which appears as a whole.
+/// Makes a corpus of a recording in a new folder, which appears as a whole. `detector` is loaded if there are videos.
 ///
 /// # Errors
-/// The description is wrong, no part of it can be used, or the disk fails.
-pub fn import(description: &Path, out: &Path) -> Result<ImportOutcome> {
+/// The description is wrong, no part of it can be used, the disk fails, or the caller stops it.
+pub fn import(
+    description: &Path,
+    out: &Path,
+    detector: impl FnOnce() -> labeller::Result<Searcher>,
+    watch: &dyn Watch,
+) -> Result<ImportOutcome> {
     let described = Description::read(description)?;
     let out = resolve(out)?;
     if !is_vacant(&out) {
         let fault = "is there already, and an import replaces nothing; name a new folder";
         return Err(dataset::Error::corpus(&out, fault).into());
     }
-    let workshop = Workshop::enter(&out, &[SCRATCH], Duration::ZERO)?;
-    let made = make(description, &described, &workshop);
+    let workshop = Workshop::enter(&out, &[SCRATCH, SEARCHED], Duration::ZERO)?;
+    let with_videos: Vec<&CameraDescription> = (described.cameras.iter())
+        .filter(|camera| !camera.videos.is_empty())
+        .collect();
+    let (detector, searched) = match &*with_videos {
+        [] => (None, Vec::new()),
+        cameras => {
+            let searcher = detector()?;
+            let searched = videos::search(cameras, &searcher, &workshop.path(SEARCHED), watch)?;
+            (Some(searcher.model().clone()), searched)
+        }
+    };
+    let names = with_videos.iter().map(|camera| &*camera.name);
+    let videos = Videos {
+        searched: names.zip(searched).collect(),
+        // The boxes are a model's if all of them are.
+        detector: detector.filter(|_| with_videos.len() == described.cameras.len()),
+    };
+    let made = make(description, &described, videos, &workshop);
     workshop.remove(SCRATCH)?;
-    if made.is_err() {
-        workshop.remove(NEW)?;
-    }
+    // A description that is mended needs no second search.
+    workshop.remove(if made.is_err() { NEW } else { SEARCHED })?;
     made
 }
 
-fn make(file: &Path, described: &Description, workshop: &Workshop) -> Result<ImportOutcome> {
+/// Results of searching videos.
+struct Videos<'a> {
+    searched: BTreeMap<&'a str, Result<Searched>>,
+    detector: Option<ModelIdentity>,
+}
+
+impl Videos<'_> {
+    /// A camera's boxes and their source.
+    fn seen_by(&mut self, camera: &CameraDescription) -> Result<(Sightings, SourceFile)> {
+        let Some(searched) = self.searched.remove(&*camera.name) else {
+            return Ok((Sightings::read(camera)?, source(&camera.boxes)?));
+        };
+        let Searched { table, source } = searched?;
+        let with_table = CameraDescription {
+            boxes: table,
+            ..camera.clone()
+        };
+        Ok((Sightings::read(&with_table)?, source))
+    }
+}
+
+fn make(
+    file: &Path,
+    described: &Description,
+    mut videos: Videos<'_>,
+    workshop: &Workshop,
+) -> Result<ImportOutcome> {
     let mut outcome = ImportOutcome::default();
     let scratch = workshop.path(SCRATCH);
     std::fs::create_dir_all(&scratch).map_err(dataset::Error::io("create", &scratch))?;
@@ -123,8 +176,8 @@ fn make(file: &Path, described: &Description, workshop: &Workshop) -> Result<Imp
     name_apart(&mut paths);
     let mut cameras: Vec<(&CameraDescription, Sightings, SourceFile)> = Vec::new();
     for camera in &described.cameras {
-        match Sightings::read(camera) {
-            Ok(seen) => cameras.push((camera, seen, source(&camera.boxes)?)),
+        match videos.seen_by(camera) {
+            Ok((seen, source)) => cameras.push((camera, seen, source)),
             Err(error) if error.is_bad_input() => outcome.refused.push(Refused {
                 what: format!("camera {}", camera.name),
                 reason: error.to_string(),
@@ -215,6 +268,7 @@ fn make(file: &Path, described: &Description, workshop: &Workshop) -> Result<Imp
     let parts = Parts {
         described,
         alignment: &alignment,
+        detector: videos.detector.as_ref(),
         seen: seen.collect(),
         flights: &flights,
     };
@@ -256,13 +310,15 @@ fn unusable(refused: &[Refused], why: &str) -> Error {
 
 fn source(path: &Path) -> Result<SourceFile> {
     Ok(SourceFile {
-        file: path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned(),
+        file: name_of(path),
         blake3: hash_file(path)?,
     })
+}
+
+/// Name of a file, for people.
+pub(crate) fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
 fn read_track(

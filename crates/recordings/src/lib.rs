@@ -3,6 +3,7 @@
 //! ```text
 //! RECORDING.toml  -> description: runway, cameras (calibrated, or a first guess with deviations), files
 //! tracks          -> generator::tracks -> flight_path: an arrival with its times
+//! videos          -> videos: the detector's boxes as tables, kept until the corpus is whole
 //! boxes           -> sightings: images with their times, and the boxes in them
 //! both            -> coarse_clocks: offsets at which a camera's boxes move like the arrivals
 //!                 -> alignment: one robust least squares over clocks, cameras, and the delay and height of each track
@@ -23,6 +24,7 @@ mod import;
 mod likely_cause;
 mod matching;
 mod sightings;
+mod videos;
 
 pub use error::{Error, Result};
 pub use import::{CameraOutcome, ImportOutcome, Refused, import};

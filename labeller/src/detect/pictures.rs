@@ -1,16 +1,18 @@
 //! A view's images in their order: decoded, and converted as far as needed.
 
 pub(crate) mod image;
+mod video_images;
 
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::numbers::units::SimTime;
 use dataset::tables::frames::Frames;
-use dataset::video::{Luma, PicturePart, VideoReader};
+use dataset::video::{Luma, PicturePart};
 
 use super::view_search::cpu_time::CpuClock;
 use crate::detector::PictureView;
 use crate::error::{Error, Result};
 use image::Image;
+pub use video_images::VideoImages;
 
 /// A view and its ticks.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,11 +58,7 @@ pub(super) struct Pictures<'a> {
     scenario: String,
     view: &'a str,
     clock: &'a CpuClock,
-    reader: VideoReader,
-    /// The whole image, once it was converted.
-    whole: Vec<u8>,
-    is_converted: bool,
-    part: Vec<u8>,
+    images: VideoImages,
 }
 
 impl<'a> Pictures<'a> {
@@ -72,17 +70,16 @@ impl<'a> Pictures<'a> {
         Ok(Self {
             scenario: scenario.id(),
             view,
-            reader: clock.during(|cpu_s| &mut cpu_s.decode, || scenario.open_video(view))?,
+            images: clock.during(
+                |cpu_s| &mut cpu_s.decode,
+                || scenario.open_video(view).map(VideoImages::of),
+            )?,
             clock,
-            whole: Vec::new(),
-            is_converted: false,
-            part: Vec::new(),
         })
     }
 
     /// Goes on to a tick's image.
     pub(super) fn next(&mut self, expected: &ViewTick) -> Result<()> {
-        self.is_converted = false;
         let found = self.decode()?;
         if found == Some(expected.pts) {
             return Ok(());
@@ -107,8 +104,8 @@ impl<'a> Pictures<'a> {
     }
 
     fn decode(&mut self) -> Result<Option<i64>> {
-        let (clock, reader) = (self.clock, &mut self.reader);
-        Ok(clock.during(|cpu_s| &mut cpu_s.decode, || reader.skip_frame())?)
+        let (clock, images) = (self.clock, &mut self.images);
+        clock.during(|cpu_s| &mut cpu_s.decode, || images.advance())
     }
 
     fn fault(&self, message: String) -> Error {
@@ -118,39 +115,20 @@ impl<'a> Pictures<'a> {
 
 impl Image for Pictures<'_> {
     fn size_px(&self) -> [u32; 2] {
-        [self.reader.width(), self.reader.height()]
+        self.images.size_px()
     }
 
     fn whole(&mut self) -> Result<PictureView<'_>> {
-        if !self.is_converted {
-            let (clock, reader) = (self.clock, &mut self.reader);
-            clock.during(
-                |cpu_s| &mut cpu_s.convert,
-                || reader.convert(&mut self.whole),
-            )?;
-            self.is_converted = true;
-        }
-        Ok(PictureView {
-            rgb: &self.whole,
-            width_px: self.reader.width(),
-            height_px: self.reader.height(),
-        })
+        let (clock, images) = (self.clock, &mut self.images);
+        clock.during(|cpu_s| &mut cpu_s.convert, || images.whole())
     }
 
     fn part(&mut self, part: PicturePart) -> Result<PictureView<'_>> {
-        let (clock, reader) = (self.clock, &mut self.reader);
-        clock.during(
-            |cpu_s| &mut cpu_s.convert,
-            || reader.convert_part(part, &mut self.part),
-        )?;
-        Ok(PictureView {
-            rgb: &self.part,
-            width_px: part.width_px,
-            height_px: part.height_px,
-        })
+        let (clock, images) = (self.clock, &mut self.images);
+        clock.during(|cpu_s| &mut cpu_s.convert, || images.part(part))
     }
 
     fn lumas(&self) -> [Option<Luma<'_>>; 2] {
-        [self.reader.previous_luma(), self.reader.luma()]
+        self.images.lumas()
     }
 }

@@ -6,10 +6,8 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use dataset::video::{DecodedImage, start_ffmpeg};
-use ffmpeg_next::codec::packet::side_data::Type as PacketData;
+use dataset::video::{DecodedImage, is_turned, start_ffmpeg, unlike_the_scene};
 use ffmpeg_next::codec::{self, threading};
-use ffmpeg_next::util::frame::side_data::Type as FrameData;
 use ffmpeg_next::{Dictionary, Packet, decoder, format, frame, media};
 
 use crate::clock::Clues;
@@ -81,11 +79,8 @@ impl Input {
                 let stream = input.streams().best(media::Type::Video);
                 let stream =
                     stream.ok_or_else(|| OpenFault::Wrong("there is no video in it".into()))?;
-                if stream
-                    .side_data()
-                    .any(|data| data.kind() == PacketData::DisplayMatrix)
-                {
-                    return Err(OpenFault::Wrong(TURNED.into()));
+                if let Some(why) = is_turned(&stream) {
+                    return Err(OpenFault::Wrong(why.into()));
                 }
                 let parameters = stream.parameters();
                 let (codec, unit, index) =
@@ -292,23 +287,6 @@ fn next_packet(
 fn coded_pixels(size_px: [u32; 2]) -> u64 {
     let sides = size_px.map(|side| u64::from(side).next_multiple_of(MAX_BLOCK_PX));
     sides.into_iter().product()
-}
-
-const TURNED: &str = "its images are to be shown turned or mirrored, which is not done here; turn them in the camera, or with \
-    `ffmpeg -i FILE .. OUT.mp4`, which applies it";
-
-/// Reason why an image's pixels are not those of the scene.
-fn unlike_the_scene(coded: &frame::Video) -> Option<&'static str> {
-    let aspect = coded.aspect_ratio();
-    if coded.side_data(FrameData::DisplayMatrix).is_some() {
-        Some(TURNED)
-    } else if aspect.numerator() != 0 && aspect.numerator() != aspect.denominator() {
-        Some("its pixels are not square; set the camera to a size with the sensor's aspect ratio")
-    } else if coded.is_interlaced() {
-        Some("its images are interlaced; set the camera to progressive images")
-    } else {
-        None
-    }
 }
 
 /// Images have another size than in the training.

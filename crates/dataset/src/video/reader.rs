@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use ffmpeg_next::codec;
-use ffmpeg_next::{Packet, decoder, format, frame};
+use ffmpeg_next::{Packet, Stream, decoder, format, frame};
 
 use super::conversion::jpeg::{jpeg, jpeg_of_planes};
 use super::conversion::luma::Luma;
 use super::conversion::{self, Conversion, PicturePart};
+use super::unlike_scene::{is_turned, unlike_the_scene};
 use super::{BYTES_PER_PIXEL, TimeBase, fault, open_stream, slice_threads};
 use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
@@ -103,6 +104,46 @@ impl VideoReader {
         })
     }
 
+    /// Opens a recording of a camera. Its images may be fewer than its header says, since an edit list may leave some out.
+    ///
+    /// # Errors
+    /// Its images are to be shown turned or mirrored.
+    pub fn open_recording(path: &Path) -> Result<Self> {
+        let mut reader = Self::open(path)?;
+        reader.frames_announced = 0;
+        match is_turned(&reader.stream()) {
+            Some(why) => Err(reader.fault("read it", why)),
+            None => Ok(reader),
+        }
+    }
+
+    fn stream(&self) -> Stream<'_> {
+        let stream = self.input.stream(self.stream);
+        stream.expect("the stream was found in the file")
+    }
+
+    /// Number of images by the header, or by duration and usual rate; 0 if unknown.
+    pub fn expected_images(&self) -> u64 {
+        let stream = self.stream();
+        match u64::try_from(stream.frames()) {
+            Ok(count) if count > 0 => count,
+            _ => {
+                let seconds =
+                    self.input.duration() as f64 / f64::from(ffmpeg_next::ffi::AV_TIME_BASE);
+                let rate = stream.avg_frame_rate();
+                let images = seconds * f64::from(rate.numerator()) / f64::from(rate.denominator());
+                // Saturates, also for unknown ones.
+                images as u64
+            }
+        }
+    }
+
+    /// Time at which the recording began, as the file states it.
+    pub fn creation_time(&self) -> Option<String> {
+        let metadata = self.input.metadata();
+        metadata.get("creation_time").map(str::to_owned)
+    }
+
     /// Width of the images, pixels.
     pub fn width(&self) -> u32 {
         self.width_px
@@ -131,11 +172,7 @@ impl VideoReader {
     /// Continues at a keyframe at or before the image with this timestamp: the next ones lead to it. From then on the number of images is
     /// no longer compared with the header, and messages count from the keyframe.
     pub fn seek(&mut self, pts: i64) -> Result<()> {
-        let TimeBase {
-            numerator,
-            denominator,
-        } = self.unit;
-        let seconds = pts as f64 * f64::from(numerator) / f64::from(denominator);
+        let seconds = pts as f64 * self.unit.seconds();
         let time = (seconds * f64::from(ffmpeg_next::ffi::AV_TIME_BASE)).round() as i64;
         self.input
             .seek(time, ..time)
@@ -212,6 +249,11 @@ impl VideoReader {
         self.check_size()?;
         let done = self.conversion.part(&self.coded, part, rgb);
         done.map_err(|e| self.fault(format!("convert the part {part:?} of an image"), e))
+    }
+
+    /// Reason why the pixels of the image that was decoded last are not those of the scene.
+    pub fn unlike_the_scene(&self) -> Option<&'static str> {
+        unlike_the_scene(&self.coded)
     }
 
     fn check_size(&self) -> Result<()> {

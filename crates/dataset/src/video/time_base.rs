@@ -36,6 +36,11 @@ impl TimeBase {
             })
     }
 
+    /// Length of the unit, seconds.
+    pub fn seconds(self) -> f64 {
+        f64::from(self.numerator) / f64::from(self.denominator)
+    }
+
     /// Converts a timestamp to a different unit; `None` if it falls between two units.
     pub fn convert(self, pts: i64, to: Self) -> Option<i64> {
         let product = i128::from(pts) * i128::from(self.numerator) * i128::from(to.denominator);

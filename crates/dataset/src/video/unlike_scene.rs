@@ -1,0 +1,29 @@
+//! Videos whose pixels are not those of the scene: turned, stretched, interlaced. Simulators make none, cameras and phones do.
+
+use ffmpeg_next::codec::packet::side_data::Type as PacketData;
+use ffmpeg_next::util::frame::side_data::Type as FrameData;
+use ffmpeg_next::{Stream, frame};
+
+const TURNED: &str = "its images are to be shown turned or mirrored, which is not done here; turn them in the camera, or with \
+    `ffmpeg -i FILE .. OUT.mp4`, which applies it";
+
+/// What to do about a stream whose images are to be shown turned or mirrored.
+pub fn is_turned(stream: &Stream<'_>) -> Option<&'static str> {
+    let mut data = stream.side_data();
+    data.any(|data| data.kind() == PacketData::DisplayMatrix)
+        .then_some(TURNED)
+}
+
+/// Reason why an image's pixels are not those of the scene.
+pub fn unlike_the_scene(coded: &frame::Video) -> Option<&'static str> {
+    let aspect = coded.aspect_ratio();
+    if coded.side_data(FrameData::DisplayMatrix).is_some() {
+        Some(TURNED)
+    } else if aspect.numerator() != 0 && aspect.numerator() != aspect.denominator() {
+        Some("its pixels are not square; set the camera to a size with the sensor's aspect ratio")
+    } else if coded.is_interlaced() {
+        Some("its images are interlaced; set the camera to progressive images")
+    } else {
+        None
+    }
+}
