@@ -1,5 +1,5 @@
-//! `dtd paper --scale small`: it makes the page, and killed in its stages and started again it arrives at the same figures. Images and steps
-//! are few: figures are compared, not judged.
+//! `dtd paper --scale small`: it makes the page, and killed in its stages and started again it arrives at the same figures. Images and
+//! steps are few: figures are compared, not judged.
 
 mod tiny;
 

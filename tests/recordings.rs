@@ -39,6 +39,7 @@ fn every_verb_reads_an_imported_corpus() {
     let said = String::from_utf8_lossy(&verified.stdout).into_owned()
         + &String::from_utf8_lossy(&verified.stderr);
     assert!(said.contains("recorded scenarios have none"), "{said}");
+    assert!(String::from_utf8_lossy(&run("status corpus").stdout).contains("10 of 10 recorded"));
     run("label corpus");
     fs::write(folder.join("train.toml"), TINY_TRAINING).unwrap();
     run("train corpus --config train.toml --out run");
@@ -67,7 +68,7 @@ fn mistakes_are_named_with_file_line_and_remedy_and_leave_nothing() {
         let left = ["corpus", "corpus.partial"].map(|name| folder.join(name).exists());
         assert_eq!(left, [code != 2, false], "{words:?}");
     };
-    let cases: [(&str, &str, &[&str]); 6] = [
+    let cases: [(&str, &str, &[&str]); 12] = [
         (
             "name = \"camera1\"",
             "name = \"camera0\"",
@@ -91,6 +92,35 @@ fn mistakes_are_named_with_file_line_and_remedy_and_leave_nothing() {
             "time = \"mars\"",
             &["time", "expected \"utc\", \"gps\" or local time"],
         ),
+        ("EGM2008", "foo", &["geoid", "such as EGM96 or EGM2008"]),
+        (
+            "clock_sd_s = 15.0",
+            "clock_sd_s = 10000",
+            &[
+                "clock_sd_s",
+                "expected a standard deviation in seconds from 0 to 600",
+            ],
+        ),
+        (
+            "clock_sd_s = 15.0",
+            "images_per_s = inf",
+            &["images_per_s", "inf is out of range"],
+        ),
+        (
+            "position_sd_m = 0.05",
+            "position_sd_m = -1.0",
+            &["position_sd_m", "-1 is out of range"],
+        ),
+        (
+            "position_sd_m = 0.05",
+            "delay_sd_s = -1.0",
+            &["delay_sd_s", "-1 is out of range"],
+        ),
+        (
+            "width_px = 1920",
+            "width_px = 0",
+            &["width_px", "expected a size of an image"],
+        ),
         ("WSSS/02L", "WSSS/20R", &["refused"]),
         (
             "runway = \"WSSS/02L\"",
@@ -112,15 +142,26 @@ fn mistakes_are_named_with_file_line_and_remedy_and_leave_nothing() {
     let boxes = fs::read_to_string(tower.join("camera1.csv")).unwrap();
     let columns = boxes.lines().next().unwrap_or_default();
     assert_eq!(columns, "time,cx,cy,width,height,score");
-    let broken = boxes + "1772352100.0,5000.0,300.0,40.0,20.0,0.9\n";
-    fs::write(tower.join("camera1.csv"), broken).unwrap();
-    fails(
-        3,
-        &[
-            "camera camera1",
-            "camera1.csv",
-            "line ",
+    for (row, words) in [
+        ("1772352100.0,500.0,300.0,40.0,20.0,87", "percentages"),
+        ("1e300,500.0,300.0,40.0,20.0,0.9", "not a time"),
+        (
+            "1772352100.0,5000.0,300.0,40.0,20.0,0.9",
             "another resolution",
-        ],
+        ),
+    ] {
+        let _ = fs::remove_dir_all(folder.join("corpus"));
+        fs::write(tower.join("camera1.csv"), format!("{boxes}{row}\n")).unwrap();
+        fails(3, &["camera camera1", "camera1.csv", "line ", words]);
+    }
+
+    // Latitude and longitude of a track are swapped.
+    let _ = fs::remove_dir_all(folder.join("corpus"));
+    let swapped = sound.replace(
+        "latitude = \"lat\", longitude = \"lon\"",
+        "latitude = \"lon\", longitude = \"lat\"",
     );
+    fs::write(&file, swapped).unwrap();
+    fs::write(tower.join("camera1.csv"), &boxes).unwrap();
+    fails(2, &["latitude and longitude are swapped"]);
 }

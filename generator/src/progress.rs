@@ -7,10 +7,10 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use dataset::corpus::Corpus;
 use dataset::corpus::claim::Claim;
 use dataset::corpus::seal;
 use dataset::corpus::set_aside::{self, SetAside};
+use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::files::corpus_names::DETECTIONS;
 use dataset::plan::Plan;
 use serde::Serialize;
@@ -101,25 +101,35 @@ impl Status {
     /// Status of a corpus in a folder.
     ///
     /// # Errors
-    /// It has no readable plan, or cannot be listed.
+    /// It was generated and has no readable plan, or cannot be listed.
     pub fn of_folder(corpus: &Corpus) -> dataset::Result<Self> {
-        let plan = Plan::read(&corpus.plan_path())?;
-        let mut status = Self::empty(&plan);
+        let is_imported = !corpus.plan_path().exists() && !corpus.sweep_path().exists();
+        let (name, planned) = if is_imported {
+            // An import plans what it has.
+            let ids = corpus.folders()?.iter().map(ScenarioFolder::id).collect();
+            (corpus.root().display().to_string(), ids)
+        } else {
+            let plan = Plan::read(&corpus.plan_path())?;
+            let ids: Vec<String> = plan.scenarios.into_iter().map(|of| of.id).collect();
+            (plan.corpus, ids)
+        };
+        let mut status = Self::empty(name, planned.len());
         let mut recorded = Vec::new();
-        for scenario in &plan.scenarios {
-            let folder = corpus.scenario(&scenario.id);
+        for id in &planned {
+            let folder = corpus.scenario(id);
             match FolderState::of(&folder, seal::faults_at_a_glance)? {
                 FolderState::Sealed(_) => {
                     status.recorded += 1;
-                    status.labelled += usize::from(folder.truth_boxes_path().exists());
+                    let is_labelled = is_imported || folder.truth_boxes_path().exists();
+                    status.labelled += usize::from(is_labelled);
                     let detections = last_written(&folder.root().join(DETECTIONS));
                     status.searched += usize::from(detections.is_some());
-                    recorded.push(scenario.id.clone());
+                    recorded.push(id.clone());
                 }
                 FolderState::Damaged(what) => {
-                    status.damaged.insert(scenario.id.clone(), what);
+                    status.damaged.insert(id.clone(), what);
                 }
-                FolderState::Absent => status.in_work.extend(in_work(corpus, &scenario.id)),
+                FolderState::Absent => status.in_work.extend(in_work(corpus, id)),
             }
         }
         let failed = SetAside::all(corpus)?.into_iter();
@@ -137,7 +147,7 @@ impl Status {
         let plan = store.read(Corpus::PLAN).await?;
         let plan = plan.ok_or_else(|| store.nothing_committed())?;
         let plan = Plan::parse(&plan, &Path::new(name).join(Corpus::PLAN))?;
-        let mut status = Self::empty(&plan);
+        let mut status = Self::empty(plan.corpus.clone(), plan.scenarios.len());
         let listing = store.listing().await?;
         let mut completed = Vec::new();
         for scenario in &plan.scenarios {
@@ -165,10 +175,10 @@ impl Status {
         Ok(status.at(Pace::of(completed)))
     }
 
-    fn empty(plan: &Plan) -> Self {
+    fn empty(corpus: String, planned: usize) -> Self {
         Self {
-            corpus: plan.corpus.clone(),
-            planned: plan.scenarios.len(),
+            corpus,
+            planned,
             recorded: 0,
             labelled: 0,
             searched: 0,

@@ -34,7 +34,7 @@ use serde::Serialize;
 use arrival::FURTHEST_M;
 pub use axis::ArrivalAxis;
 pub(crate) use axis::{JudgedTracks, arrival_axis};
-pub use formats::{NamedColumn, utc_s};
+pub use formats::{NamedColumn, separator, utc_s};
 
 use crate::recording::{Implausible, Recording, RecordingError};
 
@@ -179,6 +179,8 @@ pub struct Arrival {
     pub recording: Recording,
     /// Standard deviations of the smoothed positions along the course and across it, and of the heights, metres.
     pub position_sd_m: [f64; 3],
+    /// Standard deviation of an error of the heights in proportion to them.
+    pub stretch_sd: f64,
 }
 
 /// The arrivals in a file of tracks with their times, and what cannot be used. `is_exact`: positions and altitudes (metres above the datum
@@ -216,6 +218,7 @@ pub fn arrivals(
                         start_utc_s: made.start_utc_s,
                         recording,
                         position_sd_m: made.position_sd_m(),
+                        stretch_sd: made.stretch_sd,
                     })
                 }
                 Err(reason) => Err(reason),

@@ -196,7 +196,7 @@ fn a_track_that_is_no_arrival_is_refused_with_the_reason() {
     let elsewhere = moved(&|report| report.state.pose.latitude_deg += 5.0);
     let another_runway = moved(&|report| report.state.pose.longitude_deg += 0.005);
     let level = moved(&|report| report.state.pose.altitude_msl_m = 700.0);
-    let (gap, early_end, taxiing) = (far(4_000.0, 5_500.0), far(-1e9, 5_000.0), far(-100.0, 1e9));
+    let (gap, early_end, taxiing) = (far(4_000.0, 6_000.0), far(-1e9, 5_000.0), far(-100.0, 1e9));
     let cases = [
         (elsewhere, "never comes near the runway"),
         (another_runway, "beside the centreline"),

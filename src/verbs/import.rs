@@ -31,9 +31,12 @@ pub(crate) fn run(args: &ImportArgs) -> Outcome {
     for camera in &outcome.cameras {
         if let Some(cause) = &camera.likely_cause {
             eprintln!(
-                "camera {}: its clock looks like {cause}; corrected",
+                "camera {}: its clock differs from the tracks'; likely cause: {cause}; corrected",
                 camera.camera
             );
+        }
+        for doubt in &camera.doubts {
+            eprintln!("camera {}: {doubt}", camera.camera);
         }
     }
     for refused in &outcome.refused {

@@ -2,10 +2,13 @@
 
 usage: recorded_arrivals.py make FOLDER adsb|rtk SEED ARRIVALS CAMERAS BOXES_PER_S [--calibrated]
        recorded_arrivals.py judge FOLDER CORPUS      prints JSON
+       recorded_arrivals.py residuals TABLES.csv..   prints recorded_arrivals.json, made of 14 arrivals at Paris on 2021-10-07: OpenSky Network
+                                                     (https://opensky-network.org), from `traffic` 2.13 (MIT), samples/collections/quickstart
 
 Faults: clocks off by up to 30 s with a drift up to 50 ppm, unsynchronised; boxes with white and lasting errors, missing and false ones;
-guessed cameras off by a degree, 2 % of the focal length and 3 m; surveillance with a constant delay per aircraft of -0.2 to 0.4 s, 15 m of
-scatter along the path by ages, 2.3 m across, repeated positions, gaps, steps of 25 ft above 1013 hPa in air that is not standard.
+guessed cameras off by a degree, 1 % of the focal length and 3 m (root mean squares, as stated); surveillance with a constant delay per
+aircraft of -0.2 to 0.4 s, repeated positions and scatter of real arrivals (13 to 25 m along the path by ages, 2 m across), gaps up to 13 s,
+steps of 25 ft above 1013 hPa in air that is not standard.
 Nothing here was taken from the importer: geometry is GeographicLib's and a pinhole of its own.
 """
 
@@ -26,6 +29,9 @@ WIDTH, HEIGHT, HFOV_DEG = 1920, 1280, 20.0
 FOCAL_PX = WIDTH / 2 / math.tan(math.radians(HFOV_DEG / 2))
 NM = 1852.0
 STEP_S = 0.5
+RESIDUALS = pathlib.Path(__file__).with_suffix(".json")
+MAX_REPEATED = 13
+AVERAGED = 15  # rows on both sides, for the path from which residuals are taken
 
 
 def destination(place, azimuth_deg, distance_m):
@@ -86,7 +92,7 @@ class Flight:
             height = max(min(along * steep, level) + 1.5 * math.sin(time / 19 + phase) * min(part * 4, 1), 3.5)
             at = destination(TARGET, COURSE_DEG + 180, along) if along >= 0 else destination(TARGET, COURSE_DEG, -along)
             at = destination(at, COURSE_DEG + 90, cross)
-            rows.append((time, at[0], at[1], ELEVATION_M + height, speed, along < 0))
+            rows.append((time, at[0], at[1], ELEVATION_M + height, speed + gust, along < 0))
             gust += STEP_S * (-gust / 20 + random.normal(0, 0.15))
             want = final if along < 6 * NM else 85.0
             want = want if along > -50 else 20.0
@@ -111,24 +117,58 @@ def coloured(random, count, period_s, sd, lasts_s):
     return out
 
 
+def residuals(files):
+    """Per second of an arrival: whether its position is new, and its metres ahead of the path and to the right of it."""
+    arrivals = {}
+    for file in sorted(files):
+        rows = [row for row in csv.DictReader(open(file)) if row["latitude"] and row["groundspeed"] and row["track"]]
+        flying = [row for row in rows if row["onground"] == "False" and float(row["groundspeed"]) > 90]
+        end = [float(flying[-1][name]) for name in ("latitude", "longitude")]
+        near = [row for row in flying if EARTH.Inverse(float(row["latitude"]), float(row["longitude"]), *end)["s12"] < 20_000]
+        course = np.median([float(row["track"]) for row in near[-60:]])
+        near = [row for row in near if abs(float(row["track"]) - course) < 5]
+        # Rows that repeat a position for longer than gaps last are of an aircraft out of reach.
+        places = [(row["latitude"], row["longitude"]) for row in near]
+        changes = [0, *(i for i in range(1, len(near)) if places[i] != places[i - 1]), len(near)]
+        lost = [(i, j) for i, j in zip(changes, changes[1:]) if j - i > MAX_REPEATED]
+        parts = zip([0, *(j for _, j in lost)], [*(i for i, _ in lost), len(near)])
+        near = max((near[i:j] for i, j in parts), key=len)
+        if len(near) < 120 or max(np.diff([float(row["timestamp"]) for row in near])) > 1_500:
+            continue
+        table = np.array([[float(row[name]) for name in ("timestamp", "latitude", "longitude", "groundspeed", "track")] for row in near])
+        way = [EARTH.Inverse(*table[0, 1:3], *row[1:3]) for row in table]
+        place = np.array([[w["s12"] * math.cos(math.radians(w["azi1"] - course)), w["s12"] * math.sin(math.radians(w["azi1"] - course))] for w in way])
+        off = np.radians(table[:, 4] - course)
+        flown = np.cumsum(np.stack([np.cos(off), np.sin(off)], axis=1) * 0.514444 * table[:, 3:4], axis=0)
+        new = np.r_[True, np.abs(np.diff(table[:, 1:3], axis=0)).sum(axis=1) > 0]
+        error = (place - flown)[new]
+        error -= [error[max(i - AVERAGED, 0):i + AVERAGED + 1].mean(axis=0) for i in range(len(error))]
+        every = np.round(error[np.cumsum(new) - 1], 1)
+        name = pathlib.Path(file).stem
+        arrivals[name] = [[int(is_new), *values] for is_new, values in zip(new, every.tolist())]
+    print(json.dumps(arrivals))
+
+
 def adsb_rows(random, flight, icao, delay_s):
     """What receivers write of a flight, once a second."""
     rows, last, gap_until = [], None, 0.0
     hectopascal_m, stretch = random.uniform(-30, 30) * 8.3, random.uniform(0.94, 1.07)
-    for stamp in np.arange(math.ceil(flight.times[0] + 1), flight.times[-1] - 1):
+    real = list(json.loads(RESIDUALS.read_text()).values())
+    real = real[random.integers(len(real))]
+    first = random.integers(len(real))
+    for second, stamp in enumerate(np.arange(math.ceil(flight.times[0] + 1), flight.times[-1] - 1)):
         true_s = stamp - delay_s
         if not flight.times[0] <= true_s <= flight.times[-1]:
             continue
-        to_go = np.interp(true_s, flight.times, flight.dtd)
         if stamp < gap_until:
             continue
         if random.random() < 0.01:
-            gap_until = stamp + random.uniform(2, 9 if NM < to_go < 6 * NM else 13)
+            gap_until = stamp + random.uniform(2, 13)
         lat, lon, height = (float(v[0]) for v in flight.at(np.array([true_s])))
         speed = float(np.interp(true_s, flight.times, flight.rows[:, 4]))
-        if last is None or random.random() > 0.6:
-            place = destination((lat, lon), COURSE_DEG, random.normal(0, 15))
-            last = destination(place, COURSE_DEG + 90, random.normal(0, 2.3))
+        is_new, ahead_m, right_m = real[(first + second) % len(real)]
+        if last is None or is_new:
+            last = destination(destination((lat, lon), COURSE_DEG, ahead_m), COURSE_DEG + 90, right_m)
         feet = (ELEVATION_M + (height - ELEVATION_M) / stretch + hectopascal_m) / 0.3048
         ground = bool(np.interp(true_s, flight.times, flight.rows[:, 5]) > 0.5)
         rows.append([f"{stamp:.1f}", icao, f"{last[0]:.6f}", f"{last[1]:.6f}", round(25 * round(feet / 25)), round(speed / 0.514444), f"{COURSE_DEG:.1f}", ground])
@@ -183,13 +223,14 @@ def make(folder, kind, seed, arrivals, cameras, rate, calibrated):
             for key in ("heading_deg", "pitch_deg", "roll_deg"):
                 given[key] += random.normal(0, 0.6)
             given["focal_px"] *= 1 + random.normal(0, 0.01)
-            moved = destination(at, random.uniform(0, 360), abs(random.normal(0, 2)))
-            given.update(latitude_deg=moved[0], longitude_deg=moved[1], altitude_m=true["altitude_m"] + random.normal(0, 1))
+            north, east, up = random.normal(0, 1.75, 3).tolist()
+            moved = destination(destination(at, 0, north), 90, east)
+            given.update(latitude_deg=moved[0], longitude_deg=moved[1], altitude_m=true["altitude_m"] + up)
         toml += ["[[camera]]", f'name = "{name}"', f"width_px = {WIDTH}", f"height_px = {HEIGHT}", f'boxes = "{name}.csv"', "clock_sd_s = 15.0", "drift_sd_ppm = 30.0"]
         if calibrated:
             toml += ['calibration = "calibration.json"', ""]
         else:
-            toml += ["position_sd_m = 2.0", "direction_sd_deg = 0.6", "focal_sd_pct = 1.0", "[camera.guess]"]
+            toml += ["position_sd_m = 1.75", "direction_sd_deg = 0.6", "focal_sd_pct = 1.0", "[camera.guess]"]
             toml += [f"{key} = {value!r}" for key, value in given.items()] + [""]
     if calibrated:
         write_calibration(folder / "calibration.json", truth["cameras"])
@@ -286,14 +327,16 @@ def judge(folder, corpus):
                              "worst_over_stated": worst(np.array(to_track) / np.maximum(deviations, 1e-9))},
         "clock_between_s": {"median": middle(between), "worst": worst(between)},
         "pan_tilt_deg": {"worst_pan": worst(np.array(angles)[:, 0]), "worst_tilt": worst(np.array(angles)[:, 1])},
-        "focal_pct": {"worst": worst(focal)},
+        "focal_pct": {"median": middle(focal), "worst": worst(focal)},
         "labels_m": {"median": middle(errors), "p90": float(np.quantile(np.abs(errors), 0.9)), "worst_flight_median": max(per_flight),
                      "within_90": float(np.mean(np.abs(errors) < 1.645 * sds))},
     }, indent=1))
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "make":
+    if sys.argv[1] == "residuals":
+        residuals(sys.argv[2:])
+    elif sys.argv[1] == "make":
         folder, kind, seed, arrivals, cameras, rate = sys.argv[2:8]
         make(pathlib.Path(folder), kind, int(seed), int(arrivals), int(cameras), float(rate), "--calibrated" in sys.argv)
     else:

@@ -3,7 +3,7 @@
 //! At each offset the boxes are compared with the projected arrivals. A camera that looks elsewhere than stated shows all of them off by
 //! the same shift, so the offset counts by the most frequent shift.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec2;
 
@@ -43,15 +43,18 @@ pub(crate) fn best_start(
     let reach_s = REACH * model.prior_sd[0];
     let around = |centres: &[f64]| {
         let steps = (reach_s / STEP_S).ceil() as i32;
-        let mut tried = Vec::new();
-        for centre_s in centres {
-            for step in -steps..=steps {
-                let offset_s = centre_s + f64::from(step) * STEP_S;
-                let (count, shift_px) = fitting(model, &seen, paths, offset_s);
-                tried.push((offset_s, count, shift_px));
-            }
-        }
-        tried
+        let around = |centre_s: &f64| {
+            let centre = (centre_s / STEP_S) as i32;
+            centre - steps..=centre + steps
+        };
+        // Whole half hours are nearer to each other than some clocks are certain.
+        let offsets: BTreeSet<i32> = centres.iter().flat_map(around).collect();
+        let tried = |step| {
+            let offset_s = f64::from(step) * STEP_S;
+            let (count, shift_px) = fitting(model, &seen, paths, offset_s);
+            (offset_s, count, shift_px)
+        };
+        offsets.into_iter().map(tried).collect::<Vec<_>>()
     };
     let mut tried = around(&[0.0]);
     let most =

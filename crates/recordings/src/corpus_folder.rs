@@ -17,8 +17,8 @@ use dataset::corpus::scenario::{
 use dataset::corpus::seal::{commit_folder, hash_file, seal_folder};
 use dataset::corpus::splits::{Assignment, Side, Splits};
 use dataset::geometry::camera::{Camera, CameraPose};
-use dataset::geometry::geodesy::Geodetic;
-use dataset::geometry::pose::Pose;
+use dataset::geometry::geodesy::{Geodetic, LatLon};
+use dataset::geometry::pose::{FlightState, Pose};
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::numbers::limits;
 use dataset::numbers::spread::median_of;
@@ -163,7 +163,8 @@ impl Parts<'_> {
                 path.id
             )));
         }
-        let rises_m = self.alignment.flights[flight].values[1];
+        let of_flight = &self.alignment.flights[flight];
+        let showing = self.showing(flight);
         let target = self.described.runway.touchdown_target();
         let mut detections = Detections::default();
         let mut image_times_ns = vec![Vec::new(); ticks as usize];
@@ -189,8 +190,11 @@ impl Parts<'_> {
             let time = frame_rate.time_of_tick(tick as u32);
             let state = path.trajectory.at(start_s - path.origin_s + time.seconds());
             let SimTime(time_ns) = time;
-            let mut pose = state.pose;
-            pose.altitude_msl_m += rises_m;
+            let moved_m = of_flight.moved_m(
+                start_s + time.seconds(),
+                state.pose.altitude_msl_m - target.altitude_msl_m,
+            );
+            let pose = moved(&state, moved_m);
             let speed_mps = state.velocity_north_mps.hypot(state.velocity_east_mps);
             TickRow {
                 tick: tick as u32,
@@ -207,7 +211,12 @@ impl Parts<'_> {
                 views: Vec::new(),
                 image_times_ns,
                 labels: None,
-                dtd_sd_m: Some(path.position_sd_m[0].hypot(speed_mps * self.time_sd_s(flight))),
+                dtd_sd_m: showing.map(|camera| {
+                    let [offset_s, _] = self.alignment.offset_to_track(camera, flight, start_s);
+                    let by_camera_s = start_s + time.seconds() - offset_s;
+                    self.alignment
+                        .along_sd_m(camera, flight, by_camera_s, speed_mps)
+                }),
             }
         };
         let mut rows: Vec<TickRow> = image_times_ns.into_iter().enumerate().map(row).collect();
@@ -235,18 +244,15 @@ impl Parts<'_> {
             .collect()
     }
 
-    /// Standard deviation of the time between images and track, of the camera that knows it best, seconds.
-    fn time_sd_s(&self, flight: usize) -> f64 {
-        let of_camera = |(camera, seen): (usize, &Seen<'_>)| {
-            let shows = seen.matched.flights.contains(&Some(flight));
-            let time_s = seen.sightings.images_s[0];
-            shows.then(|| self.alignment.offset_to_track(camera, flight, time_s)[1])
+    /// The camera whose clock is known best against an arrival's track, of those that show it.
+    fn showing(&self, flight: usize) -> Option<usize> {
+        let sd_s = |camera: &usize| {
+            let time_s = self.seen[*camera].sightings.images_s[0];
+            self.alignment.offset_to_track(*camera, flight, time_s)[1]
         };
-        self.seen
-            .iter()
-            .enumerate()
-            .filter_map(of_camera)
-            .fold(f64::INFINITY, f64::min)
+        let shows = |camera: &usize| self.seen[*camera].matched.flights.contains(&Some(flight));
+        let cameras = (0..self.seen.len()).filter(shows);
+        cameras.min_by(|a, b| sd_s(a).total_cmp(&sd_s(b)))
     }
 
     fn recorded(&self, scenario: &Scenario) -> Recorded {
@@ -309,7 +315,7 @@ impl Parts<'_> {
             boxes: boxes.collect(),
             clocks: self.seen.iter().enumerate().map(by_name).collect(),
             delayed_track: DelayedTrack {
-                delay_s: self.alignment.flights[flight].values[0],
+                delay_s: self.alignment.flights[flight].delay_s(),
                 delay_sd_s: self.alignment.delay_sd_s(flight),
             },
             position_sd_m: path.position_sd_m,
@@ -451,6 +457,30 @@ impl Scenario {
             },
         )?;
         Ok(())
+    }
+}
+
+/// A pose moved along the path, to the right, and up, metres.
+fn moved(state: &FlightState, by_m: DVec3) -> Pose {
+    if by_m == DVec3::ZERO {
+        return state.pose;
+    }
+    let course_deg = state
+        .velocity_east_mps
+        .atan2(state.velocity_north_mps)
+        .to_degrees();
+    let place = LatLon {
+        latitude_deg: state.pose.latitude_deg,
+        longitude_deg: state.pose.longitude_deg,
+    };
+    let place = place
+        .destination(course_deg, by_m.x)
+        .destination(course_deg + 90.0, by_m.y);
+    Pose {
+        latitude_deg: place.latitude_deg,
+        longitude_deg: place.longitude_deg,
+        altitude_msl_m: state.pose.altitude_msl_m + by_m.z,
+        ..state.pose
     }
 }
 

@@ -11,22 +11,34 @@ use dataset::geometry::camera::CameraPose;
 use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::pose::Pose;
 use dataset::geometry::runway::Runway;
+use dataset::numbers::limits::{self, Limits};
 use generator::airports::{bundled, in_file};
 use generator::tracks::utc_s;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::likely_cause::GPS_AHEAD_S;
-use crate::videos::Video;
 
 /// Cameras farther from the threshold see no arrival, metres.
 const MAX_CAMERA_DISTANCE_M: f64 = 40_000.0;
 /// Masts and towers are within this height of the threshold, metres; heights in feet are not, at most airports.
 const MAX_CAMERA_HEIGHT_M: f64 = 400.0;
+/// Times between 2000 and 2100.
+pub(crate) const UTC_S: Limits =
+    Limits::new(946_684_800.0, 4_102_444_800.0, "UTC in seconds since 1970");
+/// Clocks that are less certain leave too many offsets, whole half hours among them.
+const CLOCK_SD_S: Limits = Limits::new(0.0, 600.0, "a standard deviation in seconds");
+const DRIFT_SD_PPM: Limits = Limits::new(0.0, 1_000.0, "a standard deviation in ppm");
+const POSITION_SD_M: Limits = Limits::new(0.0, 1_000.0, "a standard deviation in metres");
+const DIRECTION_SD_DEG: Limits = Limits::new(0.0, 20.0, "a standard deviation in degrees");
+const FOCAL_SD_PCT: Limits = Limits::new(0.0, 30.0, "a standard deviation in percent");
+const DELAY_SD_S: Limits = Limits::new(0.0, 60.0, "a standard deviation in seconds");
+const IMAGES_PER_S: Limits = Limits::new(0.001, 1_000.0, "a number of images per second");
+const TICKS_PER_S: Limits = Limits::new(1.0 / 60.0, 240.0, "a number of ticks per second");
 /// Positions that are right within this are taken as they are, metres.
 const EXACT_M: f64 = 1.0;
 /// Delays of ADS-B reports differ by this between aircraft, seconds (standard deviation): -0.2 to +0.4 s in published comparisons.
-const DELAY_SD_S: f64 = 0.2;
+const USUAL_DELAY_SD_S: f64 = 0.2;
 
 /// The file as its author wrote it.
 #[derive(Debug, Deserialize)]
@@ -178,6 +190,14 @@ pub(crate) struct CameraDescription {
     pub(crate) focal_sd_pct: f64,
 }
 
+/// A video of a camera.
+#[derive(Debug, Clone)]
+pub(crate) struct Video {
+    pub(crate) file: PathBuf,
+    /// Time of its first image by the camera's clock; missing: as the file states it.
+    pub(crate) first_image_s: Option<f64>,
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct TrackDescription {
     pub(crate) file: PathBuf,
@@ -213,10 +233,18 @@ impl Description {
                 )
             })?,
         };
-        if let Some(rate) = written.ticks_per_s
-            && !(1.0 / 60.0..=240.0).contains(&rate)
+        let limited = |key: &str, value: Option<f64>, limits: Limits| match value
+            .map(|value| limits.check(value))
         {
-            return Err(refused("ticks_per_s", "expected 1/60 to 240"));
+            Some(Err(found)) => Err(refused(key, &found.to_string())),
+            _ => Ok(()),
+        };
+        limited("ticks_per_s", written.ticks_per_s, TICKS_PER_S)?;
+        if let Some(name) = written.geoid.as_deref().filter(|name| !is_geoid(name)) {
+            let why = format!(
+                "is {name:?}, expected the name of a geoid with its number, such as EGM96 or EGM2008"
+            );
+            return Err(refused("geoid", &why));
         }
         let mut names = BTreeSet::new();
         let mut cameras = Vec::new();
@@ -229,6 +257,9 @@ impl Description {
                 );
                 return Err(refused(&key("name"), &why));
             }
+            for (field, value, limits) in camera.numbers() {
+                limited(&key(field), value, limits)?;
+            }
             let at = |field: &str, why: String| refused(&key(field), &why);
             cameras.push(camera.checked(folder, &runway, at)?);
         }
@@ -238,11 +269,17 @@ impl Description {
                 "expected at least one [[camera]] and one [[track]]",
             ));
         }
-        let tracks = written.track.iter().enumerate().map(|(index, track)| {
-            let refused = |why: String| refused(&format!("track.{index}.time"), &why);
-            track.checked(folder).map_err(refused)
-        });
-        let tracks = tracks.collect::<Result<_>>()?;
+        let mut tracks = Vec::new();
+        for (index, track) in written.track.iter().enumerate() {
+            let key = |field: &str| format!("track.{index}.{field}");
+            limited(&key("position_sd_m"), track.position_sd_m, POSITION_SD_M)?;
+            limited(&key("delay_sd_s"), track.delay_sd_s, DELAY_SD_S)?;
+            tracks.push(
+                track
+                    .checked(folder)
+                    .map_err(|why| refused(&key("time"), &why))?,
+            );
+        }
         Ok(Self {
             name: written.name,
             runway,
@@ -261,7 +298,7 @@ impl WrittenTrack {
     /// The reason why `time` is wrong.
     fn checked(&self, folder: &Path) -> std::result::Result<TrackDescription, String> {
         let is_exact = self.position_sd_m.is_some_and(|sd_m| sd_m <= EXACT_M);
-        let usual_delay_sd_s = if is_exact { 0.0 } else { DELAY_SD_S };
+        let usual_delay_sd_s = if is_exact { 0.0 } else { USUAL_DELAY_SD_S };
         let columns = self.columns.iter();
         Ok(TrackDescription {
             file: folder.join(&self.file),
@@ -287,7 +324,40 @@ impl WrittenVideo {
     }
 }
 
+/// True of a name such as EGM2008 or OSGM15: letters, then a number.
+fn is_geoid(name: &str) -> bool {
+    let number = name.trim_start_matches(|letter: char| letter.is_ascii_alphabetic());
+    let is_number = number.chars().all(|digit| digit.is_ascii_digit());
+    is_number && !number.is_empty() && name.len() >= number.len() + 3
+}
+
 impl WrittenCamera {
+    /// Numbers with their limits.
+    fn numbers(&self) -> [(&'static str, Option<f64>, Limits); 8] {
+        [
+            (
+                "width_px",
+                Some(self.width_px.into()),
+                limits::PICTURE_SIDE_PX,
+            ),
+            (
+                "height_px",
+                Some(self.height_px.into()),
+                limits::PICTURE_SIDE_PX,
+            ),
+            ("images_per_s", self.images_per_s, IMAGES_PER_S),
+            ("clock_sd_s", Some(self.clock_sd_s), CLOCK_SD_S),
+            ("drift_sd_ppm", Some(self.drift_sd_ppm), DRIFT_SD_PPM),
+            ("position_sd_m", Some(self.position_sd_m), POSITION_SD_M),
+            (
+                "direction_sd_deg",
+                Some(self.direction_sd_deg),
+                DIRECTION_SD_DEG,
+            ),
+            ("focal_sd_pct", Some(self.focal_sd_pct), FOCAL_SD_PCT),
+        ]
+    }
+
     fn checked(
         &self,
         folder: &Path,
@@ -297,10 +367,12 @@ impl WrittenCamera {
         file_name::check(&self.name).map_err(|bad| refused("name", bad.to_string()))?;
         let to_utc_s = to_utc_s(&self.time).map_err(|why| refused("time", why))?;
         let numbered = match (self.format, &self.first_image, self.images_per_s) {
-            (_, Some(first), Some(rate)) if rate > 0.0 => Some((
-                utc_s(first).map_err(|why| refused("first_image", why))?,
-                rate,
-            )),
+            (_, Some(first), Some(rate)) => {
+                let first_s = utc_s(first).map_err(|why| refused("first_image", why))?;
+                let found = UTC_S.check(first_s);
+                found.map_err(|found| refused("first_image", found.to_string()))?;
+                Some((first_s, rate))
+            }
             (BoxFormat::Csv, None, None) => None,
             _ => {
                 let why = "tables that number their images need `first_image` (UTC of image 1) and `images_per_s`";
@@ -327,19 +399,6 @@ impl WrittenCamera {
                 return Err(refused("name", why.to_owned()));
             }
         };
-        let sds = [
-            ("clock_sd_s", self.clock_sd_s),
-            ("drift_sd_ppm", self.drift_sd_ppm),
-            ("position_sd_m", self.position_sd_m),
-            ("direction_sd_deg", self.direction_sd_deg),
-            ("focal_sd_pct", self.focal_sd_pct),
-        ];
-        if let Some((name, sd)) = sds.iter().find(|(_, sd)| !(0.0..=1e4).contains(sd)) {
-            return Err(refused(
-                name,
-                format!("is {sd}, expected a standard deviation from 0 to 10,000"),
-            ));
-        }
         let entry = match (&self.calibration, &self.guess) {
             (Some(file), None) => self.calibrated(&folder.join(file))?,
             (None, Some(guess)) => {

@@ -25,10 +25,12 @@ pub(crate) struct FlightPath {
     /// First and last usable UTC, seconds: from the beginning of the approach until the target is passed.
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
-    /// Earth-centred positions and velocities, each half second.
-    points: Vec<(DVec3, DVec3)>,
+    /// Earth-centred positions, velocities, and heights above the target, each half second.
+    points: Vec<(DVec3, DVec3, f64)>,
     /// Standard deviations along the course, across it, and of the height, metres.
     pub(crate) position_sd_m: [f64; 3],
+    /// Standard deviation of an error of the heights in proportion to them.
+    pub(crate) stretch_sd: f64,
     /// True if the positions have hardly any error: then heights are known as well.
     pub(crate) is_exact: bool,
     pub(crate) delay_sd_s: f64,
@@ -39,6 +41,8 @@ pub(crate) struct FlightPath {
 pub(crate) struct PathPoint {
     pub(crate) place_m: DVec3,
     pub(crate) velocity_mps: DVec3,
+    /// Height above the target.
+    pub(crate) height_m: f64,
 }
 
 impl PathPoint {
@@ -63,9 +67,11 @@ impl FlightPath {
         let window = trajectory.approach(runway, longest_m).ok()?;
         let (from_s, to_s) = (window.start_s, window.passing_s.unwrap_or(window.last_s));
         let steps = ((to_s - from_s) / STEP_S).ceil().max(1.0) as usize;
+        let target_m = runway.touchdown_target().altitude_msl_m;
         let point = |step: usize| {
             let state = trajectory.at(from_s + step as f64 * STEP_S);
-            (state.position_ecef(), state.velocity_ecef())
+            let height_m = state.pose.altitude_msl_m - target_m;
+            (state.position_ecef(), state.velocity_ecef(), height_m)
         };
         let stem = arrival.recording.file.trim_end_matches(".csv");
         Some(Self {
@@ -78,6 +84,7 @@ impl FlightPath {
             from_s: origin_s + from_s,
             to_s: origin_s + to_s,
             position_sd_m: arrival.position_sd_m,
+            stretch_sd: arrival.stretch_sd,
             is_exact: false,
             delay_sd_s: 0.0,
         })
@@ -91,13 +98,14 @@ impl FlightPath {
         let steps = (utc_s - self.from_s) / STEP_S;
         let before = (steps as usize).min(self.points.len().checked_sub(2)?);
         let u = steps - before as f64;
-        let [(p0, v0), (p1, v1)] = [self.points[before], self.points[before + 1]];
+        let [(p0, v0, h0), (p1, v1, h1)] = [self.points[before], self.points[before + 1]];
         let (m0, m1, way) = (v0 * STEP_S, v1 * STEP_S, p1 - p0);
         let bend = m0 + m1 - 2.0 * way;
         let slope = 3.0 * way - 2.0 * m0 - m1;
         Some(PathPoint {
             place_m: p0 + u * (m0 + u * (slope + u * bend)),
             velocity_mps: (m0 + u * (2.0 * slope + 3.0 * u * bend)) / STEP_S,
+            height_m: h0 + u * (h1 - h0),
         })
     }
 }

@@ -15,6 +15,7 @@
 //! labels ([`dataset::corpus::scenario::Recorded`]). The corpus appears as a whole or not at all.
 
 mod alignment;
+mod arrow;
 mod coarse_clocks;
 mod corpus_folder;
 mod description;

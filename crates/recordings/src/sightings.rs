@@ -5,16 +5,17 @@
 //! any. A row without a box is an image without an aircraft. MOT has no names: `frame, id, left, top, width, height, score`, with
 //! pixel 1 as the first one.
 
-use std::collections::BTreeMap;
-use std::io::BufReader;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader};
 
 use csv::{ReaderBuilder, StringRecord};
 use dataset::files::outside_file::{self, FileKind};
+use dataset::numbers::limits;
 use dataset::tables::pixel_box::PixelBox;
-use generator::tracks::utc_s;
+use generator::tracks::{separator, utc_s};
 use glam::DVec2;
 
-use crate::description::{BoxFormat, CameraDescription};
+use crate::description::{BoxFormat, CameraDescription, UTC_S};
 use crate::error::{Error, Result};
 
 /// A table of boxes is read row by row.
@@ -23,8 +24,12 @@ const BOXES: FileKind = FileKind::new("table of boxes", 1 << 40);
 const MAX_ROWS: usize = 6_000_000;
 /// A box may reach over the edge of the image by this part of the image's side, as detectors extrapolate.
 const MAX_OUTSIDE: f64 = 0.1;
-/// Times before 2000 are no UTC of a recording.
-const EARLIEST_UTC_S: f64 = 946_684_800.0;
+/// Coordinates of normalised boxes are up to this, with what detectors extrapolate.
+const MAX_NORMALISED: f64 = 1.5;
+/// Boxes of images of half the size reach up to this part of the stated one.
+const MAX_REACH_OF_SMALLER: f64 = 0.55;
+/// After this time without a box, a track of the source goes on as a new one, seconds.
+const MAX_TRACK_GAP_S: f64 = 20.0;
 /// Edges of MOT count from 1, at the corner of the first pixel, whose centre is 0 here.
 const MOT_ORIGIN_PX: f64 = 1.5;
 
@@ -51,6 +56,8 @@ pub(crate) struct Sightings {
     /// Times of all images, seconds, each once.
     pub(crate) images_s: Vec<f64>,
     pub(crate) boxes: Vec<Sighting>,
+    /// Largest coordinates of boxes, pixels.
+    pub(crate) reach_px: DVec2,
 }
 
 /// The numbers of a row's columns.
@@ -135,11 +142,14 @@ impl Sightings {
     /// Name the file, the line, what was found and what was expected.
     pub(crate) fn read(camera: &CameraDescription) -> Result<Self> {
         let path = &camera.boxes;
-        let file = BufReader::new(outside_file::open(path, BOXES)?);
+        let mut file = BufReader::new(outside_file::open(path, BOXES)?);
+        let head = file.fill_buf().map_err(dataset::Error::io("read", path))?;
+        let separator = separator(head);
         let is_csv = camera.format == BoxFormat::Csv;
         let mut reader = ReaderBuilder::new()
             .has_headers(is_csv)
             .flexible(!is_csv)
+            .delimiter(separator)
             .from_reader(file);
         let columns = if is_csv {
             let header = reader
@@ -175,7 +185,12 @@ impl Sightings {
         if found.boxes.is_empty() {
             return Err(dataset::Error::corpus(path, "has no box of this camera").into());
         }
+        if found.reach_px.max_element() <= MAX_NORMALISED {
+            let fault = "has all boxes within a pixel of the corner: they seem to be parts of the image; multiply them by its width and height";
+            return Err(dataset::Error::corpus(path, fault).into());
+        }
         found.boxes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        found.separate_tracks();
         found.images_s.sort_by(f64::total_cmp);
         found.images_s.dedup();
         Ok(found)
@@ -209,9 +224,9 @@ impl Sightings {
                 );
             }
         };
-        if time_s < EARLIEST_UTC_S {
+        if let Err(found) = UTC_S.check(time_s) {
             return Err(format!(
-                "its time is {time_s} s since 1970, expected UTC of the recording; for times since its start, number the images as `frame`"
+                "its time {found}; for times since the start of the recording, number the images as `frame`"
             ));
         }
         let time_s = time_s + camera.to_utc_s;
@@ -262,9 +277,12 @@ impl Sightings {
             ));
         }
         let score = match columns.score {
-            Some(column) if !text(column).is_empty() => number(column)?.clamp(0.0, 1.0),
+            Some(column) if !text(column).is_empty() => number(column)?,
             _ => 1.0,
         };
+        if let Err(found) = limits::RATIO.check(score) {
+            return Err(format!("its score {found}; are the scores percentages?"));
+        }
         let track = columns
             .track
             .map(text)
@@ -273,6 +291,7 @@ impl Sightings {
             let next = tracks.len() as u32;
             *tracks.entry(name.to_owned()).or_insert(next)
         });
+        self.reach_px = self.reach_px.max(DVec2::new(right, bottom));
         self.boxes.push(Sighting {
             time_s,
             pixel_box,
@@ -280,6 +299,44 @@ impl Sightings {
             track,
         });
         Ok(())
+    }
+
+    /// Separates the source's tracks where one number stands for several aircraft: two boxes of an image are not one aircraft, and after a
+    /// gap it may be another one.
+    fn separate_tracks(&mut self) {
+        let pairs = self
+            .boxes
+            .iter()
+            .map(|seen| (seen.time_s.to_bits(), seen.track));
+        let mut images = BTreeSet::new();
+        let mixed: BTreeSet<Option<u32>> = pairs
+            .filter(|pair| !images.insert(*pair))
+            .map(|(_, track)| track)
+            .collect();
+        // Last time and new number of each track.
+        let mut known: BTreeMap<u32, (f64, u32)> = BTreeMap::new();
+        let mut next = 0..;
+        for seen in &mut self.boxes {
+            let Some(track) = seen.track.filter(|track| !mixed.contains(&Some(*track))) else {
+                seen.track = None;
+                continue;
+            };
+            let before = known.get(&track).copied();
+            let same = before.filter(|(last_s, _)| seen.time_s - last_s <= MAX_TRACK_GAP_S);
+            let number = same.map(|(_, number)| number).or_else(|| next.next());
+            seen.track = number;
+            known.extend(number.map(|number| (track, (seen.time_s, number))));
+        }
+    }
+
+    /// A hint, if the boxes seem to be of smaller images than stated.
+    pub(crate) fn smaller_images(&self, camera: &CameraDescription) -> &'static str {
+        let stated = DVec2::new(camera.entry.width_px.into(), camera.entry.height_px.into());
+        if (self.reach_px / stated).max_element() < MAX_REACH_OF_SMALLER {
+            "; its boxes are all in the upper left part of its images: are they of images of another resolution?"
+        } else {
+            ""
+        }
     }
 
     /// Median time between images, seconds; 1 of a single image.

@@ -1,7 +1,7 @@
 //! Videos of cameras: the times of their images, and the boxes that a detector finds in them.
 //!
-//! Videos are searched side by side, each image by image with bounded memory. The boxes of each become a table in the workshop that is named
-//! after all that they depend on, so that an import that was killed searches no video twice.
+//! Videos are searched side by side, each image by image with bounded memory. The boxes of each become a table in the workshop, named after
+//! all that they depend on, so that an import that was killed searches no video twice.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -21,21 +21,12 @@ use dataset::work::workers;
 use generator::tracks::utc_s;
 use labeller::{Searcher, SeenBox, VideoImages};
 
-use crate::description::CameraDescription;
+use crate::description::{CameraDescription, Video};
 use crate::error::{Error, Result};
-use crate::import::name_of;
 
 /// Hexadecimal digits that name a table.
 const NAME_DIGITS: usize = 32;
 const HEADER: &str = "time,cx,cy,width,height,score,track\n";
-
-/// A video of a camera.
-#[derive(Debug, Clone)]
-pub(crate) struct Video {
-    pub(crate) file: PathBuf,
-    /// Time of its first image by the camera's clock; missing: as the file states it.
-    pub(crate) first_image_s: Option<f64>,
-}
 
 /// A table of the boxes in a camera's videos, and where they come from.
 pub(crate) struct Searched {
@@ -259,6 +250,12 @@ fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result
             blake3,
         },
     })
+}
+
+/// Name of a file, for people.
+pub(crate) fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
 fn write(path: &Path, text: &str) -> Result<()> {

@@ -1,11 +1,11 @@
 //! The arrival in a track, in coordinates of the runway, or the reason why there is none.
 
-use dataset::geometry::geodesy::Geodetic;
+use dataset::geometry::geodesy::{Geodetic, LatLon};
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::spread::median;
 use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 
-use super::formats::Fix;
+use super::formats::{Fix, NEAR_M};
 use crate::recording::{AFTER_TARGET_S, CORRIDOR_M, GO_AROUND_M};
 use crate::trajectory::last_approach;
 
@@ -20,8 +20,9 @@ pub(super) const FURTHEST_M: f64 = 25.0 * METERS_PER_NAUTICAL_MILE;
 const FLYING_MPS: f64 = 40.0;
 /// A track may end in the air within this distance.
 const LATEST_END_M: f64 = 3_000.0;
-/// Maximum gap between fixes, seconds, and the distances to go between which it applies.
-const MAX_GAP_S: f64 = 10.0;
+/// Maximum gap between different positions, seconds: receivers have gaps of 13 s, and repeat a position for some seconds before and after.
+/// Then the distances to go between which it applies.
+const MAX_GAP_S: f64 = 20.0;
 const GAPS_MATTER_M: (f64, f64) = (METERS_PER_NAUTICAL_MILE, 5.0 * METERS_PER_NAUTICAL_MILE);
 /// Distance from the centreline within the last two kilometres, metres.
 const OTHER_RUNWAY_M: f64 = 150.0;
@@ -120,9 +121,18 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
         } else {
             "is never seen in the air near the runway"
         };
-        NoArrival::Elsewhere(format!(
-            "it {why}; its nearest position is {nearest_m:.0} m from the touchdown target"
-        ))
+        let swapped = LatLon {
+            latitude_deg: fixes[0].longitude_deg,
+            longitude_deg: fixes[0].latitude_deg,
+        };
+        let nearest = if swapped.distance_m(target.lat_lon()) < NEAR_M {
+            "latitude and longitude are swapped".to_owned()
+        } else if nearest_m.is_finite() {
+            format!("its nearest position is {nearest_m:.0} m from the touchdown target")
+        } else {
+            "its positions are not on earth".to_owned()
+        };
+        NoArrival::Elsewhere(format!("it {why}; {nearest}"))
     };
     let found = last_approach(&to_go_m, is_airborne, FURTHEST_M)
         .filter(|_| nearest_m < FURTHEST_M)
@@ -166,7 +176,7 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
         ));
     }
     let gap = arrival.windows(2).find(|pair| {
-        let matters = pair[1].to_go_m > GAPS_MATTER_M.0 && pair[0].to_go_m < GAPS_MATTER_M.1;
+        let matters = pair[0].to_go_m > GAPS_MATTER_M.0 && pair[1].to_go_m < GAPS_MATTER_M.1;
         matters && pair[1].fix.time_s - pair[0].fix.time_s > MAX_GAP_S
     });
     if let Some(pair) = gap {
@@ -233,7 +243,7 @@ fn beginning(approach: &[ArrivalFix], first: usize) -> usize {
         .windows(2)
         .rposition(|pair| {
             let is_long = pair[1].fix.time_s - pair[0].fix.time_s > MAX_GAP_S;
-            is_long && pair[1].to_go_m >= GAPS_MATTER_M.1
+            is_long && pair[0].to_go_m >= GAPS_MATTER_M.1
         });
     gap.map_or(outside, |gap| outside + gap + 1)
         .min(approach.len())

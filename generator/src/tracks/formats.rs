@@ -15,14 +15,14 @@ use dataset::geometry::geodesy::LatLon;
 use dataset::geometry::runway::Runway;
 use flate2::bufread::MultiGzDecoder;
 
-pub use tables::{NamedColumn, utc_s};
+pub use tables::{NamedColumn, separator, utc_s};
 
 /// The largest file that is read.
 const TRACKS: FileKind = FileKind::new("file of tracks", 1 << 40);
 /// Maximum size of a JSON document, which is read whole.
 const MAX_DOCUMENT_BYTES: u64 = 256 << 20;
 /// Positions further from the runway are not kept, metres.
-const NEAR_M: f64 = 150_000.0;
+pub(super) const NEAR_M: f64 = 150_000.0;
 /// Beginnings of compressed files and of Parquet tables.
 const GZIP: &[u8] = &[0x1f, 0x8b];
 const PARQUET: &[u8] = b"PAR1";

@@ -70,6 +70,7 @@ pub(super) struct Made {
     pub(super) start_utc_s: f64,
     /// Mean time between positions, seconds.
     spacing_s: f64,
+    pub(super) stretch_sd: f64,
     pub(super) along_sd_m: f64,
     pub(super) across_sd_m: f64,
     pub(super) outliers: usize,
@@ -156,6 +157,7 @@ fn of_arrival(fixes: &[Fix], runway: &Runway) -> Result<Made, NoArrival> {
     let lasts_s = seen[seen.len() - 1].fix.time_s - first_s;
     Ok(Made {
         start_utc_s: first_s,
+        stretch_sd: datum.stretch_sd(),
         spacing_s: lasts_s / (seen.len() - 1).max(1) as f64,
         rows: times
             .map(|time_s| path.row(time_s, first_s, &seen))

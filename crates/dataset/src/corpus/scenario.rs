@@ -247,12 +247,32 @@ impl ScenarioRecord {
 
     /// Reads `scenario.json`. A number outside its limits is an error, and so is everything that [`Self::read_with_faults`] rejects.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::sound(read_json(path, "scenario record")?, path)
+        let read = read_json(path, "scenario record");
+        Self::sound(
+            Self::unless_newer(read, path, || read_json(path, "scenario record"))?,
+            path,
+        )
     }
 
     /// Reads the content of `scenario.json`; messages name it as `path`.
     pub fn parse(content: &[u8], path: &Path) -> Result<Self> {
-        Self::sound(parse_json(content, path, "scenario record")?, path)
+        let parsed = parse_json(content, path, "scenario record");
+        let version = || parse_json(content, path, "scenario record");
+        Self::sound(Self::unless_newer(parsed, path, version)?, path)
+    }
+
+    /// The record, or the error: of its version, if that is newer than this program, else of its fields.
+    fn unless_newer(
+        read: Result<Self>,
+        path: &Path,
+        version: impl FnOnce() -> Result<VersionOnly>,
+    ) -> Result<Self> {
+        read.map_err(|error| match version() {
+            Ok(found) if found.schema_version > SCHEMA_VERSION => {
+                Error::corpus(path, newer(found.schema_version))
+            }
+            _ => error,
+        })
     }
 
     fn sound(self, path: &Path) -> Result<Self> {
@@ -264,8 +284,8 @@ impl ScenarioRecord {
     /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a view whose
     /// name is not a file name are errors, because they prevent all other checks.
     pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
-        let record: Self = read_json(path, "scenario record")?;
-        record.readable(path)
+        let read = read_json(path, "scenario record");
+        Self::unless_newer(read, path, || read_json(path, "scenario record"))?.readable(path)
     }
 
     fn readable(self, path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
@@ -322,10 +342,7 @@ impl ScenarioRecord {
             ));
         }
         if self.schema_version > SCHEMA_VERSION {
-            return Some(format!(
-                "has schema version {}, this program knows versions up to {SCHEMA_VERSION}; use a newer dtd",
-                self.schema_version
-            ));
+            return Some(newer(self.schema_version));
         }
         if let Err(found) = limits::TICKS.check(self.ticks.into()) {
             return Some(format!("ticks {found}"));
@@ -345,9 +362,33 @@ impl ScenarioRecord {
     }
 }
 
+/// Version of a record whose fields may be unknown.
+#[derive(Deserialize)]
+struct VersionOnly {
+    schema_version: u32,
+}
+
+fn newer(version: u32) -> String {
+    format!(
+        "has schema version {version}, this program knows versions up to {SCHEMA_VERSION}; use a newer dtd"
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_newer_record_is_named_by_its_version_though_its_fields_are_unknown() {
+        let newer = format!("{{\"schema_version\": {}}}", SCHEMA_VERSION + 1);
+        let said = |text: &str| {
+            let read = ScenarioRecord::parse(text.as_bytes(), Path::new("scenario.json"));
+            read.unwrap_err().to_string()
+        };
+        assert!(said(&newer).contains("use a newer dtd"), "{}", said(&newer));
+        let known = format!("{{\"schema_version\": {SCHEMA_VERSION}}}");
+        assert!(said(&known).contains("missing field"), "{}", said(&known));
+    }
 
     #[test]
     fn a_setting_that_changes_is_named_with_its_values_and_an_exposure_may_change() {

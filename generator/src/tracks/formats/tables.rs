@@ -313,13 +313,14 @@ fn seconds(text: &str, date: &str) -> Result<Option<f64>, String> {
             .map_err(|error| format!("{text:?} is not a date and time: {error}"))?;
         return Ok(Some(date.timestamp_micros() as f64 / 1e6));
     }
-    let scaled = |mut time_s: f64| {
-        while time_s > MILLISECONDS {
-            time_s /= 1e3;
-        }
-        time_s
+    let scales = [1.0, 1e3, 1e6, 1e9];
+    let scaled = |time: f64| {
+        let seconds = scales.map(|scale| time / scale).into_iter();
+        let mut plausible = seconds.filter(|time_s| *time_s <= MILLISECONDS);
+        let wrong = || format!("{text:?} is not a time: seconds to nanoseconds since 1970");
+        plausible.next().ok_or_else(wrong)
     };
-    Ok(number(text)?.map(scaled))
+    number(text)?.map(scaled).transpose()
 }
 
 /// The three numbers in a text such as `14:29:18.5` or `['2021', '10', '07']`.
@@ -355,17 +356,22 @@ fn tracks<E: ToString>(
     Ok(super::tracks_of(tracks))
 }
 
+/// The separator of a table, by its first line.
+pub fn separator(head: &[u8]) -> u8 {
+    let first = head.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let count = |separator: &u8| first.iter().filter(|byte| *byte == separator).count();
+    let most = SEPARATORS.into_iter().rev().max_by_key(count);
+    most.unwrap_or(b',')
+}
+
 pub(super) fn csv<R: Read>(
     head: &[u8],
     file: R,
     named: &[NamedColumn],
     target: LatLon,
 ) -> Result<Vec<Track>, String> {
-    let first = head.split(|byte| *byte == b'\n').next().unwrap_or_default();
-    let count = |separator: &u8| first.iter().filter(|byte| *byte == separator).count();
-    let most = SEPARATORS.into_iter().rev().max_by_key(count);
     let mut reader = csv::ReaderBuilder::new()
-        .delimiter(most.unwrap_or(b','))
+        .delimiter(separator(head))
         .trim(csv::Trim::All)
         .from_reader(file);
     let header = reader.headers().map_err(|error| error.to_string())?.clone();
