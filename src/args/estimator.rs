@@ -39,8 +39,13 @@ pub(crate) struct TrainArgs {
     /// Run whose networks to start from instead of random ones; views and layers must be the same
     #[arg(long, value_name = "RUN")]
     pub(crate) start_from: Option<PathBuf>,
-    /// Hold out a weather, time of day or aircraft type as the test side, e.g. weather=stormy, time=18:00 or type=A359
-    #[arg(long, value_name = "weather=NAME|time=HH:MM|type=NAME")]
+    /// Hold out a weather, time of day, aircraft type or graphics setting as the test side, e.g. weather=stormy, time=18:00 or type=A359
+    ///
+    /// `dtd verify` names graphics settings that differ within a corpus, e.g. graphics=renopt_MSAA=0.
+    #[arg(
+        long,
+        value_name = "weather=NAME|time=HH:MM|type=NAME|graphics=SETTING=VALUE"
+    )]
     pub(crate) leave_out: Option<String>,
     /// Draw this share of the scenarios for the test, whatever flights they share, e.g. 0.3 as in the paper
     ///

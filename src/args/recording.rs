@@ -70,9 +70,9 @@ pub(crate) struct GenerateArgs {
     pub(crate) local_udp: LocalUdpArgs,
     /// Source of the images
     ///
-    /// `link` sends them (the bundled simulator), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's window, `screenshot`
-    /// has X-Plane write files (slow: an image takes seconds); `auto` uses the simulator's first offer.
-    #[arg(long, value_name = "SOURCE", default_value_t = PixelChoice::Auto, value_parser = PossibleValuesParser::new(["auto", "link", "gl", "screen", "screenshot"]).try_map(|word| word.parse::<PixelChoice>()))]
+    /// `link` sends them (the bundled simulator), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's window;
+    /// `auto` uses the simulator's first offer.
+    #[arg(long, value_name = "SOURCE", default_value_t = PixelChoice::Auto, value_parser = PossibleValuesParser::new(["auto", "link", "gl", "screen"]).try_map(|word| word.parse::<PixelChoice>()))]
     pub(crate) pixels: PixelChoice,
     /// Only these scenarios, separated by commas
     ///

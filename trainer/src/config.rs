@@ -35,8 +35,8 @@ pub struct TrainConfig {
     pub min_dtd_nm: f64,
     /// Longest distance to the touchdown target that is used for training, nautical miles.
     pub max_dtd_nm: Option<f64>,
-    /// `weather=NAME`, `time=HH:MM` or `type=NAME`: scenarios of this weather, time or aircraft type are the test side, whatever the split,
-    /// and train nothing. `--leave-out` overrides it.
+    /// `weather=NAME`, `time=HH:MM`, `type=NAME` or `graphics=SETTING=VALUE`: scenarios of this weather, time, aircraft type or graphics
+    /// setting are the test side, whatever the split, and train nothing. `--leave-out` overrides it.
     pub leave_out: Option<String>,
     /// Split by scenario, as in the paper, whatever the corpus's split: both sides share flights. `--split-by-scenario` sets its
     /// `test_share`.

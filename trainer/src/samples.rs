@@ -29,7 +29,7 @@ use dataset::corpus::detections::{
 use dataset::corpus::effective_weather::EffectiveWeather;
 use dataset::corpus::model_identity::NamedDetections;
 use dataset::corpus::open_scenario::OpenScenario;
-use dataset::corpus::scenario::{Flight, ScenarioRecord};
+use dataset::corpus::scenario::{Flight, Graphics, ScenarioRecord};
 use dataset::corpus::splits::{Side, Splits};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::geometry::camera::Camera;
@@ -96,6 +96,8 @@ pub(crate) struct ScenarioSummary {
     pub weather: String,
     /// Planned weather; `None` in a recorded scenario.
     pub planned_weather: Option<Weather>,
+    /// Graphics settings of the simulator, empty if it does not say.
+    pub graphics: Graphics,
     /// Weather that the simulator reported at the aircraft.
     pub effective_weather: Option<EffectiveWeather>,
     /// Local time as named in the sweep.
@@ -131,6 +133,7 @@ impl ScenarioSummary {
             time_of_day: record.time_of_day().to_owned(),
             trajectory: record.trajectory,
             planned_weather: record.conditions.map(|planned| planned.weather),
+            graphics: record.graphics.unwrap_or_default(),
             effective_weather: record.effective_weather,
             aircraft: record.aircraft,
             runway: record.runway,

@@ -164,11 +164,6 @@ link(
     },
 )
 link("link_freeze", "stand still around a runway", {"message": "freeze", "runway": RUNWAY, "settle_frames": 3})
-link(
-    "link_probe_terrain", "how high is the ground there?",
-    {"message": "probe_terrain", "latitude_deg": 1.35, "longitude_deg": 103.98},
-)
-link("link_terrain", "its answer", {"message": "terrain", "elevation_msl_m": 6.71})
 link("link_check_pattern", "draw the check pattern with a code", {"message": "check_pattern", "code": 3735928559})
 link(
     "link_check_pattern_under", "draw it under the windows of the user interface",

@@ -23,7 +23,7 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as embedded in this program: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 34] = [
+const FILES: [(&str, &str); 33] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
@@ -50,7 +50,6 @@ const FILES: [(&str, &str); 34] = [
     plugin_file!("dtd_bridge/screen_gdi.py"),
     plugin_file!("dtd_bridge/screen_grab.py"),
     plugin_file!("dtd_bridge/screen_x11.py"),
-    plugin_file!("dtd_bridge/screenshots.py"),
     plugin_file!("dtd_bridge/server.py"),
     plugin_file!("dtd_bridge/settings.py"),
     plugin_file!("dtd_bridge/stage.py"),

@@ -1,12 +1,10 @@
 //! Pixel sources for drawn frames, and the proof that the pixels belong to the frame.
 //!
-//! Four sources ([`PixelKind`]): the stand-in sends its images over the capture link (`link`); the plugin reads X-Plane's frame back from
-//! OpenGL and sends it (`gl`); the simulator only reports that the frame is drawn, and the image is grabbed from the screen (`screen`); or
-//! X-Plane writes a file, which the plugin sends (`screenshot`). The plugin
-//! proves that it sends the requested frame; for the screen, [`ScreenSource`] proves by a check pattern, before the first image and after
-//! the last, that the grabbed area is the window, complete and unscaled, and never an older frame than the requested one.
-//!
-//! X-Plane 12 does not let plugins read its frame back, which leaves the screen, or screenshots where an image may take a second.
+//! Three sources ([`PixelKind`]): the stand-in sends its images over the capture link (`link`); the plugin reads X-Plane's frame back from
+//! OpenGL, proves that it is the requested one, and sends it (`gl`); or the simulator only reports that the frame is drawn, and the image
+//! is grabbed from the screen (`screen`): X-Plane 12 does not let plugins read its frame back. For the screen, [`ScreenSource`] proves by a
+//! check pattern, before the first image and after the last, that the grabbed area is the window, complete and unscaled, and never an older
+//! frame than the requested one.
 
 mod cell_grid;
 pub mod check_pattern;
@@ -14,7 +12,6 @@ mod choice;
 mod error;
 mod rgb_picture;
 mod screen;
-mod screenshots;
 pub(crate) mod still_scene;
 
 use std::pin::Pin;
@@ -26,7 +23,6 @@ pub(crate) use screen::{CodedGrabs, CodedPicture, CodedWindow};
 pub use screen::{FfmpegScreen, Grab, Lag, RemoteScreen, Screen, ScreenSource};
 
 use crate::error::BridgeError;
-use crate::link::PictureSize;
 pub use crate::link::PixelKind;
 
 /// A pending proof.
@@ -48,8 +44,6 @@ pub trait PatternDisplay: Send {
 pub(crate) enum PixelSource {
     /// The source `link` or `gl`: the answer's payload is the image.
     Payload(PixelKind),
-    /// Files of this size that X-Plane writes itself. Slow: suitable for sparse sweeps.
-    Screenshots(PictureSize),
     /// The simulator's window.
     Screen(Box<ScreenSource>),
 }
@@ -58,7 +52,6 @@ impl PixelSource {
     pub(crate) fn kind(&self) -> PixelKind {
         match self {
             Self::Payload(kind) => *kind,
-            Self::Screenshots(_) => PixelKind::Screenshot,
             Self::Screen(_) => PixelKind::Screen,
         }
     }
@@ -75,7 +68,6 @@ impl PixelSource {
     pub(crate) async fn picture(&mut self, payload: Vec<u8>) -> Result<Vec<u8>, PixelError> {
         match self {
             Self::Payload(_) => Ok(payload),
-            Self::Screenshots(size) => screenshots::decode(payload, *size),
             Self::Screen(source) => source.picture(payload).await,
         }
     }

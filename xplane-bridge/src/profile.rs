@@ -135,20 +135,12 @@ pub struct Profile {
     pub format: u32,
     /// Time of the measurement, UTC.
     pub measured_at: String,
-    /// Version of `dtd` that measured.
-    pub dtd: String,
     /// Name and version of the simulator.
     pub simulator: String,
     /// Name and version of the plugin, if one serves the link.
     pub plugin: Option<String>,
     /// The unit of `wind_speed_msc`.
     pub wind_unit: Finding<WindUnit>,
-    /// True if a written visibility shows only after `regen_weather`.
-    pub visibility_needs_regeneration: Finding<bool>,
-    /// True if written clouds that read back show only after `regen_weather`.
-    pub clouds_need_regeneration: Finding<bool>,
-    /// Time until clouds read back, seconds of simulated time.
-    pub clouds_take_s: Finding<f64>,
     /// For each quantity of the weather at the aircraft, true if it follows the written value.
     pub weather_follows: BTreeMap<EffectiveQuantity, Finding<bool>>,
     /// True if a pose and a camera that are written in a pause are drawn.
@@ -260,19 +252,6 @@ impl Profile {
         default.max(measured.min(MAX_SETTLE_FRAMES))
     }
 
-    /// True if weather must be regenerated before it shows, which is assumed unless it was measured to be unnecessary.
-    pub(crate) fn regenerates(&self) -> bool {
-        let needed = |finding: &Finding<bool>| finding.found() != Some(&false);
-        needed(&self.visibility_needs_regeneration) || needed(&self.clouds_need_regeneration)
-    }
-
-    /// Timeout for weather, at least `default`: one and a half times as long as clouds took.
-    pub(crate) fn weather_patience(&self, default: Duration) -> Duration {
-        let took_s = self.clouds_take_s.found().copied().unwrap_or(0.0);
-        let measured = Duration::try_from_secs_f64(1.5 * took_s.min(600.0));
-        default.max(measured.unwrap_or_default())
-    }
-
     /// True if time must run while images are taken, because a pause does not show new poses.
     pub(crate) fn time_has_to_run(&self) -> bool {
         self.pause_shows_poses.found() == Some(&false)
@@ -284,12 +263,6 @@ impl Profile {
             (Finding::NotMeasured(why), _) | (_, Finding::NotMeasured(why)) => Some(why),
             (Finding::Found(_), Finding::Found(_)) => None,
         }
-    }
-
-    /// Time until written weather takes effect, seconds, as far as it was measured.
-    pub fn weather_takes_s(&self) -> Option<f64> {
-        let paced = self.pace.found().and_then(|pace| pace.weather_s);
-        paced.or(self.clouds_take_s.found().copied())
     }
 
     /// True if images change without a new pose, so that two equal ones are no evidence.
@@ -333,13 +306,9 @@ mod tests {
         Profile {
             format: PROFILE_FORMAT,
             measured_at: "2026-11-22T06:00:00Z".into(),
-            dtd: "0.1.0".into(),
             simulator: "X-Plane 12.4.3".into(),
             plugin: Some("dtd_bridge 0.1.0".into()),
             wind_unit: Finding::Found(WindUnit::Knots),
-            visibility_needs_regeneration: Finding::Found(false),
-            clouds_need_regeneration: Finding::NotMeasured(not()),
-            clouds_take_s: Finding::Found(80.0),
             weather_follows: [
                 (EffectiveQuantity::Rain, Finding::Found(true)),
                 (EffectiveQuantity::Visibility, Finding::Found(false)),
@@ -362,16 +331,6 @@ mod tests {
                 weather_s: None,
             }),
         }
-    }
-
-    #[test]
-    fn weather_takes_as_long_as_clouds_unless_recordings_measured_it() {
-        let mut paced = measured();
-        assert_eq!(paced.weather_takes_s(), Some(80.0));
-        if let Finding::Found(pace) = &mut paced.pace {
-            pace.weather_s = Some(66.0);
-        }
-        assert_eq!(paced.weather_takes_s(), Some(66.0));
     }
 
     #[test]
@@ -416,13 +375,6 @@ mod tests {
         assert_eq!(profile.settle_frames(30), 30);
         profile.frames_until_settled = Finding::Found(u32::MAX);
         assert_eq!(profile.settle_frames(3), 600);
-        assert!(profile.regenerates(), "not known of the clouds");
-        profile.clouds_need_regeneration = Finding::Found(false);
-        assert!(!profile.regenerates());
-        let default = Duration::from_secs(70);
-        assert_eq!(profile.weather_patience(default), Duration::from_secs(120));
-        profile.clouds_take_s = Finding::Found(5.0);
-        assert_eq!(profile.weather_patience(default), default);
         assert!(profile.time_has_to_run());
         let writes = || {
             vec![

@@ -69,6 +69,9 @@ const LINK_SHARE: f64 = 0.2;
 /// A simulator that has run for a shorter time, by its own clock, may not have started its plugins yet.
 const STARTING: Duration = Duration::from_secs(60);
 
+/// Pause between two looks whether a simulator without a plugin shows its main menu.
+const MENU_LOOK: Duration = Duration::from_secs(1);
+
 /// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: writes in one frame are drawn in the
 /// next, and shadows and effects follow one later.
 const SETTLE_FRAMES: u32 = 3;
@@ -171,21 +174,35 @@ impl Simulator {
                 [Some(_), Some(port), Some(_), _] => *port > 0.0,
                 _ => false,
             };
-            let mut values = udp.read_until(&names, began + waited, has_plugin).await?;
-            if let (false, Some(version), Some(place)) = (has_plugin(&values), values[0], web_api)
-                && Generation::of_version(version) == Generation::XPlane12
-                && connect_options::main_menu::leave(place).await
-            {
-                let until = Instant::now() + STARTING;
-                values = udp.read_until(&names, until, has_plugin).await?;
-            }
-            if let (false, Some(running_s)) = (has_plugin(&values), values[3]) {
-                let running = Duration::try_from_secs_f32(running_s).unwrap_or(STARTING);
-                let until = Instant::now() + STARTING.saturating_sub(running);
-                if until > Instant::now() {
-                    tracing::info!(%address, running_s, "no plugin yet: the simulator may be starting it");
-                    values = udp.read_until(&names, until, has_plugin).await?;
+            let (mut until, mut is_begun) = (began + waited, false);
+            let mut values = vec![None; names.len()];
+            loop {
+                let look = until.min(Instant::now() + MENU_LOOK);
+                let read = udp.read_until(&names, look, has_plugin).await?;
+                for (value, read) in values.iter_mut().zip(read) {
+                    *value = read.or(*value);
                 }
+                if has_plugin(&values) {
+                    break;
+                }
+                // Asked again and again: a Web API may answer later than UDP, and a menu may show only then.
+                if let (false, Some(version), Some(place)) = (is_begun, values[0], web_api)
+                    && Generation::of_version(version) == Generation::XPlane12
+                    && connect_options::main_menu::leave(place).await
+                {
+                    is_begun = true;
+                    until = Instant::now() + STARTING;
+                }
+                if let (false, Some(running_s)) = (is_begun, values[3]) {
+                    let running = Duration::try_from_secs_f32(running_s).unwrap_or(STARTING);
+                    let started = Instant::now() + STARTING.saturating_sub(running);
+                    // Its clock may stand still.
+                    until = until.max(started.min(began + STARTING));
+                }
+                if Instant::now() >= until {
+                    break;
+                }
+                tracing::debug!(%address, running_s = values[3], "no plugin yet: the simulator may be starting it");
             }
             let deadline = deadline.max(Instant::now() + timeout.mul_f64(LINK_SHARE));
             let [version, port, settle_s] = [values[0], values[1], values[2]];
@@ -515,13 +532,13 @@ impl Simulator {
         );
         let found = (header.tick, header.view, header.width_px, header.height_px);
         let bytes = self.link.payload_bytes();
-        if asked != found || !request.payload_bytes().contains(&bytes) {
+        if asked != found || bytes != request.payload_bytes() {
             let (tick, view, width, height) = asked;
             self.link.close();
             return Err(BridgeError::wrong_answer(
                 format_args!(
                     "a frame of tick {tick}, view {view}, {width}x{height}, {} bytes",
-                    request.payload_bytes().end()
+                    request.payload_bytes()
                 ),
                 format_args!(
                     "tick {}, view {}, {}x{}, {bytes} bytes",

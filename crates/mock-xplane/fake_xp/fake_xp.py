@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import struct
 import threading
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable, Iterator, Protocol
@@ -53,11 +52,6 @@ class World(Protocol):
     def let_others_fly(self, fly: bool) -> None: ...
     def render(self, width: int, height: int, windows: bool = False) -> bytes: ...
     def system_path(self) -> str: ...
-
-
-SCREENSHOT = "sim/operation/screenshot"
-# Half of a screenshot's file exists this many frames after it was drawn, and all of it some frames later.
-HALF_WRITTEN_FRAMES, WRITTEN_FRAMES = 2, 5
 
 
 class FakeXpError(AssertionError):
@@ -117,11 +111,6 @@ class FakeXp:
         self._planes: tuple[Any, Any] | None = None
         self._next_id = 1
         self._windows = False
-        self._screenshot_wanted = False
-        self._screenshot_frame = 0
-        self._screenshots = 0
-        # Files that are being written: path, content, start frame.
-        self._files: list[tuple[Path, bytes, int]] = []
 
     # What the host does.
 
@@ -129,8 +118,6 @@ class FakeXp:
         """One frame of the simulator: flight loops before and after the flight model, camera, drawing."""
         self._frames += 1
         self.rectangles.clear()
-        if self._screenshot_wanted and "screenshot_without_camera" in self.quirks:
-            self.steal_camera()
         two_cycles = "two_cycles_per_loop" in self.quirks
         camera_first = "camera_callback_order" in self.quirks and self._frames % 2 == 0
         frame = self.world.begin_frame()
@@ -151,8 +138,6 @@ class FakeXp:
                         callback(phase, when, refcon)
             self._windows = True
         self._windows = False
-        self._take_screenshot()
-        self._write_files()
         if self.shows_frames:
             self.world.show_frame(self.rectangles)
         for name, read, refcon in self._accessors.values():
@@ -196,29 +181,6 @@ class FakeXp:
             self.world.lose_camera()
             with self.inside(rules.CAMERA):
                 callback(None, 1, refcon)
-
-    def _take_screenshot(self) -> None:
-        """Of all that was drawn, windows included; the camera goes with it."""
-        if not self._screenshot_wanted or self._frames < self._screenshot_frame:
-            return
-        self._screenshot_wanted = False
-        width, height = self.getScreenSize()
-        self._screenshots += 1
-        # Names have a resolution of seconds; a second one within the same second gets a number appended.
-        path = Path(self.world.system_path(), "Output", "screenshots", f"B738 - 2026-01-01 12.00.{self._screenshots % 60:02}.png")
-        text = f"number {self._screenshots}".encode()
-        self._files.append((path, png(width, height, self.world.render(width, height, True), text), self._frames))
-        if "camera_taken" in self.quirks:
-            self.steal_camera()
-
-    def _write_files(self) -> None:
-        for path, content, since in self._files:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if self._frames == since + HALF_WRITTEN_FRAMES:
-                path.write_bytes(content[: len(content) // 2])
-            elif self._frames == since + WRITTEN_FRAMES:
-                path.write_bytes(content)
-        self._files = [file for file in self._files if self._frames < file[2] + WRITTEN_FRAMES]
 
     def _run_loops(self, phase: int) -> None:
         place = rules.BEFORE if phase == self.FlightLoop_Phase_BeforeFlightModel else rules.AFTER
@@ -529,26 +491,10 @@ class FakeXp:
     def commandOnce(self, command: str) -> None:
         self._here("commandOnce")
         self.world.command(command)
-        if command == SCREENSHOT:
-            self._screenshot_wanted = True
-            # For this frame, or for the next one, which somebody else's camera shows.
-            self._screenshot_frame = self._frames + ("screenshot_without_camera" in self.quirks)
 
     def degTrueToDegMagnetic(self, degrees: float) -> float:
         self._here()
         return degrees
-
-
-def png(width: int, height: int, rgb: bytes, text: bytes) -> bytes:
-    """An image file with an additional text chunk."""
-
-    def chunk(kind: bytes, content: bytes) -> bytes:
-        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-
-    rows = b"".join(b"\0" + rgb[at : at + 3 * width] for at in range(0, len(rgb), 3 * width))
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    chunks = (chunk(b"IHDR", header), chunk(b"tEXt", b"Comment\0" + text), chunk(b"IDAT", zlib.compress(rows, 1)), chunk(b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
 class GetString:

@@ -80,7 +80,7 @@ DATAREFS = {
 }
 COMMANDS = {
     "sim/operation/pause_on", "sim/operation/pause_off", "sim/operation/pause_toggle", "sim/operation/fix_all_systems",
-    "sim/operation/regen_weather", "sim/operation/screenshot", "sim/view/free_camera", "sim/view/default_view",
+    "sim/operation/regen_weather", "sim/view/free_camera", "sim/view/default_view",
     "sim/autopilot/servos_on", "sim/autopilot/autothrottle_on", "sim/autopilot/NAV", "sim/autopilot/approach",
     "sim/autopilot/glide_slope", "sim/autopilot/altitude_hold", "sim/autopilot/vertical_speed",
 }  # fmt: skip

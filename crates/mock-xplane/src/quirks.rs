@@ -55,7 +55,7 @@ macro_rules! quirks {
 
         /// All quirks, in the order of [`Quirk`].
         #[allow(clippy::needless_update, reason = "a row with both properties sets every field")]
-        pub const FACTS: [Facts; 36] = [$(Facts {
+        pub const FACTS: [Facts; 34] = [$(Facts {
             quirk: Quirk::$quirk,
             name: stringify!($name),
             does: $does,
@@ -110,7 +110,7 @@ quirks! {
     RestartingStart restarting_start "GL, AFT" Measured("12.4") []
         "a start that is repeated begins all over, scenery and all";
     CameraTaken camera_taken "CINE, BP" Practised [in_11]
-        "the camera is taken from the plugin every 401 frames and by the screenshot command, and the view is the one from before";
+        "the camera is taken from the plugin every 401 frames, and the view is the one from before";
     PopUps pop_ups "LAAS, SISL, LC" Practised [in_11]
         "a pop-up window lies over the image at the start and after each start of a flight until it is closed";
     AiAircraft ai_aircraft "XPMP2, libxplanemp" Practised [in_11]
@@ -135,8 +135,6 @@ quirks! {
         "`wind_speed_msc` is in knots, whatever its name says";
     RegenerationNeeded regeneration_needed "LARDON against SF" Measured("12.4.2") []
         "without `regen_weather` written weather does not show, although the datarefs read back as written";
-    RegenerationNotNeeded regeneration_not_needed "OIS, EFB, LT against LARDON, LC" Practised []
-        "clouds show as soon as they read back, without `regen_weather`";
     PauseKeepsPose pause_keeps_pose "EFB against WPI, LXR, AFX" Single [in_11]
         "in a pause the image keeps the pose and the camera that it had before";
     WaterMoves water_moves "no report" Unknown [in_11]
@@ -145,24 +143,21 @@ quirks! {
         "while time runs clouds drift, and every frame has its own streaks of rain";
     SlowExposure slow_exposure "no report" Unknown [in_11]
         "when the camera turns, the image is too bright at first and settles within 30 frames";
-    ScreenshotWithoutCamera screenshot_without_camera "no report; CINE sees the camera go" Unknown [in_11]
-        "the screenshot command takes the camera away before the frame that it keeps is drawn";
     LaggingParts lagging_parts "no report" Unknown [in_11]
         "flaps, gear and its lamps are drawn as they were written for the frame before";
     FixedParts fixed_parts "XPlaneConnect issue 213" Single [in_11]
         "flaps and gear stay up, whatever is written";
 }
 
-/// Contradicted or never reported: `dtd doctor` finds out which is true. Part of no group, each is enabled only by name.
-pub const OPEN: [Quirk; 10] = [
+/// Contradicted or never reported: `dtd doctor` finds out which is true, or `dtd generate` works with both. Part of no
+/// group, each is enabled only by name.
+pub const OPEN: [Quirk; 8] = [
     Quirk::WindInKnots,
     Quirk::RegenerationNeeded,
-    Quirk::RegenerationNotNeeded,
     Quirk::PauseKeepsPose,
     Quirk::WaterMoves,
     Quirk::WeatherMoves,
     Quirk::SlowExposure,
-    Quirk::ScreenshotWithoutCamera,
     Quirk::LaggingParts,
     Quirk::FixedParts,
 ];

@@ -32,10 +32,14 @@ impl OnScreen {
     }
 
     async fn start_with(window_px: (u32, u32)) -> Self {
+        Self::start_at(window_px, 60.0).await
+    }
+
+    async fn start_at(window_px: (u32, u32), most_frames_per_s: f64) -> Self {
         let xvfb = Xvfb::start("540x380x24");
         let window = X11Window::open(Some(xvfb.display()), window_px).unwrap();
         let options = PluginOptions {
-            most_frames_per_s: Some(60.0),
+            most_frames_per_s: Some(most_frames_per_s),
             ..plugin::options(window_px)
         };
         let covers = options.window_covers.clone();
@@ -192,6 +196,27 @@ async fn a_cover_that_comes_for_a_second_while_a_block_is_recorded_is_in_none_of
             }
         }
         assert!(covered > 0, "{form:?}: no image was covered");
+    }
+}
+
+/// Every grab of a covered frame shows the cover, not only the first one.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cover_over_frames_that_are_grabbed_many_times_is_in_none_of_the_pictures() {
+    let window_px = (SIZE_PX.0 + 32, SIZE_PX.1 + 32);
+    let mut shown = OnScreen::start_at(window_px, 6.0).await;
+    shown.register().await.unwrap();
+    let simulator = &mut shown.simulator;
+    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let (expected, _) = block(simulator, 30).await.unwrap();
+    for form in [Form::Message, Form::Notification] {
+        let (covers, display) = (shown.covers.clone(), shown.xvfb.display().to_owned());
+        cover_for_a_second(form, covers, display, Duration::from_millis(4_000));
+        let (found, repeated) = block(&mut shown.simulator, 30).await.unwrap();
+        for (tick, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            assert!(found == expected, "{form:?}: tick {tick}");
+        }
+        assert!(repeated > 0, "{form:?}: no image was covered");
     }
 }
 

@@ -101,7 +101,7 @@ async fn a_silent_client_loses_its_seat_to_the_next_one_and_one_that_asks_keeps_
     let text = refused(&mut second, HELLO).await;
     assert!(text.contains("another client holds"), "{text}");
     // It asks for images and takes none: that counts as silence as well.
-    let bad = r#"{"message":"probe_terrain","latitude_deg":0,"longitude_deg":0}"#;
+    let bad = r#"{"message":"command","path":"sim/none/none"}"#;
     let flood = bad.len() as u32;
     let mut message = flood.to_le_bytes().to_vec();
     message.extend([0; 4]);

@@ -270,10 +270,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
         let description = simulator.description().clone();
         assert_eq!(description.name, "X-Plane");
         assert!(description.plugin.unwrap().starts_with("dtd_bridge "));
-        assert_eq!(
-            description.pixels,
-            [PixelKind::Gl, PixelKind::Screen, PixelKind::Screenshot]
-        );
+        assert_eq!(description.pixels, [PixelKind::Gl, PixelKind::Screen]);
         let found = pictures(&mut simulator).await;
         assert_like(&found, &wanted);
         assert!(
@@ -288,20 +285,6 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
     assert!(mean > 2.0, "{mean}");
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_the_camera() {
-    let mut built_in = connected(Generation::XPlane12, LinkServer::BuiltIn).await;
-    let wanted = pictures(&mut built_in).await;
-    let mut simulator = taking_screenshots("camera_taken,stale_frames").await;
-    assert_like(&pictures(&mut simulator).await, &wanted);
-    simulator.release().await.unwrap();
-    // The kept frame may be some frames late, but still shows the camera's view before it was taken away.
-    let late = "cockpit_view,stale_frames,screenshot_without_camera";
-    let mut simulator = taking_screenshots(late).await;
-    assert_like(&pictures(&mut simulator).await, &wanted);
-    simulator.release().await.unwrap();
-}
-
 /// All images equal the wanted ones, except for a few edge pixels: a camera some millimetres aside.
 fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
     for (tick, (found, wanted)) in found.iter().zip(wanted).enumerate() {
@@ -311,42 +294,6 @@ fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
         let (mean, largest) = difference(&found.rgb, &wanted.rgb);
         assert!(mean < 0.1, "tick {tick}: {mean} {largest}");
     }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn screenshots_of_another_view_than_the_cameras_are_refused() {
-    let mut simulator = taking_screenshots("cockpit_view,screenshot_without_camera").await;
-    simulator.set_conditions(&noon(30_000.0)).await.unwrap();
-    simulator.freeze(&runway()).await.unwrap();
-    let capture = CaptureRequest {
-        deliver: simulator.deliver(),
-        ..capture(0)
-    };
-    simulator.send_capture(&capture).await.unwrap();
-    let error = simulator.receive_frame().await.unwrap_err().to_string();
-    assert!(
-        error.contains("do not follow the camera") && error.contains("--pixels screen"),
-        "{error}"
-    );
-}
-
-/// An X-Plane 12 with some habits, whose images are its own screenshots.
-async fn taking_screenshots(quirks: &str) -> Simulator {
-    let address = serving(ServerOptions {
-        generation: Generation::XPlane12,
-        link: LinkServer::Plugin(plugin()),
-        quirks: quirks.parse().unwrap(),
-        ..quiet()
-    })
-    .await;
-    let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
-    let choice = PixelChoice::Only(PixelKind::Screenshot);
-    let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::here());
-    simulator
-        .use_pixels(choice, SIZE_PX, &screen)
-        .await
-        .unwrap();
-    simulator
 }
 
 #[cfg(target_os = "linux")]
@@ -470,12 +417,7 @@ impl Grab for DisturbedGrab {
 async fn x_plane_12_has_no_readback_but_draws_probes_and_shows_the_check_pattern() {
     let mut simulator = connected(Generation::XPlane12, LinkServer::Plugin(plugin())).await;
     assert_eq!(simulator.description().version, "12.4.0");
-    assert_eq!(
-        simulator.description().pixels,
-        [PixelKind::Screen, PixelKind::Screenshot]
-    );
-    let ground = simulator.probe_terrain(1.35, 103.98).await.unwrap();
-    assert!((ground - 6.71).abs() < 1e-3, "{ground}");
+    assert_eq!(simulator.description().pixels, [PixelKind::Screen]);
     simulator.freeze(&runway()).await.unwrap();
     simulator.send_capture(&capture(0)).await.unwrap();
     let error = simulator.receive_frame().await.unwrap_err();

@@ -55,41 +55,18 @@ async fn measured(options: ServerOptions) -> (Profile, Vec<Check>) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_unit_of_the_wind_is_measured() {
+async fn the_unit_of_the_wind_is_measured_and_how_long_the_weather_takes() {
     for (quirk, unit) in [
         ("none", WindUnit::MetersPerSecond),
         ("wind_in_knots", WindUnit::Knots),
     ] {
         let (profile, checks) = measured(twelve(quirk)).await;
         assert_eq!(profile.wind_unit, Finding::Found(unit), "{checks:#?}");
-    }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn whether_weather_has_to_be_regenerated_is_measured() {
-    for (quirk, visibility, clouds) in [
-        ("none", false, true),
-        ("regeneration_needed", true, true),
-        ("regeneration_not_needed", false, false),
-    ] {
-        let (profile, checks) = measured(twelve(quirk)).await;
-        assert_eq!(
-            [
-                &profile.visibility_needs_regeneration,
-                &profile.clouds_need_regeneration
-            ],
-            [&Finding::Found(visibility), &Finding::Found(clouds)],
-            "{quirk}: {checks:#?}"
+        let pace = profile.pace.found().unwrap();
+        assert!(
+            pace.weather_s.is_some_and(|took_s| took_s > 0.0),
+            "{pace:?}"
         );
-    }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn how_long_clouds_take_is_measured_in_simulated_time() {
-    for (quirk, seconds) in [("none", 0.0..20.0), ("late_clouds", 50.0..170.0)] {
-        let (profile, checks) = measured(twelve(quirk)).await;
-        let took_s = profile.clouds_take_s.found().copied().unwrap_or(f64::NAN);
-        assert!(seconds.contains(&took_s), "{quirk}: {took_s} {checks:#?}");
     }
 }
 

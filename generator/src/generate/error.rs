@@ -290,6 +290,11 @@ impl ScenarioError {
         self.is_setup() && !matches!(self, Self::Bridge(BridgeError::NoPlugin { .. }))
     }
 
+    /// True if no simulator answers, which says nothing about the scenario.
+    pub(super) fn is_silence(&self) -> bool {
+        matches!(self, Self::Bridge(BridgeError::NobodyAnswers { .. }))
+    }
+
     /// Difference of the weather at the aircraft, if that is the reason.
     pub(super) fn weather_difference(&self) -> Option<WeatherDifference> {
         match self {

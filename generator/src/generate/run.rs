@@ -319,7 +319,9 @@ impl<'a> Run<'a> {
             return Then::Leave;
         }
         let reason = error.to_string();
-        task.reasons.push(reason.clone());
+        if !error.is_silence() {
+            task.reasons.push(reason.clone());
+        }
         let failed = task.reasons.len() as u32;
         if failed < self.patience.attempts && !error.is_certain() {
             self.reporter.tell(Event::Retrying {

@@ -141,10 +141,8 @@ impl Count {
         };
         let (loading_s, loading_basis) =
             measured_or(pace.and_then(|pace| pace.loading_s), ASSUMED_LOADING_S);
-        let (weather_s, weather_basis) = measured_or(
-            profile.and_then(Profile::weather_takes_s),
-            ASSUMED_WEATHER_S,
-        );
+        let (weather_s, weather_basis) =
+            measured_or(pace.and_then(|pace| pace.weather_s), ASSUMED_WEATHER_S);
         let replayed = (self.scenarios - self.live) as f64;
         Durations {
             pictures_h: self.pictures / pictures_per_s / 3_600.0,

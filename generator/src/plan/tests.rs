@@ -499,14 +499,11 @@ fn an_x_plane_flies_in_real_time_and_every_part_of_its_night_is_counted() {
 /// An X-Plane profile with nothing but a pace.
 fn profile(pace: serde_json::Value) -> Box<Profile> {
     let mut kept = json!({
-        "format": 1, "measured_at": "", "dtd": "", "simulator": "", "plugin": null, "weather_follows": {},
+        "format": 1, "measured_at": "", "simulator": "", "plugin": null, "weather_follows": {},
         "pace": { "found": pace },
     });
     for unknown in [
         "wind_unit",
-        "visibility_needs_regeneration",
-        "clouds_need_regeneration",
-        "clouds_take_s",
         "pause_shows_poses",
         "frames_until_settled",
         "still_pictures_move",

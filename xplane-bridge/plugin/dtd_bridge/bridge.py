@@ -25,7 +25,6 @@ from .messages import LastingRefusal, Refusal
 from .pixels import Pixels
 from .profile import ProfileFile, refuse_unsound, still_pictures_move
 from .scenery import Ground
-from .screenshots import Screenshots
 from .server import Asked, Closed, Connection, LinkServer, Note, Opened
 from .settings import Settings
 from .stage import Stage
@@ -54,7 +53,6 @@ class Bridge:
         self._profile = profile
         self._stage = Stage(xp, self._datarefs, self._frame, self._faults)
         self._pixels = Pixels(xp, self._datarefs, self._faults, gl_library)
-        self._screenshots = Screenshots(xp)
         self._ground = Ground(xp)
         self._traffic = Traffic(xp, self._datarefs)
         self._loops = FlightLoops(xp, self._faults, self._before_flight_model, self._after_flight_model)
@@ -185,7 +183,6 @@ class Bridge:
         self._loops.forget()
         self._coded.end()
         self._pixels.forget()
-        self._screenshots.proven = False
 
     def _begin_next(self) -> None:
         while self._waiting and self._waiting[0].connection.takes_more():
@@ -256,8 +253,6 @@ class Bridge:
         if message == "release":
             self._leave_stage()
             return _at_once({"message": "released"})
-        if message == "probe_terrain":
-            return self._probe_terrain(header)
         if message == "check_pattern":
             return self._check_pattern(header)
         if message == "keep_profile":
@@ -270,8 +265,6 @@ class Bridge:
 
     def _hello(self) -> Task:
         pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
-        if self._screenshots.is_offered():
-            pixels.append("screenshot")
         # X-Plane always knows the size, but only sometimes the window's position on the desktop.
         width, height = (int(self._datarefs.get_or(name, 0.0)) for name in names.WINDOW_SIZE)
         profile = self._profile.read() if self._profile else None
@@ -346,9 +339,7 @@ class Bridge:
     def _capture(self, header: Header) -> Task:
         request = messages.capture(header, self._margins_px)
         self._check_capture()
-        return (yield from capture.take(
-            request, self._stage, self._pixels, self._screenshots, self._datarefs, self._settle_frames, self._xp
-        ))
+        return (yield from capture.take(request, self._stage, self._pixels, self._datarefs, self._settle_frames, self._xp))
 
     def _check_capture(self) -> None:
         if not self._stage.frozen:
@@ -397,15 +388,6 @@ class Bridge:
         self._profile.keep(profile)
         self._pixels.restless = still_pictures_move(profile)
         return _at_once({"message": "profile_kept"})
-
-    def _probe_terrain(self, header: Header) -> Task:
-        latitude, longitude = messages.place(header)
-        height_msl_m = self._ground.height_msl_m(latitude, longitude)
-        if height_msl_m is None:
-            raise Refusal(
-                f"X-Plane has no ground loaded at latitude {latitude}, longitude {longitude}: move the aircraft there first"
-            )
-        return _at_once({"message": "terrain", "elevation_msl_m": height_msl_m})
 
     def _leave_stage(self) -> None:
         self._coded.end()

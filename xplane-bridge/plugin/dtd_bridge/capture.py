@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
-from typing import Any, Callable, Generator
+from typing import Any, Generator
 
 from . import datarefs as names
 from .datarefs import Datarefs
 from .log import log
 from .messages import Capture, Pose, Refusal
 from .pixels import Frame, Pixels
-from .screenshots import NOT_OURS, Screenshots
 from .stage import Stage, Tick
 from .xp_api import Xp
 
@@ -36,59 +34,33 @@ UNPROVEN_SETTLE_FRAMES = 5
 # In a pause two consecutive pictures are equal once exposure and shadows have settled. If they never are (moving water), the
 # comparison is useless.
 RESTLESS_FRAMES = 30
-# A camera turned away from the scene sees something else: the pitch for that, degrees.
-AWAY_PITCH_DEG = 60.0
-AWAY_TRIES = 10
 # Draw callbacks come 0 to n times a frame.
 UNDRAWN_FRAMES = 10
 METERS_PER_DEGREE = 111_320.0
 
 Answer = tuple[dict[str, Any], bytes]
 Wait = Generator[None, None, None]
-# The next frame, or nothing if it was disturbed.
-Look = Generator[None, None, "Frame | None"]
 
 
 def take(
-    request: Capture, stage: Stage, pixels: Pixels, screenshots: Screenshots, datarefs: Datarefs, settle_frames: int, xp: Xp
+    request: Capture, stage: Stage, pixels: Pixels, datarefs: Datarefs, settle_frames: int, xp: Xp
 ) -> Generator[None, None, Answer]:
     """Shows a tick and returns its ``frame``."""
     check_window(request, datarefs)
     if request.deliver == "picture" and pixels.no_readback:
         raise Refusal(f"{pixels.no_readback}; take the images off the screen instead (--pixels screen)")
     deadline = time.monotonic() + TIME_LIMIT_S
-
-    def is_restless() -> bool:
-        return pixels.restless or stage.time_runs
-
-    def settle() -> Wait:
-        return _settle(stage, max(settle_frames, UNPROVEN_SETTLE_FRAMES) if is_restless() else settle_frames, deadline)
-
-    def look() -> Look:
-        if request.deliver == "picture":
-            return _read_back(stage, pixels)
-        return _screenshot(stage, screenshots, settle)
-
     tick = tick_of(request)
     shown_at, tried = stage.frames, 0
-    first: Frame | None = None
     while True:
         stage.show(tick)
-        yield from settle()
+        is_restless = pixels.restless or stage.time_runs
+        yield from _settle(stage, max(settle_frames, UNPROVEN_SETTLE_FRAMES) if is_restless else settle_frames, deadline)
         picture = None
         if request.deliver == "drawn":
             yield
         else:
-            picture = yield from _new_picture(tick, shown_at, stage, pixels, xp, look)
-        if picture is not None and request.deliver == "screenshot" and not screenshots.proven:
-            yield from _look_away(tick, picture, stage, settle, is_restless(), look)
-            screenshots.proven = True
-            first = picture
-            continue
-        if first is not None and picture is not None and picture != first and not is_restless():
-            # Back at the tick it must be the same again.
-            screenshots.proven = False
-            raise Refusal(NOT_OURS)
+            picture = yield from _new_picture(tick, shown_at, stage, pixels, xp)
         _raise_if_failed(stage, pixels)
         while stage.origin_moved():
             yield
@@ -150,7 +122,8 @@ def _settle(stage: Stage, frames: int, deadline: float) -> Wait:
             raise Refusal(f"no {frames} frames in a row within {TIME_LIMIT_S:.0f} s: {stage.what_is_wrong_with_the_view()}")
 
 
-def _read_back(stage: Stage, pixels: Pixels) -> Look:
+def _read_back(stage: Stage, pixels: Pixels) -> Generator[None, None, Frame | None]:
+    """The next frame, or nothing if it was disturbed."""
     for _ in range(UNDRAWN_FRAMES):
         pixels.want_frame()
         yield
@@ -162,40 +135,14 @@ def _read_back(stage: Stage, pixels: Pixels) -> Look:
     return None
 
 
-def _screenshot(stage: Stage, screenshots: Screenshots, settle: Callable[[], Wait]) -> Look:
-    """X-Plane takes the camera for it, and it is taken back at once."""
-    picture = yield from screenshots.take(stage.is_shown)
-    yield from settle()
-    return picture
-
-
-def _look_away(
-    tick: Tick, picture: Frame, stage: Stage, settle: Callable[[], Wait], is_restless: bool, look: Callable[[], Look]
-) -> Wait:
-    """Proves that screenshots show what our camera sees: X-Plane takes the camera for them, and no source says whether before or
-    after it draws."""
-    stage.show(replace(tick, camera=replace(tick.camera, heading_true_deg=tick.camera.heading_true_deg + 180.0, pitch_deg=AWAY_PITCH_DEG)))
-    yield from settle()
-    before: Frame | None = None
-    for _ in range(AWAY_TRIES):
-        other = yield from look()
-        # A single one may still show an earlier frame.
-        if other is not None and (other == before or is_restless):
-            if other == picture:
-                raise Refusal(NOT_OURS)
-            return
-        before = other
-    raise Refusal("no two of X-Plane's screenshots of the sky agree, so that it cannot be seen whether they follow the camera")
-
-
 def _new_picture(
-    tick: Tick, shown_at: int, stage: Stage, pixels: Pixels, xp: Xp, look: Callable[[], Look]
+    tick: Tick, shown_at: int, stage: Stage, pixels: Pixels, xp: Xp
 ) -> Generator[None, None, Frame | None]:
     """The settled image of a tick, proven by its content: it differs from the previous tick's, and it does not change any more.
     ``None`` if it was disturbed."""
     before: Frame | None = None
     for _ in range(RESTLESS_FRAMES):
-        picture = yield from look()
+        picture = yield from _read_back(stage, pixels)
         if picture is None:
             return None
         is_new = stage.frames - shown_at > STALE_FRAMES or pixels.is_new(tick, picture)

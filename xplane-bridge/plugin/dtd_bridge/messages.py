@@ -81,7 +81,7 @@ class Capture:
     width_px: int
     height_px: int
     # "picture": read back; "drawn": on the screen; "coded": on the screen for one frame, with its number; "probe": the same with the
-    # aircraft in a wrong place, to measure the lag of the scene; "screenshot": as X-Plane writes it.
+    # aircraft in a wrong place, to measure the lag of the scene.
     deliver: str
     # Of the window around the picture: left and right, above and below.
     margin_x_px: int = 0
@@ -174,8 +174,8 @@ def capture(header: Mapping[str, Any], margins_px: tuple[int, int] = (0, 0)) -> 
     """A ``capture`` request for an image in the middle of a window with these margins."""
     camera, controls = part(header, "camera"), part(header, "controls")
     deliver = header.get("deliver", "picture")
-    if deliver not in ("picture", "drawn", *CODED, "screenshot"):
-        raise LastingRefusal(f"deliver is {deliver!r}, expected picture, drawn, coded, probe or screenshot")
+    if deliver not in ("picture", "drawn", *CODED):
+        raise LastingRefusal(f"deliver is {deliver!r}, expected picture, drawn, coded or probe")
     hfov_deg = number(camera, "hfov_deg")
     if not 0 < hfov_deg < 180:
         raise LastingRefusal(f"hfov_deg is {hfov_deg}, expected more than 0 and less than 180")

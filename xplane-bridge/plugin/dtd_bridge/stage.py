@@ -4,7 +4,7 @@ X-Plane asks for the camera once a frame, before it draws. In that one callback 
 current local origin and written, so no frame shows the pose of one tick from the camera of another; the flight loop after the flight
 model writes the pose, too, for what X-Plane computes in between, and nothing depends on which of the two comes first. Requests are served
 before the flight model, between two frames. What counts is that the callback came at all: it does not when somebody took the camera (a
-view key, a screenshot). Such frames do not count, and the camera is taken back, in an external view: in any other the cockpit is
+view key). Such frames do not count, and the camera is taken back, in an external view: in any other the cockpit is
 drawn around it.
 """
 

@@ -17,6 +17,7 @@ from unittest import mock
 from dtd_bridge import capture as capturing, flight as flying, found, log as dtd_log, scenery, server, wire
 from dtd_bridge.bridge import Bridge
 from dtd_bridge.profile import ProfileFile
+from dtd_bridge.scenery import Ground
 from dtd_bridge.settings import Settings, SettingsError, read_settings
 from fake_xp import FakeGl, FakeXp, Kind
 from paper_world import GROUND_MSL_M, PaperWorld
@@ -147,7 +148,7 @@ class Greeting(WithBridge):
         self.assertEqual(client.greeting, wire.GREETING)
         answer, payload = client.ask({"message": "hello", "client": "test"})
         self.assertEqual((answer["name"], answer["version"], payload), ("X-Plane", "11.55", b""))
-        self.assertEqual((answer["pixels"], answer["window"]), (["gl", "screen", "screenshot"], None))
+        self.assertEqual((answer["pixels"], answer["window"]), (["gl", "screen"], None))
 
     def test_versions_are_those_of_x_planes_own_log(self):
         for number, text in [(115_202, "11.52"), (120_403, "12.0.4"), (121_407, "12.1.4"), (124_311, "12.4.3")]:
@@ -169,7 +170,6 @@ class Greeting(WithBridge):
             {"message": "command", "path": "sim/no/such"},
             {"message": "dance"},
             capture(tick=-1),
-            {"message": "probe_terrain", "latitude_deg": 1.0, "longitude_deg": "east"},
         ]:
             with self.subTest(request):
                 answer, _ = client.ask(request)
@@ -198,7 +198,7 @@ class Greeting(WithBridge):
             self.setUp()
             self.world.set(name, 0, value)
             client = self.frozen()
-            self.assertEqual(client.ask({"message": "hello", "client": "test"})[0]["pixels"], ["screen", "screenshot"])
+            self.assertEqual(client.ask({"message": "hello", "client": "test"})[0]["pixels"], ["screen"])
             self.assertRegex(client.refused(capture()), "Vulkan or Metal.*--pixels screen")
             self.assertEqual(client.ask(capture(deliver="drawn"))[0]["message"], "frame")
 
@@ -646,16 +646,14 @@ class SettingUp(WithBridge):
             self.assertEqual(self.world.values[pop_ups], left)
             self.assertEqual("sim/operation/close_windows" in self.world.commands, under)
 
-    def test_terrain_is_probed_below_the_place_itself_far_from_the_origin_too(self):
-        client = self.start()
-        client.ask({"message": "hello", "client": "test"})
-        for latitude, longitude in [(1.0, 104.0), (1.35, 103.98), (1.5, 103.6)]:
-            answer, _ = client.ask({"message": "probe_terrain", "latitude_deg": latitude, "longitude_deg": longitude})
-            self.assertAlmostEqual(answer["elevation_msl_m"], GROUND_MSL_M, places=3)
-        self.world.ground_is_loaded = False
-        self.assertRegex(
-            client.refused({"message": "probe_terrain", "latitude_deg": 1.0, "longitude_deg": 104.0}), "no ground loaded"
-        )
+    def test_ground_is_probed_below_the_place_itself_far_from_the_origin_too(self):
+        self.start()
+        ground = Ground(self.xp)
+        with self.xp.inside(BEFORE):
+            for latitude, longitude in [(1.0, 104.0), (1.35, 103.98), (1.5, 103.6)]:
+                self.assertAlmostEqual(ground.height_msl_m(latitude, longitude), GROUND_MSL_M, places=3)
+            self.world.ground_is_loaded = False
+            self.assertIsNone(ground.height_msl_m(1.0, 104.0))
 
 
 class Flying(WithBridge):

@@ -2,16 +2,15 @@
 
 import paths  # noqa: F401
 
-import os
 import tempfile
 import unittest
 from pathlib import Path
 from unittest import mock
 
 import test_bridge
-from dtd_bridge import found, pixels, screenshots
+from dtd_bridge import found, pixels
 from dtd_bridge.flight import COLUMNS
-from fake_xp import FakeXpError, png
+from fake_xp import FakeXpError
 from test_bridge import FREEZE, WithBridge, capture
 from test_documented import documented
 from xp_rules import AFTER, BEFORE, CAMERA, DISABLE, DRAW
@@ -206,24 +205,6 @@ class Drawing(WithBridge):
         self.assertEqual(self.xp._draws, [])
 
 
-class ScreenshotFolder(WithBridge):
-    def test_the_folder_is_not_listed_in_each_frame(self):
-        with tempfile.TemporaryDirectory() as system:
-            self.world.path = system
-            folder = Path(system, "Output", "screenshots")
-            folder.mkdir(parents=True)
-            for number in range(50):
-                (folder / f"B738 - {number}.png").write_bytes(png(4, 2, bytes(24), b""))
-            client = self.frozen()
-            with mock.patch.object(screenshots.os, "listdir", side_effect=os.listdir) as listed:
-                before = self.world.cycle
-                self.assertEqual(client.ask(capture(0, deliver="screenshot"))[0]["message"], "frame")
-            taken = self.world.commands.count(screenshots.COMMAND)
-            # When it is made, when it is removed, and none in between.
-            self.assertLessEqual(listed.call_count, 3 * taken)
-            self.assertGreater(self.world.cycle - before, 4 * taken)
-
-
 class Complaints(WithBridge):
     """What X-Plane's log says about us. The lines are those that others' logs have, with our names."""
 
@@ -290,7 +271,6 @@ class Names(WithBridge):
             self.assertEqual(client.ask(capture(1, deliver=deliver))[0]["message"], "frame")
         client.ask({"message": "check_pattern", "code": 1})
         client.ask({"message": "still_shown"})
-        client.ask({"message": "probe_terrain", "latitude_deg": 1.35, "longitude_deg": 103.98})
         client.ask({"message": "release"})
         answer, _ = client.ask(self.fly())
         self.assertEqual(answer["message"], "flown", answer)

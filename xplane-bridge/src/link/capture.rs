@@ -1,12 +1,9 @@
 //! A view at an instant: the request, and the drawn frame.
 
-use std::ops::RangeInclusive;
-
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::pose::{Controls, Pose};
 use serde::{Deserialize, Serialize};
 
-use super::wire::MAX_PAYLOAD_BYTES;
 use super::{PictureBytes, PictureSize};
 
 /// Maximum image side, pixels. Limits how much memory a request can make the other side allocate.
@@ -25,8 +22,6 @@ pub enum Deliver {
     Coded,
     /// As [`Self::Coded`], with the aircraft displaced: the frame reveals the lag of the scene behind the number.
     Probe,
-    /// The file that X-Plane's screenshot command writes is the answer's payload: PNG.
-    Screenshot,
 }
 
 /// A frame to draw.
@@ -65,12 +60,11 @@ impl CaptureRequest {
         .rgb_bytes()
     }
 
-    /// Sizes that the answer's payload may have, bytes: the image's size, none if it is only drawn, or the size of any file.
-    pub fn payload_bytes(&self) -> RangeInclusive<usize> {
+    /// Size of the answer's payload, bytes: the image's size, or none if it is only drawn.
+    pub fn payload_bytes(&self) -> usize {
         match self.deliver {
-            Deliver::Picture => self.rgb_bytes()..=self.rgb_bytes(),
-            Deliver::Drawn | Deliver::Coded | Deliver::Probe => 0..=0,
-            Deliver::Screenshot => 1..=MAX_PAYLOAD_BYTES,
+            Deliver::Picture => self.rgb_bytes(),
+            Deliver::Drawn | Deliver::Coded | Deliver::Probe => 0,
         }
     }
 
@@ -178,15 +172,12 @@ mod tests {
             deliver: Deliver::Picture,
         };
         assert_eq!(good.check(), Ok(()));
-        assert_eq!(good.payload_bytes(), 7_372_800..=7_372_800);
+        assert_eq!(good.payload_bytes(), 7_372_800);
         let drawn = CaptureRequest {
             deliver: Deliver::Drawn,
             ..good
         };
-        assert_eq!(
-            (drawn.rgb_bytes(), drawn.payload_bytes()),
-            (7_372_800, 0..=0)
-        );
+        assert_eq!((drawn.rgb_bytes(), drawn.payload_bytes()), (7_372_800, 0));
         let huge = CaptureRequest {
             width_px: u32::MAX,
             ..good

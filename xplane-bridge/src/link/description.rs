@@ -17,8 +17,6 @@ pub enum PixelKind {
     Gl,
     /// The client grabs the simulator's window off the screen.
     Screen,
-    /// The simulator writes files with its own screenshot command, which the plugin sends.
-    Screenshot,
 }
 
 /// Image size, pixels.

@@ -49,13 +49,6 @@ pub enum Request {
         #[serde(default)]
         already_started: bool,
     },
-    /// Query the height of the ground that the simulator shows there.
-    ProbeTerrain {
-        /// Latitude, degrees.
-        latitude_deg: f64,
-        /// Longitude, degrees.
-        longitude_deg: f64,
-    },
     /// Draw the check pattern over the window, to prove that the client grabs this window. Only for registration: while it is shown,
     /// captures are rejected.
     CheckPattern {
@@ -148,11 +141,6 @@ pub enum Answer {
     Frozen,
     /// Answer to [`Request::Travel`].
     Arrived,
-    /// Answer to [`Request::ProbeTerrain`].
-    Terrain {
-        /// Height of the ground above mean sea level, metres.
-        elevation_msl_m: f64,
-    },
     /// Answer to [`Request::CheckPattern`].
     CheckPatternShown {
         /// The first frame that is drawn with it, or without it.
@@ -233,7 +221,6 @@ impl Answer {
             Self::Hello(_) => "hello",
             Self::Frozen => "frozen",
             Self::Arrived => "arrived",
-            Self::Terrain { .. } => "terrain",
             Self::CheckPatternShown { .. } => "check_pattern_shown",
             Self::Commanded => "commanded",
             Self::ProfileKept => "profile_kept",

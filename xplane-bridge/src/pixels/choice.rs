@@ -8,7 +8,7 @@ use crate::link::PixelKind;
 
 impl PixelKind {
     /// All kinds, the preferred one first.
-    pub const ALL: [Self; 4] = [Self::Link, Self::Gl, Self::Screen, Self::Screenshot];
+    pub const ALL: [Self; 3] = [Self::Link, Self::Gl, Self::Screen];
 
     /// Name, as typed and recorded.
     pub fn name(self) -> &'static str {
@@ -16,7 +16,6 @@ impl PixelKind {
             Self::Link => "link",
             Self::Gl => "gl",
             Self::Screen => "screen",
-            Self::Screenshot => "screenshot",
         }
     }
 }
@@ -39,7 +38,7 @@ pub enum PixelChoice {
 
 /// A text that names no source of pixels.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{text:?} is not a source of pixels, expected auto, link, gl, screen or screenshot")]
+#[error("{text:?} is not a source of pixels, expected auto, link, gl or screen")]
 pub struct UnknownPixels {
     text: String,
 }
@@ -94,15 +93,14 @@ impl PixelChoice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use PixelKind::{Gl, Link, Screen, Screenshot};
+    use PixelKind::{Gl, Link, Screen};
 
     #[test]
     fn auto_takes_the_best_that_is_offered_in_whatever_order() {
         for (offered, expected) in [
             (vec![Screen, Gl, Link], Link),
             (vec![Screen, Gl], Gl),
-            (vec![Screenshot, Screen], Screen),
-            (vec![Screenshot], Screenshot),
+            (vec![Screen], Screen),
         ] {
             assert_eq!(PixelChoice::Auto.among(&offered).unwrap(), expected);
         }

@@ -13,7 +13,6 @@ mod coded_grabs;
 mod covered;
 mod device;
 mod ffmpeg_screen;
-mod fitting;
 mod frame_code;
 mod grabber;
 mod pixel_form;
@@ -458,16 +457,9 @@ async fn check_room(screen: &Arc<dyn Screen>, wanted: PictureSize) -> Result<(),
     if wanted.width_px <= found.width_px && wanted.height_px <= found.height_px {
         return Ok(());
     }
-    let fitting = match &fitting::sizes_that_fit(wanted, found)[..] {
-        [] => "nothing of this shape does; choose another shape in [picture] of the sweep".into(),
-        sizes => {
-            let sizes: Vec<String> = sizes.iter().map(ToString::to_string).collect();
-            format!("{} do; change [picture] in the sweep", sizes.join(", "))
-        }
-    };
     Err(PixelError::BadInput(format!(
-        "images of {wanted} pixels do not fit this screen, which has {found}: {fitting}. The window's frame and the desktop's bars need room \
-         besides; or let X-Plane run on a larger screen"
+        "images of {wanted} pixels do not fit this screen, which has {found}, and the window's frame and the desktop's bars need room besides: \
+         choose smaller ones in [picture] of the sweep, or let X-Plane run on a larger screen"
     )))
 }
 
@@ -561,7 +553,7 @@ async fn why_absent(grabber: &Grabber) -> Result<&'static str, PixelError> {
     let picture = grabber.grab(RgbPicture::default(), 0).await?;
     Ok(if picture.rgb.iter().all(|level| *level <= BLACK_LEVEL) {
         "All of it is black: under Wayland a program cannot grab the desktop (X-Plane's Log.txt says \"Desktop session type\"). Log in to an \
-         X11 session, or take --pixels screenshot"
+         X11 session"
     } else {
         "Is its window open on this screen, in front of all others, not minimised and not reaching over the edge? If so, the drawing of \
          plugins is missing: switch on Settings > Graphics > \"Use Zink\" in X-Plane 12"

@@ -7,8 +7,12 @@
 //! Off the screen, moving the camera costs frames of settling, so the camera rests at one view while every drawn frame shows the next tick.
 
 mod aircraft_place;
+mod numbers;
+mod pictures;
 mod probe;
+mod requests;
 mod sequence;
+mod settling;
 mod shadow;
 mod trial;
 
@@ -31,8 +35,10 @@ use crate::pixels::still_scene::{CoverWatch, Covered, WorldTime};
 use crate::pixels::{CodedPicture, PixelError, Rectangle};
 use crate::profile::Profile;
 use aircraft_place::{aircraft_place, displaced};
+use pictures::Taken;
 pub(super) use probe::changed_pixels;
-use sequence::{Known, Scene, Sequence, Show, Taken};
+use requests::Show;
+use sequence::{Known, Scene, Sequence};
 use shadow::shadow_place;
 pub(super) use trial::Lagging;
 pub use trial::{BlockTrial, KnownBlocks};
@@ -53,6 +59,8 @@ const MAX_IDLE: u32 = 8;
 const LONG_COVERED: Duration = Duration::from_secs(2);
 /// Time for which a scene that moves in a pause is watched: longer than trees, flags and lights take to swing.
 const WATCH_TIME: Duration = Duration::from_millis(3_200);
+/// Minimum number of images in it: ten per second. With half as many, what swings in 3 s is missed by up to 2 % of its way at the ends.
+const WATCHED_IMAGES: u32 = 32;
 /// How often a scene is watched in the middle of a block, because it moves as it did not before.
 const MAX_WATCHES: u32 = 2;
 /// While time runs, clouds and rain differ from frame to frame: a scene has settled when its mean brightness changes less than this.
@@ -120,11 +128,11 @@ pub struct BlockRecording<'a> {
     covered: Covered,
     /// Ticks that were shown again before that.
     repeated: u32,
-    /// Since when the scene is watched while it settles.
-    watched_since: Option<Instant>,
+    /// Since when the scene is watched while it settles, and the number of its images.
+    watched: Option<(Instant, u32)>,
     /// How often it was watched in the middle of the block.
     watches: u32,
-    /// The last frame whose image was looked at.
+    /// The last frame whose image was looked at, and found uncovered.
     last_look: Option<u64>,
     /// Requests without an answer.
     asked: VecDeque<CaptureRequest>,
@@ -233,7 +241,7 @@ impl Simulator {
             is_proven: false,
             covered: Covered::default(),
             repeated: 0,
-            watched_since: None,
+            watched: None,
             watches: 0,
             last_look: None,
             asked: VecDeque::new(),
@@ -245,7 +253,7 @@ impl Simulator {
 impl BlockRecording<'_> {
     /// No frame's number can be read.
     fn no_code(&self, waited: Duration) -> PixelError {
-        let tick = self.block.first_tick + self.sequence.waits_for_tick();
+        let tick = self.block.first_tick + self.sequence.pictures.delivered;
         PixelError::Unusable(format!(
             "tick {tick}: no frame's number could be read off the screen for {waited:.0?}. Does something cover the edge of X-Plane's \
              window, or was it moved, resized or minimised?"
@@ -275,10 +283,9 @@ impl BlockRecording<'_> {
                     self.take_answers().await?;
                     self.prove().await?;
                 }
-                if let Some(taken) = self.sequence.deliver() {
+                if let Some(taken) = self.sequence.pictures.deliver() {
                     return self.captured(taken).map(Some);
                 }
-                drop(self.sequence.spent());
                 if self.sequence.is_done() {
                     self.finish().await?;
                     return Ok(None);
@@ -289,7 +296,7 @@ impl BlockRecording<'_> {
                 self.ask().await?;
                 let expects_grabs = self.sequence.expects_grabs();
                 self.simulator.grabs.rest(!expects_grabs);
-                if !expects_grabs && !self.sequence.waits_for_answer() {
+                if !expects_grabs && !self.sequence.requests.wait_for_answer() {
                     // A skipped probe has proven the images before it.
                     idle += 1;
                     if idle > MAX_IDLE {
@@ -298,7 +305,7 @@ impl BlockRecording<'_> {
                     continue;
                 }
                 idle = 0;
-                if self.sequence.waits_for_answer() {
+                if self.sequence.requests.wait_for_answer() {
                     self.take_answer().await?;
                     while let Some(grabbed) = self.simulator.grabs.next_now() {
                         self.see(grabbed?)?;
@@ -319,12 +326,10 @@ impl BlockRecording<'_> {
 
     /// Report on the recording. Complete after the last image.
     pub fn report(&self) -> BlockReport {
-        let tally = self.sequence.tally();
+        let tally = self.sequence.tally;
         let all_held = tally.held as usize >= self.block.states.len();
         BlockReport {
-            frames_behind: self
-                .sequence
-                .lag()
+            frames_behind: (self.sequence.known.lag)
                 .filter(|_| !all_held)
                 .map(|lag| lag as u32),
             is_measured: tally.seen > 0,
@@ -363,7 +368,7 @@ impl BlockRecording<'_> {
     fn long_covered(&self) -> Option<Rectangle> {
         let covered = self.covers.covered_for(LONG_COVERED, Instant::now());
         let is_paused = self.simulator.world_time() == WorldTime::Paused;
-        covered.filter(|_| is_paused || self.sequence.waits_for_tick() == 0)
+        covered.filter(|_| is_paused || self.sequence.pictures.delivered == 0)
     }
 
     /// Decides whether something covers the scene, which is waited for, or the scene moves, which is watched.
@@ -395,8 +400,9 @@ impl BlockRecording<'_> {
             self.forget_grabs()?;
             self.covers.forget();
             self.simulator.grabs.rest(false);
-            let until = Instant::now() + WATCH_TIME;
-            while Instant::now() < until {
+            let (since, mut images) = (Instant::now(), 0);
+            while !is_long_watched(since, images) {
+                images += 1;
                 let CodedPicture { code, rgb } = self.next_grab().await?;
                 let near = self.drawn.keys().next_back();
                 if let (Some(near), Some(rgb)) = (near, rgb) {
@@ -431,10 +437,10 @@ impl BlockRecording<'_> {
     /// Begins as if no image had been seen yet. No request is unanswered.
     fn begin_again(&mut self) -> Result<(), PixelError> {
         let (width_px, height_px) = self.block.size_px;
-        self.repeated += self.sequence.tally().repeated;
+        self.repeated += self.sequence.tally.repeated;
         self.sequence = self.simulator.sequence(&self.block);
         self.covers = CoverWatch::new(width_px, height_px, self.simulator.world_time());
-        self.watched_since = None;
+        self.watched = None;
         self.is_proven = false;
         self.forget_grabs()
     }
@@ -508,10 +514,11 @@ impl BlockRecording<'_> {
         let number = code.number_near(near);
         let is_later = self.last_look.is_none_or(|last| number > last);
         if let (Some(rgb), true) = (&rgb, is_later) {
-            self.last_look = Some(number);
             if let Some(from_frame) = self.covered_from(number, rgb)? {
+                // Another grab of this frame is looked at as well: the cover may still be there.
                 return self.take_again(from_frame);
             }
+            self.last_look = Some(number);
         }
         let picture = rgb.map(|rgb| Grabbed {
             rgb,
@@ -524,7 +531,7 @@ impl BlockRecording<'_> {
         if was_settling && !self.sequence.is_settling() {
             self.has_settled()?;
         }
-        if self.sequence.is_hopeless() {
+        if self.sequence.numbers.are_hopeless() {
             return Err(PixelError::NoBlocks(
                 "hardly any frame's number is followed by the next one: they are repeated, missing or drawn too fast to be seen".into(),
             )
@@ -536,14 +543,15 @@ impl BlockRecording<'_> {
     /// Notes for how long the scene is watched while it settles.
     fn let_settle(&mut self, number: u64) {
         if self.sequence.is_settling() && self.sequence.has_had_its_time(number) {
-            let since = *self.watched_since.get_or_insert_with(Instant::now);
-            self.sequence.set_has_watched(since.elapsed() >= WATCH_TIME);
+            let (since, images) = self.watched.get_or_insert_with(|| (Instant::now(), 0));
+            *images += 1;
+            self.sequence.settling.has_watched = is_long_watched(*since, *images);
         }
     }
 
     /// The scene has come to rest, or it moves by itself and was watched.
     fn has_settled(&mut self) -> Result<(), PixelError> {
-        if self.sequence.came_to_rest() {
+        if self.sequence.settling.came_to_rest {
             self.covers.keep_latest();
             Ok(())
         } else if self.simulator.world_time() == WorldTime::Paused {
@@ -622,10 +630,10 @@ impl BlockRecording<'_> {
 
     async fn finish(&mut self) -> Result<(), BridgeError> {
         self.take_answers().await?;
-        let is_measured = self.sequence.tally().seen > 0;
+        let is_measured = self.sequence.tally.seen > 0;
         let known = &mut self.simulator.known_blocks;
-        known.note(self.block.view, self.sequence.lag(), is_measured);
-        if self.sequence.shows_two_frames() && !known.numbers_repeat {
+        known.note(self.block.view, self.sequence.known.lag, is_measured);
+        if self.sequence.numbers.are_late() && !known.numbers_repeat {
             known.numbers_repeat = true;
             tracing::info!(
                 "numbers of frames are repeated or missing: every tick is shown in two frames"
@@ -645,6 +653,11 @@ impl Drop for BlockRecording<'_> {
     }
 }
 
+/// True if a scene was watched for long enough to know how it moves, also on a busy computer, which sees few of its images.
+fn is_long_watched(since: Instant, images: u32) -> bool {
+    since.elapsed() >= WATCH_TIME && images >= WATCHED_IMAGES
+}
+
 /// An image off the screen.
 #[derive(Debug)]
 struct Grabbed {
@@ -653,19 +666,21 @@ struct Grabbed {
     time_runs: bool,
 }
 
+impl PartialEq for Grabbed {
+    fn eq(&self, other: &Self) -> bool {
+        *self.rgb == *other.rgb
+    }
+}
+
 impl Scene for Grabbed {
     fn part(&self, area: Rectangle) -> Vec<u8> {
         let rows = area.rows(self.width_px).filter_map(|row| self.rgb.get(row));
         rows.flatten().copied().collect()
     }
 
-    fn is_same_as(&self, other: &Self) -> bool {
-        *self.rgb == *other.rgb
-    }
-
     fn is_settled_after(&self, before: &Self) -> bool {
         if !self.time_runs {
-            return *self.rgb == *before.rgb;
+            return self == before;
         }
         let mean = |rgb: &[u8]| {
             let sum: u64 = rgb.iter().map(|level| u64::from(*level)).sum();

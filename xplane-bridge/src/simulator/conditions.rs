@@ -248,7 +248,13 @@ impl Simulator {
         writes: &[DatarefWrite],
     ) -> Result<Vec<Option<f32>>, BridgeError> {
         let names: Vec<&str> = writes.iter().map(|write| write.name.as_str()).collect();
-        self.udp.read_all(&names, READ_TIMEOUT).await
+        let found = self.udp.read_all(&names, READ_TIMEOUT).await?;
+        let is_silent = !found.is_empty() && found.iter().all(Option::is_none);
+        if is_silent && self.link.has_ended() {
+            // It has ended: the same would not be answered later either.
+            return Err(BridgeError::silent(self.address, READ_TIMEOUT));
+        }
+        Ok(found)
     }
 }
 

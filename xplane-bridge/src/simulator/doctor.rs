@@ -14,9 +14,7 @@ mod measure;
 mod next;
 mod pace;
 mod pictures;
-mod readable;
 mod sky;
-mod state;
 mod talk;
 mod window;
 
@@ -31,11 +29,12 @@ use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 
 use self::talk::{Silence, Talk};
-use crate::datarefs::{CAPTURE_PORT, Generation};
+use crate::datarefs::Generation;
 use crate::error::BridgeError;
 use crate::link::{Hello, LINK_VERSION, PictureSize};
 use crate::pixels::{FfmpegScreen, Screen};
 use crate::profile::Finding;
+use crate::udp::discovery::DISCOVERY_TIMEOUT;
 use crate::udp::simulator_address::reachable;
 use crate::udp::socket::LocalUdp;
 use crate::{ConnectOptions, Simulator, WebApiPlace};
@@ -189,7 +188,7 @@ impl DoctorOptions {
             address,
             web_api: WebApiPlace::Usual,
             screen: Arc::new(FfmpegScreen::here()),
-            listen: Duration::from_millis(2_500),
+            listen: DISCOVERY_TIMEOUT,
             wait: Duration::from_secs(4),
             local_udp: LocalUdp::default(),
             measuring: Measuring::Once,
@@ -200,21 +199,13 @@ impl DoctorOptions {
 }
 
 /// Names of the checks that need UDP answers, for reporting them as skipped.
-const OVER_UDP: [&str; 5] = [
-    "version",
-    "web api",
-    "datarefs readable",
-    "datarefs writable",
-    "commands",
-];
+const OVER_UDP: [&str; 4] = ["version", "web api", "datarefs writable", "menus"];
 /// Names of the checks that need a capture link.
-const OVER_LINK: [&str; 10] = [
-    "pixels",
+const OVER_LINK: [&str; 8] = [
     "window",
     installation::NAMES[0],
     installation::NAMES[1],
     installation::NAMES[2],
-    "terrain",
     "profile",
     "lockstep",
     pictures::controls::NAME,
@@ -301,15 +292,8 @@ impl Examination<'_> {
             Generation::XPlane11 => Check::skipped("web api", "X-Plane 11 has none"),
             Generation::XPlane12 => talk::web::check(web_api, talk.capture_port().await).await,
         });
-        let readable = readable::check(&mut talk, generation).await;
-        let writable = talk.writable().await;
-        let commands = talk.commands().await;
-        for check in [readable, writable, commands] {
-            self.note(check);
-        }
-        for check in state::checks(&mut talk).await {
-            self.note(check);
-        }
+        self.note(talk.writable().await);
+        self.note(talk.menus().await);
         let (place, clock) = (talk.place().await, talk.clock().await);
         talk.end().await;
         match connect(usual, options).await {
@@ -324,7 +308,6 @@ impl Examination<'_> {
 
     fn skip_all(&mut self, reason: &str) {
         self.skip(&OVER_UDP, reason);
-        self.skip(&state::NAMES, reason);
         self.skip(&["plugin"], reason);
         self.skip(&OVER_LINK, reason);
     }
@@ -337,7 +320,6 @@ impl Examination<'_> {
     ) {
         let description = simulator.description().clone();
         self.note(plugin(&description));
-        self.note(pixels(&description));
         let intent = options.intent.as_ref();
         let window = window::check(&mut simulator, &options.screen, intent).await;
         self.note(window);
@@ -347,14 +329,13 @@ impl Examination<'_> {
         }
         let Some((place, clock)) = here else {
             self.skip(
-                &["terrain", "profile", "lockstep", pictures::controls::NAME],
+                &["profile", "lockstep", pictures::controls::NAME],
                 "the simulator does not say where its aircraft is",
             );
             let released = simulator.release().await;
             self.note(release(released));
             return;
         };
-        self.note(lockstep::terrain(&mut simulator, &place).await);
         let note = &mut |check| self.note(check);
         measure::measure(&mut simulator, place, options, note).await;
         let running_at = simulator.time_has_to_run().then_some(clock);
@@ -435,23 +416,14 @@ fn plugin(description: &Hello) -> Check {
     let Hello { name, version, .. } = description;
     let served_by = description.plugin.as_deref();
     let served_by = served_by.unwrap_or("the simulator itself");
+    let kinds: Vec<&str> = description.pixels.iter().map(|kind| kind.name()).collect();
+    let kinds = kinds.join(", ");
     Check::ok(
         "plugin",
-        format!("capture link version {LINK_VERSION} of {name} {version}, served by {served_by}"),
+        format!(
+            "capture link version {LINK_VERSION} of {name} {version}, served by {served_by}; images come by {kinds}"
+        ),
     )
-}
-
-fn pixels(description: &Hello) -> Check {
-    let names: Vec<&str> = description.pixels.iter().map(|kind| kind.name()).collect();
-    if names.is_empty() {
-        let hint = "X-Plane 11: choose OpenGL in Settings > Graphics; X-Plane 12: run it in a window on this desktop, with XPPython3 able to draw";
-        return Check::failed(
-            "pixels",
-            format!("no way to get at images is offered ({CAPTURE_PORT} is)"),
-            hint,
-        );
-    }
-    Check::ok("pixels", format!("images come by: {}", names.join(", ")))
 }
 
 fn release(released: Result<(), BridgeError>) -> Check {

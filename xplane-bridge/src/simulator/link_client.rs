@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use futures_util::FutureExt;
 use tokio::io::BufReader;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout_at};
@@ -79,6 +80,15 @@ impl LinkClient {
         let stream = self.stream.as_mut().ok_or(BridgeError::LinkClosed)?;
         let sent = before(doing, limit, write_message(stream, request, &[])).await;
         self.close_on_error(sent)
+    }
+
+    /// True if it is closed on either side.
+    pub(super) fn has_ended(&self) -> bool {
+        let seen = self.stream.as_ref().and_then(|stream| {
+            let mut byte = [0];
+            stream.get_ref().peek(&mut byte).now_or_never()
+        });
+        self.stream.is_none() || matches!(seen, Some(Ok(0) | Err(_)))
     }
 
     /// The next answer. Its payload, if it has one, must be read next.

@@ -52,8 +52,8 @@ impl Simulator {
             DrawnOn::Here => Ok(here.clone()),
             DrawnOn::Elsewhere(there) => Ok(there.clone()),
             DrawnOn::OutOfReach(reason) => Err(PixelError::BadInput(format!(
-                "images come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there, \
-                 or, for few images, take --pixels screenshot (docs/x-plane.md, \"X-Plane on another computer\")"
+                "images come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there \
+                 (docs/x-plane.md, \"X-Plane on another computer\")"
             ))),
         }
     }
@@ -107,7 +107,6 @@ impl Simulator {
                         ScreenSource::set_up(screen, picture_px, has_codes, reported, link);
                     PixelSource::Screen(Box::new(source.await?))
                 }
-                PixelKind::Screenshot => PixelSource::Screenshots(wanted),
                 PixelKind::Link | PixelKind::Gl => PixelSource::Payload(kind),
             };
             if has_codes && self.pixels.coded_window().is_none() {
@@ -162,7 +161,6 @@ impl Simulator {
     pub fn deliver(&self) -> Deliver {
         match self.pixels.kind() {
             PixelKind::Screen => Deliver::Drawn,
-            PixelKind::Screenshot => Deliver::Screenshot,
             PixelKind::Link | PixelKind::Gl => Deliver::Picture,
         }
     }
@@ -172,7 +170,7 @@ impl Simulator {
         match self.pixels {
             PixelSource::Payload(_) => MAX_OUTSTANDING_CAPTURES,
             // A frame must stay on the screen until it is grabbed.
-            PixelSource::Screen(_) | PixelSource::Screenshots(_) => 1,
+            PixelSource::Screen(_) => 1,
         }
     }
 }

@@ -44,11 +44,14 @@ pub struct Announced {
     pub beacon: Beacon,
 }
 
-/// All simulators that announce themselves within `time`, under each of their addresses.
+/// All simulators that announce themselves within `time`, or until one at this port does, under each of their addresses.
 ///
 /// # Errors
 /// This computer cannot listen to the beacon.
-pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
+pub async fn announced(
+    time: Duration,
+    wanted_port: Option<u16>,
+) -> Result<Vec<Announced>, BridgeError> {
     let socket = listen(BEACON_PORT)?;
     let until = Instant::now() + time;
     let mut found = BTreeMap::new();
@@ -57,7 +60,11 @@ pub async fn announced(time: Duration) -> Result<Vec<Announced>, BridgeError> {
         let (length, from) = received.map_err(|error| no_multicast(&error))?;
         match FromSimulator::decode(&buffer[..length]) {
             Ok(FromSimulator::Beacon(beacon)) => {
-                note(&mut found, SocketAddr::new(from.ip(), beacon.port), beacon);
+                let port = beacon.port;
+                note(&mut found, SocketAddr::new(from.ip(), port), beacon);
+                if wanted_port == Some(port) {
+                    break;
+                }
             }
             Ok(_) => {}
             Err(error) => tracing::debug!(%from, %error, "no beacon"),
@@ -81,7 +88,7 @@ fn note(found: &mut BTreeMap<SocketAddr, Beacon>, address: SocketAddr, beacon: B
 /// # Errors
 /// No simulator announced itself, or several did ([`BridgeError::SeveralAnnounced`]), or this computer cannot listen to the beacon.
 pub async fn the_announced(time: Duration, local: &LocalUdp) -> Result<Announced, BridgeError> {
-    choose(announced(time).await?, time, local).await
+    choose(announced(time, None).await?, time, local).await
 }
 
 /// Chooses the flying simulator among all heard, at an address where it answers. If none answers, an address of this computer, or the

@@ -192,7 +192,7 @@ pub struct Versions {
     /// Version of the capture link in use; missing in a recorded scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub capture_link: Option<u32>,
-    /// Source of the pixels: `link`, `gl`, `screen` or `screenshot`; missing in a recorded scenario.
+    /// Source of the pixels: `link`, `gl` or `screen`; missing in a recorded scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixels: Option<String>,
     /// FFmpeg's name of the encoder that made the videos, e.g. `libx264` or `h264_nvenc`.

@@ -303,18 +303,6 @@ impl CaptureService {
                 world.imaging = imaging;
                 ready(Answer::Frozen)
             }
-            Request::ProbeTerrain {
-                latitude_deg,
-                longitude_deg,
-            } => {
-                if !(latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 360.0) {
-                    return refusal(format!(
-                        "no ground at latitude {latitude_deg}, longitude {longitude_deg}"
-                    ));
-                }
-                let elevation_msl_m = self.world.lock().terrain_msl_m();
-                ready(Answer::Terrain { elevation_msl_m })
-            }
             Request::CheckPattern { code, .. } => self.check_pattern(code).await,
             Request::Travel { .. } => {
                 refusal("the stand-in is started by PREL, or by its Web API".into())
@@ -384,9 +372,6 @@ impl CaptureService {
             return refusal(bad.to_string());
         }
         match request.deliver {
-            Deliver::Screenshot => {
-                return refusal("only an X-Plane writes screenshots: ask for the image".into());
-            }
             Deliver::Coded | Deliver::Probe => {
                 return refusal("only the plugin numbers its frames: ask for the image".into());
             }

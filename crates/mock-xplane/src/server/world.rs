@@ -26,7 +26,7 @@ use xplane_bridge::datarefs::{self as names, Generation, Version};
 use xplane_bridge::packet::Position;
 
 use self::aircraft::{Aircraft, POSITION, at_rest};
-use self::airport::{GROUND_MSL_M, ON_THRESHOLD, far_away};
+use self::airport::{ON_THRESHOLD, far_away};
 use self::scenery::Scenery;
 use self::scenery::local_frame::LocalFrame;
 use self::sky::Sky;
@@ -391,12 +391,6 @@ impl World {
         self.drawn_frames
     }
 
-    /// Height of the ground above mean sea level, metres: the runway's elevation everywhere.
-    pub(super) fn terrain_msl_m(&self) -> f64 {
-        let runway = self.frozen.as_ref();
-        runway.map_or(GROUND_MSL_M, |runway| runway.threshold.altitude_msl_m)
-    }
-
     /// Height of the ground at a place above its final height, metres; `None` where no scenery is loaded.
     pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
         self.state.scenery.ground_off_m(at)
@@ -421,7 +415,6 @@ impl World {
 /// Commands of X-Plane that clients send and that have no effect on the stand-in.
 const COMMANDS_WITHOUT_EFFECT: &[&str] = &[
     "sim/operation/fix_all_systems",
-    "sim/operation/screenshot",
     "sim/operation/close_windows",
     "sim/operation/toggle_main_menu",
     "sim/flight_controls/flaps_down",

@@ -1,4 +1,5 @@
-//! Leaving a condition out of training: performance in weather, at a time of day, or with a type of aircraft that was never seen.
+//! Leaving a condition out of training: performance in weather, at a time of day, with a type of aircraft, or with a graphics setting that
+//! was never seen.
 
 use airframe::AircraftType;
 use dataset::corpus::splits::Side;
@@ -13,13 +14,14 @@ pub(crate) enum LeftOut<'a> {
     Time(&'a str),
     /// Aircraft type, by name.
     Type(&'a str),
+    /// Graphics setting of the simulator, and its value.
+    Graphics(&'a str, &'a str),
 }
 
 impl<'a> LeftOut<'a> {
-    pub(crate) const EXPECTED: &'static str =
-        "weather=NAME, time=HH:MM or type=NAME, as in scenario.json, or type=ICAO designator";
+    pub(crate) const EXPECTED: &'static str = "weather=NAME, time=HH:MM, type=NAME or graphics=SETTING=VALUE, as in scenario.json, or type=ICAO designator";
 
-    /// Reads `weather=stormy`, `time=18:00` or `type=A359`.
+    /// Reads `weather=stormy`, `time=18:00`, `type=A359` or `graphics=renopt_MSAA=0`.
     pub(crate) fn parse(setting: &'a str) -> Option<Self> {
         match setting.split_once('=')? {
             (_, "") => None,
@@ -28,6 +30,10 @@ impl<'a> LeftOut<'a> {
             ("type", name) => Some(Self::Type(
                 AircraftType::named(name).map_or(name, |of| of.name.as_str()),
             )),
+            ("graphics", setting) => {
+                let (name, value) = setting.split_once('=')?;
+                Some(Self::Graphics(name, value))
+            }
             _ => None,
         }
     }
@@ -37,6 +43,10 @@ impl<'a> LeftOut<'a> {
             Self::Weather(name) => scenario.weather == name,
             Self::Time(name) => scenario.time_of_day == name,
             Self::Type(name) => scenario.aircraft == name,
+            Self::Graphics(name, value) => {
+                let found = scenario.graphics.settings.get(name);
+                found.is_some_and(|found| found == value)
+            }
         }
     }
 
@@ -66,7 +76,7 @@ mod tests {
     use testkit::synthetic::SyntheticCorpus;
 
     #[test]
-    fn a_setting_names_a_weather_a_time_or_a_type() {
+    fn a_setting_names_a_weather_a_time_a_type_or_graphics() {
         assert_eq!(
             LeftOut::parse("weather=stormy"),
             Some(LeftOut::Weather("stormy"))
@@ -76,9 +86,29 @@ mod tests {
             let setting = format!("type={name}");
             assert_eq!(LeftOut::parse(&setting), Some(LeftOut::Type("A350-900")));
         }
-        for wrong in ["stormy", "weather=", "wind=10", ""] {
+        assert_eq!(
+            LeftOut::parse("graphics=renopt_MSAA=0"),
+            Some(LeftOut::Graphics("renopt_MSAA", "0"))
+        );
+        for wrong in ["stormy", "weather=", "wind=10", "graphics=zink", ""] {
             assert_eq!(LeftOut::parse(wrong), None, "{wrong}");
         }
+    }
+
+    #[test]
+    fn scenarios_that_were_drawn_with_the_left_out_graphics_are_the_test_side() {
+        let mut samples = Samples::synthetic(&SyntheticCorpus::tiny(), 0.0);
+        for (at, scenario) in samples.scenarios.iter_mut().enumerate() {
+            let value = if at == 1 { "4" } else { "0" };
+            let settings = &mut scenario.graphics.settings;
+            settings.insert("renopt_MSAA".into(), value.into());
+        }
+        assert!(LeftOut::Graphics("renopt_MSAA", "4").split(&mut samples));
+        let tested: Vec<&str> = (samples.scenarios_of(Side::Test))
+            .map(|scenario| scenario.id.as_str())
+            .collect();
+        assert_eq!(tested, ["0001"]);
+        assert!(!LeftOut::Graphics("renopt_FSR", "4").split(&mut samples));
     }
 
     #[test]

@@ -64,14 +64,15 @@ impl MadeUp {
 }
 
 #[tokio::test]
-async fn pictures_larger_than_the_screen_are_refused_with_the_sizes_that_fit() {
+async fn pictures_larger_than_the_screen_are_refused_with_its_size() {
     let screen: Arc<dyn Screen> = Arc::new(MadeUp::new(|_| {}));
     let mut display = MadeUp::new(|_| {});
     let set_up = ScreenSource::set_up(&screen, (1_920, 1_280), false, None, &mut display).await;
     let said = set_up.unwrap_err().to_string();
     assert!(
         said.contains("images of 1920x1280 pixels do not fit this screen")
-            && said.contains(" do; change [picture]"),
+            && said.contains("which has 240x160, and")
+            && said.contains("[picture] of the sweep"),
         "{said}"
     );
 }

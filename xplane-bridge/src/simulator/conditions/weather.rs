@@ -18,7 +18,6 @@ use crate::datarefs::{
     WEATHER_PRESET, WEATHER_SOURCE, WeatherSource, needs_repeating_after_regeneration,
 };
 use crate::error::{BridgeError, reads};
-use crate::profile::Profile;
 use crate::simulator::Simulator;
 
 /// Time for the preset before the values are written: it sets its own winds half a second later.
@@ -71,13 +70,7 @@ impl Simulator {
             self.pause_for_weather(PRESET_PAUSE).await;
         }
         self.write_weather(writes).await?;
-        let profile = self.profile.current();
-        if profile.is_none_or(Profile::regenerates) {
-            self.regenerate(writes).await?;
-        } else {
-            // It shows without a regeneration.
-            self.await_weather(writes).await?;
-        }
+        self.regenerate(writes).await?;
         let mut shown = self
             .await_effective_weather(planned, &BTreeSet::new())
             .await?;
@@ -114,14 +107,6 @@ impl Simulator {
             .cloned()
             .collect();
         self.write_weather(&again).await
-    }
-
-    /// Timeout of the weather here.
-    fn weather_patience(&self) -> Duration {
-        match self.profile.current() {
-            Some(profile) => profile.weather_patience(PATIENCE),
-            None => PATIENCE,
-        }
     }
 
     /// Waits until the weather reads as it was written; writes it once more if it is late.
@@ -217,7 +202,7 @@ impl Simulator {
             let is_wrong = !value.is_some_and(|value| write.is_met_by(value));
             let is_over = self.description.replayed && is_wrong && unchanged >= REPLAYED_POLLS;
             let patience = if !slides {
-                self.weather_patience()
+                PATIENCE
             } else if is_taken_for_a_moment {
                 PATIENCE_WHILE_IT_SLIDES
             } else {

@@ -69,11 +69,6 @@ impl Shot {
         up_deg: 40.0,
         ..Self::BEHIND
     };
-    /// The horizon and the sky above it.
-    pub(super) const SKY: Self = Self {
-        up_deg: 15.0,
-        ..Self::BEHIND
-    };
 }
 
 /// Source of the images for the measurements.
@@ -172,22 +167,6 @@ impl<'a> Eyes<'a> {
         frames.try_into().map_err(|frames: Vec<_>| {
             BridgeError::wrong_answer(format_args!("{N} images"), frames.len())
         })
-    }
-
-    /// Takes a completely settled image; time and weather continue afterwards.
-    pub(super) async fn glance(&mut self, shot: Shot) -> Result<CapturedFrame, BridgeError> {
-        self.hold(SETTLED, true).await?;
-        let [frame] = self.take([shot]).await?;
-        self.simulator.go_on().await?;
-        Ok(frame)
-    }
-
-    /// [`Self::glance`]; `None` if no image can be seen.
-    pub(super) async fn seen(&mut self, shot: Shot) -> Result<Option<CapturedFrame>, BridgeError> {
-        match self.blind() {
-            None => self.glance(shot).await.map(Some),
-            Some(_) => Ok(None),
-        }
     }
 
     /// Difference of a shot's first settled image from more within three seconds, since waves may repeat, and flags and trees swing slowly.

@@ -17,8 +17,6 @@ use crate::error::BridgeError;
 use crate::link::{CaptureRequest, CapturedFrame, Deliver, PictureSize};
 use crate::profile::Profile;
 
-/// Maximum difference between a probe and the datarefs: they have 32 bits, and wheels are not the centre of gravity.
-const GROUND_TOLERANCE_M: f64 = 10.0;
 /// Height of the displayed aircraft above its place, so that it is not hidden.
 const SHOWN_ABOVE_M: f64 = 300.0;
 /// The camera's position relative to it.
@@ -32,29 +30,6 @@ pub(super) const ANY_SIZE: PictureSize = PictureSize {
 };
 /// An image that takes longer than this makes a scenario take hours.
 const SLOW: Duration = Duration::from_secs(1);
-
-pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) -> Check {
-    const NAME: &str = "terrain";
-    let hint =
-        "Scenery may be missing or still loading there; wait until it is loaded and try again";
-    match simulator
-        .probe_terrain(place.latitude_deg, place.longitude_deg)
-        .await
-    {
-        Err(error) => Check::failed(NAME, error.to_string(), hint),
-        Ok(probed) => {
-            let found = format!(
-                "{probed:.1} m below the aircraft by probe, {:.1} m by its height above ground (they may differ by {GROUND_TOLERANCE_M} m)",
-                place.ground_msl_m
-            );
-            if (probed - place.ground_msl_m).abs() <= GROUND_TOLERANCE_M {
-                Check::ok(NAME, found)
-            } else {
-                Check::warning(NAME, found, hint)
-            }
-        }
-    }
-}
 
 /// Takes images A A B A: all as requested, A the same each time, B different, frame numbers growing. The simulator is paused, unless
 /// pauses do not show new poses and a clock runs.

@@ -51,24 +51,25 @@ pub(super) async fn measure(
     // A clock that follows the computer's continues in a pause, and the sun with it.
     let clock = simulator.take_clock(place.longitude_deg).await;
     let mut profile = unmeasured(simulator);
-    let mut eyes = Eyes::at(simulator, place);
-    pictures::measure(&mut eyes, &mut profile).await;
+    pictures::measure(&mut Eyes::at(simulator, place), &mut profile).await;
     pictures::checks(&profile).into_iter().for_each(&mut *note);
     // Weather changes while time runs.
-    if let Err(error) = eyes.simulator.go_on().await {
+    if let Err(error) = simulator.go_on().await {
         tracing::warn!(%error, "the simulator does not continue");
     }
-    sky::measure(&mut eyes, &mut profile).await;
+    let weather_took_s = sky::measure(simulator, &mut profile).await;
     sky::checks(&profile).into_iter().for_each(&mut *note);
     // As a recording does: with the frames to settle that were just measured.
     simulator.profile = KnownProfile::Current(Box::new(profile.clone()));
     let intent = options.intent.as_ref();
     let (pace, why_settled) = pace::measure(simulator, &place, &options.screen, intent).await;
     profile.pace = pace;
-    if let (Finding::Found(pace), Generation::XPlane11) = (&mut profile.pace, simulator.generation)
-    {
-        // Its weather is given a fixed time.
-        pace.weather_s = Some(simulator.weather_settle.as_secs_f64());
+    if let Finding::Found(pace) = &mut profile.pace {
+        pace.weather_s = match simulator.generation {
+            // Its weather is given a fixed time.
+            Generation::XPlane11 => Some(simulator.weather_settle.as_secs_f64()),
+            Generation::XPlane12 => weather_took_s,
+        };
     }
     note(pace::check(&profile.pace, why_settled));
     let given_back = match clock {
@@ -123,13 +124,9 @@ fn unmeasured(simulator: &Simulator) -> Profile {
     Profile {
         format: PROFILE_FORMAT,
         measured_at: Utc::now().to_rfc3339_opts(SecondsFormat::Secs, true),
-        dtd: env!("CARGO_PKG_VERSION").into(),
         simulator: format!("{} {}", description.name, description.version),
         plugin: description.plugin.clone(),
         wind_unit: Finding::not_measured(WEATHER),
-        visibility_needs_regeneration: Finding::not_measured(WEATHER),
-        clouds_need_regeneration: Finding::not_measured(WEATHER),
-        clouds_take_s: Finding::not_measured(WEATHER),
         weather_follows: following::nothing(WEATHER),
         pause_shows_poses: Finding::not_measured(NOTHING_NEW),
         frames_until_settled: Finding::not_measured(NOTHING_NEW),

@@ -176,10 +176,6 @@ async fn settled(mut eyes: Eyes<'_>) -> Result<Pace, BridgeError> {
     if let Some(reason) = eyes.blind() {
         return Err(BridgeError::Failed(reason));
     }
-    if eyes.simulator.pixels() == PixelKind::Screenshot {
-        let reason = "X-Plane writes screenshots, which takes seconds each";
-        return Err(BridgeError::Failed(reason.into()));
-    }
     let settle_frames = eyes.simulator.frames_to_settle();
     let is_paused = !eyes.simulator.time_has_to_run();
     eyes.hold(settle_frames, is_paused).await?;

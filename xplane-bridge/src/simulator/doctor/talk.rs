@@ -1,4 +1,4 @@
-//! Checks over UDP: version, capture link, writing, commands, position. The values read are evaluated elsewhere.
+//! Checks over UDP: version, capture link, writing, menus, position. The values read are evaluated elsewhere.
 
 pub(crate) mod announcement;
 pub(crate) mod web;
@@ -11,18 +11,12 @@ use dataset::conditions::Clock;
 
 use super::{Check, DoctorOptions};
 use crate::datarefs::{
-    CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DATE_DAYS, DatarefWrite,
+    CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DATE_DAYS, DatarefWrite, FLIGHT_TIME_S,
     NAV1_COURSE_MAGNETIC, PAUSED, VERSION, Version, ZULU_TIME_S,
 };
 use crate::error::BridgeError;
 use crate::udp::socket::SimulatorSocket;
 
-/// Latitude of the aircraft, degrees.
-pub(super) const LATITUDE: &str = "sim/flightmodel/position/latitude";
-/// Longitude of the aircraft, degrees.
-pub(super) const LONGITUDE: &str = "sim/flightmodel/position/longitude";
-/// Frame duration, seconds.
-pub(super) const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
 /// Oldest version on which XPPython3 runs: 11.52.
 const OLDEST: f32 = 115_200.0;
 
@@ -129,27 +123,36 @@ impl Talk {
         )
     }
 
-    /// Pauses and resumes, or the reverse if it is paused.
-    pub(super) async fn commands(&mut self) -> Check {
-        const NAME: &str = "commands";
-        let Some(before) = self.read(&[PAUSED]).await[0] else {
-            return Check::skipped(NAME, format!("{PAUSED} could not be read"));
-        };
-        let was_paused = before != 0.0;
-        for paused in [!was_paused, was_paused] {
-            if let Err(found) = self.set_pause(paused).await {
-                return Check::failed(
-                    NAME,
-                    found,
-                    "Close menus and dialogs in X-Plane, and load a flight",
-                );
-            }
+    /// Behind a menu or a dialog X-Plane answers, but its time stands still, also without a pause.
+    pub(super) async fn menus(&mut self) -> Check {
+        const NAME: &str = "menus";
+        let was_paused = self.read(&[PAUSED]).await[0].is_some_and(|value| value != 0.0);
+        if was_paused {
+            self.set_pause(false).await;
         }
-        Check::ok(NAME, "pause and resume were taken")
+        let before_s = self.read(&[FLIGHT_TIME_S]).await[0];
+        let moves = |now_s: f32| before_s.is_some_and(|before_s| now_s > before_s);
+        let now_s = self.read_expecting(FLIGHT_TIME_S, moves).await;
+        if was_paused {
+            self.set_pause(true).await;
+        }
+        match (before_s, now_s) {
+            (Some(_), Some(now_s)) if moves(now_s) => {
+                Check::ok(NAME, "simulated time runs: none is open")
+            }
+            (Some(before_s), Some(_)) => Check::failed(
+                NAME,
+                format!(
+                    "{FLIGHT_TIME_S} stays at {before_s}: a menu or a dialog is open, or no flight is loaded"
+                ),
+                "Close it in X-Plane (Escape), or start a flight",
+            ),
+            _ => Check::skipped(NAME, format!("{FLIGHT_TIME_S} could not be read")),
+        }
     }
 
-    /// Pauses or resumes; the error says what was found.
-    async fn set_pause(&mut self, paused: bool) -> Result<(), String> {
+    /// Pauses or resumes, if the simulator takes it.
+    async fn set_pause(&mut self, paused: bool) {
         let command = if paused {
             COMMAND_PAUSE_ON
         } else {
@@ -157,8 +160,7 @@ impl Talk {
         };
         let is_so = |value: f32| (value != 0.0) == paused;
         let send = async |udp: &SimulatorSocket| udp.command(command).await;
-        let sent = self.send_until(send, PAUSED, is_so).await;
-        sent.map_err(|found| format!("after {command}, {PAUSED} reads {found:?}"))
+        let _ = self.send_until(send, PAUSED, is_so).await;
     }
 
     /// Sends something, which may be lost, until a dataref shows its effect; the error is its last value.
@@ -179,19 +181,6 @@ impl Talk {
         Err(found)
     }
 
-    /// Runs something while time runs, and pauses again if there was a pause.
-    pub(super) async fn while_running<T>(&mut self, look: impl AsyncFnOnce(&mut Self) -> T) -> T {
-        let was_paused = self.read(&[PAUSED]).await[0].is_some_and(|value| value != 0.0);
-        if was_paused {
-            let _ = self.set_pause(false).await;
-        }
-        let seen = look(self).await;
-        if was_paused {
-            let _ = self.set_pause(true).await;
-        }
-        seen
-    }
-
     /// The simulator's clock.
     pub(super) async fn clock(&mut self) -> Option<Clock> {
         let values = self.read(&[DATE_DAYS, ZULU_TIME_S]).await;
@@ -206,8 +195,8 @@ impl Talk {
 
     pub(super) async fn place(&mut self) -> Option<PlaceOnGround> {
         let names = [
-            LATITUDE,
-            LONGITUDE,
+            "sim/flightmodel/position/latitude",
+            "sim/flightmodel/position/longitude",
             "sim/flightmodel/position/elevation",
             "sim/flightmodel/position/y_agl",
         ];

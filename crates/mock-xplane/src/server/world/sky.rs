@@ -252,7 +252,7 @@ impl Sky {
 
     /// True if clouds that are written now will be drawn.
     fn clouds_show(&self) -> bool {
-        self.now_s <= self.clouds_open_until_s || self.quirks.has(Quirk::RegenerationNotNeeded)
+        self.now_s <= self.clouds_open_until_s
     }
 
     fn take_over_all_but_clouds(&mut self, datarefs: &Datarefs) {

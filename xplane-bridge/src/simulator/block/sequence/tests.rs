@@ -2,6 +2,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
 use super::*;
+use crate::simulator::block::settling::EQUAL_GRABS;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Fake {
@@ -18,10 +19,6 @@ impl Scene for Fake {
 
     fn is_settled_after(&self, before: &Self) -> bool {
         self.brightness == before.brightness
-    }
-
-    fn is_same_as(&self, other: &Self) -> bool {
-        self == other
     }
 }
 
@@ -159,23 +156,22 @@ fn record_from(
                 sequence.seen(code.0, code.1, Some(picture));
             }
         }
-        while let Some(taken) = sequence.deliver() {
+        while let Some(taken) = sequence.pictures.deliver() {
             assert_eq!(taken.picture.brightness, 0, "it has settled");
             shown.push(taken.picture.show);
         }
-        sequence.spent();
         if sequence.is_done() {
             return Recorded {
                 shown,
                 frames: frame + 1,
-                tally: sequence.tally(),
-                lag: sequence.lag(),
+                tally: sequence.tally,
+                lag: sequence.known.lag,
             };
         }
     }
     panic!(
         "not done: {world:?}, seed {seed}, tick {}",
-        sequence.delivered
+        sequence.pictures.delivered
     );
 }
 

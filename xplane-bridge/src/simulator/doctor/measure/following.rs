@@ -2,6 +2,7 @@
 //! as a scenario's would be, and each quantity must be as set under both.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use dataset::conditions::Weather;
 use dataset::corpus::effective_weather::{EffectiveQuantity, EffectiveWeather};
@@ -15,14 +16,18 @@ use crate::simulator::doctor::sky::{CALM, OVERCAST};
 
 const NAME: &str = "weather at the aircraft";
 
-/// Sets both weathers; `unit` is the unit of written winds, if known.
+/// Sets both weathers; `unit` is the unit of written winds, if known. Returns as well the time that one took, seconds.
 pub(crate) async fn measure(
     simulator: &mut Simulator,
     unit: Option<WindUnit>,
-) -> BTreeMap<EffectiveQuantity, Finding<bool>> {
+) -> (BTreeMap<EffectiveQuantity, Finding<bool>>, Option<f64>) {
+    let began = Instant::now();
     match shown_under_both(simulator, unit).await {
-        Ok(shown) => findings(&shown),
-        Err(error) => nothing(&error.to_string()),
+        Ok(shown) => {
+            let each_s = began.elapsed().as_secs_f64() / shown.len() as f64;
+            (findings(&shown), Some(each_s))
+        }
+        Err(error) => (nothing(&error.to_string()), None),
     }
 }
 

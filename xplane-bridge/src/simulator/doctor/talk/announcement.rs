@@ -11,7 +11,8 @@ const NAME: &str = "beacon";
 /// Listens for the beacon of the examined simulator, or of any if no address is known; returns the announced address. If several
 /// announce themselves and none was specified, the check fails.
 pub(crate) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr>) {
-    let heard = match announced(options.listen).await {
+    let wanted_port = options.address.map(|address| address.port());
+    let heard = match announced(options.listen, wanted_port).await {
         Ok(heard) => heard,
         Err(error) => return (Check::skipped(NAME, error.to_string()), None),
     };

@@ -3,7 +3,6 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use crate::datarefs::CAPTURE_PORT;
 use crate::simulator::connect_options::find_web_api::{NotUsed, find};
 use crate::simulator::doctor::Check;
 use crate::web_api::{WebApi, WebApiError};
@@ -22,7 +21,11 @@ pub(crate) async fn check(place: Option<SocketAddr>, capture_port: Option<u16>) 
         return Check::skipped(NAME, reason);
     };
     let Some(capture_port) = capture_port else {
-        return without_plugin(address).await;
+        // It may be another's: only the port of the capture link shows whose it is.
+        return Check::skipped(
+            NAME,
+            "without the plugin nothing shows which simulator it belongs to",
+        );
     };
     match find(address, capture_port).await {
         Ok(api) => {
@@ -47,21 +50,6 @@ pub(crate) async fn check(place: Option<SocketAddr>, capture_port: Option<u16>) 
             };
             Check::warning(NAME, reason.to_string(), hint)
         }
-    }
-}
-
-/// Something may answer, but only the port of the capture link shows whose it is, and there is none.
-async fn without_plugin(address: SocketAddr) -> Check {
-    match WebApi::connect(address, TIMEOUT).await {
-        Err(error) => Check::warning(NAME, error.to_string(), HINT),
-        Ok(api) => Check::warning(
-            NAME,
-            format!(
-                "X-Plane {} answers at {address}; whether it is this one cannot be told without {CAPTURE_PORT}",
-                api.simulator_version()
-            ),
-            "Put the plugin in place first: see below",
-        ),
     }
 }
 
