@@ -13,7 +13,6 @@ mod link_client;
 mod pictures;
 mod profile;
 mod settings_watch;
-mod setup;
 mod udp;
 
 use std::collections::{BTreeSet, VecDeque};

@@ -326,9 +326,9 @@ async fn refusals_come_with_their_reason_and_leave_the_link_usable() {
 }
 
 #[tokio::test]
-async fn the_client_is_told_who_serves_the_link_and_how_high_the_ground_is() {
+async fn the_client_is_told_who_serves_the_link() {
     let running = start(Arc::new(Scribe::default())).await;
-    let mut simulator = connected(&running).await;
+    let simulator = connected(&running).await;
     assert_eq!(simulator.description().plugin, None);
     assert_eq!(simulator.description().pixels, [PixelKind::Link]);
     assert_eq!(simulator.description().window, None);
@@ -409,7 +409,7 @@ async fn a_frame_that_is_only_drawn_has_no_payload() {
     };
     for request in [drawn, capture(8, 0)] {
         let frame = captured(&mut simulator, &request).await;
-        assert!(request.payload_bytes().contains(&frame.rgb.len()));
+        assert_eq!(request.payload_bytes(), frame.rgb.len());
         assert_eq!(frame.header.pose, request.pose);
     }
     let shown = wall.0.lock().unwrap();

@@ -152,6 +152,15 @@ impl Simulator {
         Ok(last)
     }
 
+    /// Draws the check pattern with a code over the simulator's window, or removes it. Returns the number of the first frame that
+    /// shows it so. While it is shown, captures are rejected.
+    ///
+    /// # Errors
+    /// The simulator cannot draw it, or the link is broken.
+    pub fn check_pattern(&mut self, code: Option<u32>) -> BoxFuture<'_, Result<u64, BridgeError>> {
+        Box::pin(self.link.check_pattern(code, false))
+    }
+
     /// Source of the images.
     pub fn pixels(&self) -> PixelKind {
         self.pixels.kind()

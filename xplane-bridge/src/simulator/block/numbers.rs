@@ -68,7 +68,9 @@ impl<P: PartialEq> Numbers<P> {
             if self.repeated >= REPEATED_NUMBERS {
                 self.stale_frames = 1;
             }
-            return (refused(self.newest.take()), is_first_doubt);
+            let picture = None;
+            let newest = self.newest.take().map(|grab| Grab { picture, ..grab });
+            return (newest, is_first_doubt);
         }
         self.newest_number = number;
         let next = picture.map(|picture| Grab {
@@ -84,11 +86,9 @@ impl<P: PartialEq> Numbers<P> {
         if self.refused >= MANY_REFUSED {
             self.stale_frames = 1;
         }
-        let grab = Some(grab);
-        (
-            if is_followed { grab } else { refused(grab) },
-            is_first_doubt && self.stale_frames > 0,
-        )
+        let picture = grab.picture.filter(|_| is_followed);
+        let grab = Grab { picture, ..grab };
+        (Some(grab), is_first_doubt && self.stale_frames > 0)
     }
 
     /// True if hardly any number is followed by the next one, so that no grab counts.
@@ -105,9 +105,4 @@ impl<P: PartialEq> Numbers<P> {
     pub(super) fn forget_from(&mut self, number: u64) {
         self.newest.take_if(|grab| grab.number >= number);
     }
-}
-
-fn refused<P>(grab: Option<Grab<P>>) -> Option<Grab<P>> {
-    let picture = None;
-    grab.map(|grab| Grab { picture, ..grab })
 }
