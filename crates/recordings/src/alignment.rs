@@ -35,8 +35,9 @@ const OF_WIDTH: f64 = 0.01;
 const BOX_ERRORS_LAST_S: f64 = 3.3;
 /// Errors of smoothed ADS-B last for twice the time over which it is smoothed, 7 s: the time between their knots.
 const KNOT_S: f64 = 14.0;
-/// Prior variance of a knot in squares of the path's deviation: between knots that are independent, the mean variance is 2/3.
-const OF_INTERPOLATED: f64 = 1.5;
+/// Prior variance of a knot in squares of the path's deviation: the mean variance between independent knots is 2/3, and ground speeds,
+/// which that deviation leaves out, take a quarter of the variance.
+const OF_INTERPOLATED: f64 = 1.1;
 /// Error of a smoothed barometric height that lasts for seconds, metres: steps of 25 ft.
 const STEPS_SD_M: f64 = 1.0;
 /// Distance of an arrival from the middle of the image, in images, beyond which no box shows it.

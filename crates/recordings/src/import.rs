@@ -11,7 +11,7 @@ use dataset::corpus::scenario::SourceFile;
 use dataset::corpus::seal::hash_file;
 use dataset::corpus::workshop::{NEW, Workshop, is_vacant, resolve};
 use dataset::numbers::spread::median_of;
-use dataset::numbers::units::{METERS_PER_FOOT, METERS_PER_NAUTICAL_MILE};
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
 use dataset::work::watch::Watch;
 use generator::tracks::{NamedColumn, arrivals};
 use labeller::Searcher;
@@ -330,15 +330,8 @@ fn misfit(camera: &CameraOutcome, hint: &str) -> Refused {
 }
 
 /// Corrections of a camera beyond its stated deviations, with likely causes, and the largest correction in deviations.
-fn doubts(model: &CameraModel, camera: &CameraDescription) -> (Vec<String>, f64) {
+fn doubts(model: &CameraModel) -> (Vec<String>, f64) {
     let [_, drift, pan, tilt, roll, focal, north_m, east_m, up_m] = model.values;
-    let altitude_m = camera.entry.placed.pose.altitude_msl_m;
-    let in_feet_m = altitude_m * METERS_PER_FOOT - altitude_m;
-    let height = if (up_m - in_feet_m).abs() < up_m.abs() / 4.0 {
-        "is its altitude in feet?"
-    } else {
-        "is its altitude above another datum?"
-    };
     let turned = "was it turned, or is its direction magnetic?";
     let corrections = [
         (
@@ -365,7 +358,13 @@ fn doubts(model: &CameraModel, camera: &CameraDescription) -> (Vec<String>, f64)
             6,
             "are its coordinates mistyped, or of another datum?",
         ),
-        ("height", up_m, "m", 8, height),
+        (
+            "height",
+            up_m,
+            "m",
+            8,
+            "is its altitude in feet, or above another datum?",
+        ),
     ];
     let (mut doubts, mut worst) = (Vec::new(), 0.0_f64);
     for (what, by, unit, number, cause) in corrections {
@@ -617,7 +616,7 @@ fn camera_outcome(
     let sds = alignment.camera_sds(camera);
     let offset_s = model.coarse_s + model.values[0];
     let matched = found.flights.iter().flatten().count();
-    let (doubts, worst_correction) = doubts(model, description);
+    let (doubts, worst_correction) = doubts(model);
     let longitude_deg = description.entry.placed.pose.longitude_deg;
     CameraOutcome {
         camera: description.name.clone(),

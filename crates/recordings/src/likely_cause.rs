@@ -51,7 +51,7 @@ mod tests {
 
     #[test]
     fn whole_half_hours_gps_time_and_a_second_are_named_and_other_offsets_are_not() {
-        let at = |longitude_deg, offset_s| likely_cause(offset_s, 0.01, 2.0, longitude_deg);
+        let at = |longitude_deg, offset_s| likely_cause(offset_s, 0.01, 0.3, longitude_deg);
         let said = |offset_s| at(104.0, offset_s).unwrap_or_default();
         assert_eq!(said(-28_800.1), "local time instead of UTC (+8.0 h)");
         assert_eq!(

@@ -345,3 +345,37 @@ impl Sightings {
         dataset::numbers::spread::median_of(steps).unwrap_or(1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_of_two_boxes_in_an_image_is_no_track_and_after_a_gap_another_one() {
+        let seen = |time_s: f64, track| Sighting {
+            time_s,
+            pixel_box: PixelBox::from_edges(0.0, 0.0, 4.0, 2.0),
+            score: 1.0,
+            track: Some(track),
+        };
+        let mut found = Sightings {
+            boxes: vec![
+                seen(0.0, 5),
+                seen(0.0, 6),
+                seen(1.0, 5),
+                seen(1.0, 6),
+                seen(2.0, 6),
+                seen(2.0, 6),
+                seen(60.0, 5),
+            ],
+            ..Sightings::default()
+        };
+        found.separate_tracks();
+        let tracks: Vec<Option<u32>> = found.boxes.iter().map(|seen| seen.track).collect();
+        assert_eq!(
+            tracks,
+            [Some(0), None, Some(0), None, None, None, Some(1)],
+            "6 shows two aircraft at 2 s"
+        );
+    }
+}

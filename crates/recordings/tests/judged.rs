@@ -200,7 +200,7 @@ fn a_camera_that_is_not_where_it_is_stated_is_refused_with_the_likely_cause() {
             .join("\n")
     };
     let said = stated("altitude_m", &|metres| metres / 0.3048);
-    assert!(said.contains("is its altitude in feet?"), "{said}");
+    assert!(said.contains("is its altitude in feet"), "{said}");
     let said = stated("latitude_deg", &|degrees| degrees + 0.003);
     assert!(said.contains("its place"), "{said}");
 }
