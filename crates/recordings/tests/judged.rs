@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use dataset::work::watch::Silent;
 use recordings::{ImportOutcome, import};
 use serde_json::Value;
 use testkit::judged;
@@ -17,7 +18,9 @@ fn recording(folder: &Path, arguments: &str) {
 }
 
 fn imported(folder: &Path) -> ImportOutcome {
-    import(&folder.join("tower/recording.toml"), &folder.join("corpus")).unwrap()
+    let no_videos = || unreachable!("only videos need a detector");
+    let [recording, corpus] = ["tower/recording.toml", "corpus"].map(|name| folder.join(name));
+    import(&recording, &corpus, no_videos, &Silent).unwrap()
 }
 
 fn verdict(folder: &Path) -> Value {
