@@ -71,7 +71,7 @@ async fn pictures_larger_than_the_screen_are_refused_with_its_size() {
     let said = set_up.unwrap_err().to_string();
     assert!(
         said.contains("images of 1920x1280 pixels do not fit this screen")
-            && said.contains("which has 240x160, and")
+            && said.contains("which has 200x150, and")
             && said.contains("[picture] of the sweep"),
         "{said}"
     );
