@@ -247,7 +247,7 @@ pub(crate) enum Verb {
     /// Make recordings for a sweep from tracks of real arrivals
     #[command(subcommand, after_help = help::TRACKS_IMPORT)]
     Tracks(TracksCommand),
-    /// Make a corpus of recorded boxes, cameras and tracks
+    /// Make a corpus of recorded videos, cameras and tracks
     #[command(after_help = help::IMPORT)]
     Import(ImportArgs),
     /// Install the plugin for poses and images into X-Plane
