@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Builds all tests in the release profile and runs their programs, six at a time.
+"""Builds all tests in the release profile and runs their programs, four at a time.
 
 `cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: together they take half an
 hour of processor time in more than an hour. The output of a program is printed when it ends, and one failure does not hide the others. A
@@ -18,7 +18,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
 CARGO_TEST = ["cargo", "test", "--release", "--locked", "--workspace"]
-AT_ONCE = 6
+AT_ONCE = 4
 # The longest program took 890 s on two busy cores.
 HANGS_AFTER_S = 1_500
 # Those with limits in real time: they run beside the others, which yield the processor to them.

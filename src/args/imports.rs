@@ -73,9 +73,9 @@ pub(crate) struct ImportArgs {
     /// New folder for the corpus
     #[arg(long, value_name = "CORPUS", value_parser = Output::Folder.parser())]
     pub(crate) out: PathBuf,
-    /// The detector for videos, an ONNX file [default: the bundled one]
+    /// The detector, an ONNX file [default: the bundled one]
     ///
-    /// The bundled one is for images of the bundled simulator, and has never seen a photograph (docs/detectors.md).
+    /// It searches videos. The bundled one was not trained on photographs (docs/detectors.md).
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]

@@ -40,7 +40,7 @@ pub use index::fragments::recorded_pictures;
 pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::{RgbPicture, VideoReader};
 pub use time_base::TimeBase;
-pub use unlike_scene::{is_turned, unlike_the_scene};
+pub use unlike_scene::{turned, unlike_the_scene};
 pub use writer::{GROUP_OF_PICTURES, VideoWriter};
 
 use crate::error::{Error, Result};

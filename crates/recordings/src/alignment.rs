@@ -164,7 +164,7 @@ impl<'a> FlightModel<'a> {
 
     /// Corrections of the position at a time along the path, to the right, and up, metres.
     pub(crate) fn moved_m(&self, utc_s: f64, height_m: f64) -> DVec3 {
-        let [_, rise_m, stretch] = [self.values[0], self.values[1], self.values[2]];
+        let (rise_m, stretch) = (self.values[1], self.values[2]);
         let steady = DVec3::new(0.0, 0.0, rise_m + stretch * height_m);
         self.knots(utc_s).fold(steady, |sum, (first, share)| {
             sum + share * DVec3::from_slice(&self.values[first..first + OF_KNOT])

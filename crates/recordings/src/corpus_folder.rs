@@ -64,12 +64,12 @@ pub(crate) struct Parts<'a> {
     pub(crate) flights: &'a [usize],
 }
 
-/// `detections/<name>.json` of boxes that came as tables.
+/// `detections/<name>.json`.
 #[derive(Serialize)]
 struct BoxesRecord<'a> {
     #[serde(flatten)]
     provenance: Provenance,
-    /// The tables by camera.
+    /// The tables, or videos, by camera.
     sources: BTreeMap<&'a str, &'a SourceFile>,
     dtd: &'static str,
     detections: usize,
@@ -295,12 +295,16 @@ impl Parts<'_> {
         } else {
             Origin::Derived
         };
+        let boxes_are = match self.detector {
+            Some(_) => Origin::Derived,
+            None => Origin::Measured,
+        };
         let origins = [
             ("positions", places),
             ("attitudes", Origin::Derived),
             ("controls", Origin::Derived),
             ("image_times", Origin::Derived),
-            ("boxes", Origin::Measured),
+            ("boxes", boxes_are),
             ("cameras", cameras),
             ("runway", Origin::Assumed),
             ("aircraft", Origin::Assumed),
@@ -390,7 +394,11 @@ impl Scenario {
             });
             hash.finalize().to_string()
         };
-        let config_hash = hash_of(&[&self.id, description_blake3, &path.states_blake3]);
+        let detector = parts
+            .detector
+            .map(ModelIdentity::blake3)
+            .unwrap_or_default();
+        let config_hash = hash_of(&[&self.id, description_blake3, &path.states_blake3, &detector]);
         let record = ScenarioRecord {
             schema_version: RECORDED_SCHEMA_VERSION,
             id: self.id.clone(),

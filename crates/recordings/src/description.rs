@@ -313,15 +313,30 @@ impl WrittenTrack {
     }
 }
 
-impl WrittenVideo {
-    /// # Errors
-    /// The reason why its time is wrong.
-    fn checked(&self, folder: &Path) -> std::result::Result<Video, String> {
+/// # Errors
+/// A file is named twice, or the camera's clock cannot be one: files state whole seconds.
+fn checked_videos(
+    written: &[WrittenVideo],
+    folder: &Path,
+) -> std::result::Result<Vec<Video>, String> {
+    let mut files = BTreeSet::new();
+    let checked = written.iter().map(|video| {
+        let file = video.file.display();
+        if !files.insert(&video.file) {
+            return Err(format!("{file} is named twice"));
+        }
+        if written.len() > 1 && video.first_image.is_none() {
+            return Err(format!(
+                "{file}: several videos of a camera have one clock, so each needs the time of its `first_image`"
+            ));
+        }
+        let first_image_s = video.first_image.as_deref().map(utc_s).transpose();
         Ok(Video {
-            file: folder.join(&self.file),
-            first_image_s: self.first_image.as_deref().map(utc_s).transpose()?,
+            file: folder.join(&video.file),
+            first_image_s: first_image_s.map_err(|why| format!("{file}: {why}"))?,
         })
-    }
+    });
+    checked.collect()
 }
 
 /// True of a name such as EGM2008 or OSGM15: letters, then a number.
@@ -383,19 +398,25 @@ impl WrittenCamera {
         let (boxes, videos) = match (&self.boxes, &*self.videos) {
             (Some(boxes), []) => (folder.join(boxes), Vec::new()),
             (None, videos @ [_, ..]) if !is_numbered => {
-                let videos = videos.iter().map(|video| video.checked(folder));
-                let videos = videos.collect::<std::result::Result<_, String>>();
+                let checked = checked_videos(videos, folder);
                 (
                     PathBuf::new(),
-                    videos.map_err(|why| refused("videos", why))?,
+                    checked.map_err(|why| refused("videos", why))?,
                 )
             }
-            (None, [_, ..]) => {
-                let why = "are searched for boxes: `format`, `first_image` and `images_per_s` belong to tables of `boxes`";
+            (found, [_, ..]) => {
+                let why = match found {
+                    Some(_) => {
+                        "are searched for boxes, and `boxes` is a table of them; name one of both"
+                    }
+                    None => {
+                        "are searched for boxes: `format`, `first_image` and `images_per_s` belong to tables of `boxes`"
+                    }
+                };
                 return Err(refused("videos", why.to_owned()));
             }
-            _ => {
-                let why = "expected either `boxes`, a table, or `videos`, which are searched";
+            (None, []) => {
+                let why = "expected `boxes`, a table, or `videos`, which are searched";
                 return Err(refused("name", why.to_owned()));
             }
         };

@@ -37,6 +37,16 @@ impl Error {
         ))
     }
 
+    /// True if a table or video is wrong, so that the rest can be imported without it.
+    pub(crate) fn is_of_a_file(&self) -> bool {
+        match self {
+            Self::Dataset(error) | Self::Search(labeller::Error::Dataset(error)) => {
+                !error.is_of_environment()
+            }
+            _ => false,
+        }
+    }
+
     /// True if the input is wrong, not the disk.
     pub fn is_bad_input(&self) -> bool {
         match self {

@@ -121,37 +121,54 @@ pub fn import(
         return Err(dataset::Error::corpus(&out, fault).into());
     }
     let workshop = Workshop::enter(&out, &[SCRATCH, SEARCHED], Duration::ZERO)?;
-    let with_videos: Vec<&CameraDescription> = (described.cameras.iter())
-        .filter(|camera| !camera.videos.is_empty())
-        .collect();
-    let (detector, searched) = match &*with_videos {
-        [] => (None, Vec::new()),
-        cameras => {
-            let searcher = detector()?;
-            let searched = videos::search(cameras, &searcher, &workshop.path(SEARCHED), watch)?;
-            (Some(searcher.model().clone()), searched)
+    let made = make(description, &described, &workshop, detector, watch);
+    let cleared = workshop.remove(SCRATCH);
+    let made = match made {
+        Ok(outcome) => outcome,
+        Err(error) => {
+            workshop.remove(NEW)?;
+            return Err(error);
         }
     };
-    let names = with_videos.iter().map(|camera| &*camera.name);
-    let videos = Videos {
-        searched: names.zip(searched).collect(),
-        // The boxes are a model's if all of them are.
-        detector: detector.filter(|_| with_videos.len() == described.cameras.len()),
-    };
-    let made = make(description, &described, videos, &workshop);
-    workshop.remove(SCRATCH)?;
-    // A description that is mended needs no second search.
-    workshop.remove(if made.is_err() { NEW } else { SEARCHED })?;
-    made
+    cleared?;
+    // Whoever mends the description and imports again needs no second search.
+    if made.refused.is_empty() {
+        workshop.remove(SEARCHED)?;
+    }
+    Ok(made)
 }
 
 /// Results of searching videos.
+#[derive(Default)]
 struct Videos<'a> {
     searched: BTreeMap<&'a str, Result<Searched>>,
     detector: Option<ModelIdentity>,
 }
 
-impl Videos<'_> {
+impl<'a> Videos<'a> {
+    fn search(
+        described: &'a Description,
+        workshop: &Workshop,
+        detector: impl FnOnce() -> labeller::Result<Searcher>,
+        watch: &dyn Watch,
+    ) -> Result<Self> {
+        let cameras: Vec<&CameraDescription> = (described.cameras.iter())
+            .filter(|camera| !camera.videos.is_empty())
+            .collect();
+        if cameras.is_empty() {
+            return Ok(Self::default());
+        }
+        let searcher = detector()?;
+        let searched = videos::search(&cameras, &searcher, &workshop.path(SEARCHED), watch)?;
+        let names = cameras.iter().map(|camera| &*camera.name);
+        // The boxes are a model's if all of them are.
+        let is_all = cameras.len() == described.cameras.len();
+        Ok(Self {
+            searched: names.zip(searched).collect(),
+            detector: is_all.then(|| searcher.model().clone()),
+        })
+    }
+
     /// A camera's boxes and their source.
     fn seen_by(&mut self, camera: &CameraDescription) -> Result<(Sightings, SourceFile)> {
         let Some(searched) = self.searched.remove(&*camera.name) else {
@@ -169,8 +186,9 @@ impl Videos<'_> {
 fn make(
     file: &Path,
     described: &Description,
-    mut videos: Videos<'_>,
     workshop: &Workshop,
+    detector: impl FnOnce() -> labeller::Result<Searcher>,
+    watch: &dyn Watch,
 ) -> Result<ImportOutcome> {
     let mut outcome = ImportOutcome::default();
     let scratch = workshop.path(SCRATCH);
@@ -186,22 +204,23 @@ fn make(
     }
     let mut paths = without_doubles(paths, &mut outcome.refused);
     name_apart(&mut paths);
+    if paths.is_empty() {
+        return Err(unusable(&outcome.refused, "no track is an arrival"));
+    }
+    let mut videos = Videos::search(described, workshop, detector, watch)?;
     let mut cameras: Vec<(&CameraDescription, Sightings, SourceFile)> = Vec::new();
     for camera in &described.cameras {
         match videos.seen_by(camera) {
             Ok((seen, source)) => cameras.push((camera, seen, source)),
-            Err(error) if error.is_bad_input() => outcome.refused.push(Refused {
+            Err(error) if error.is_of_a_file() => outcome.refused.push(Refused {
                 what: format!("camera {}", camera.name),
                 reason: error.to_string(),
             }),
             Err(error) => return Err(error),
         }
     }
-    if paths.is_empty() || cameras.is_empty() {
-        return Err(unusable(
-            &outcome.refused,
-            "no track is an arrival, or no camera has boxes",
-        ));
+    if cameras.is_empty() {
+        return Err(unusable(&outcome.refused, "no camera has boxes"));
     }
     let mut models = Vec::new();
     cameras.retain(|(camera, seen, _)| {

@@ -6,7 +6,7 @@
 //! videos          -> videos: the detector's boxes as tables, kept until the corpus is whole
 //! boxes           -> sightings: images with their times, and the boxes in them
 //! both            -> coarse_clocks: offsets at which a camera's boxes move like the arrivals
-//!                 -> alignment: one robust least squares over clocks, cameras, and the delay and height of each track
+//!                 -> alignment: one robust least squares over clocks, cameras, and each track's delay and errors
 //!                 -> matching: which box shows which arrival; a doubtful one shows none
 //! all             -> corpus_folder: a scenario per arrival, labelled, with the boxes as detections
 //! ```

@@ -4,7 +4,7 @@
 pub(crate) const GPS_AHEAD_S: f64 = 18.0;
 /// Standard deviation of a clock that is set by network, seconds.
 const SET_SD_S: f64 = 0.1;
-/// Share of clocks that are off by a cause, before any is seen.
+/// Prior probability that a clock has a given cause.
 const SHARE: f64 = 0.01;
 /// Half an hour, the step of time zones, seconds.
 const HALF_HOUR_S: f64 = 1_800.0;

@@ -1,14 +1,14 @@
 //! Videos of cameras: the times of their images, and the boxes that a detector finds in them.
 //!
-//! Videos are searched side by side, each image by image with bounded memory. The boxes of each become a table in the workshop, named after
-//! all that they depend on, so that an import that was killed searches no video twice.
+//! Videos are searched side by side, image by image. When a video ends, its boxes become a table in the workshop, named after the video,
+//! the camera and the detector, so that no later import searches that video again.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 
@@ -16,16 +16,17 @@ use dataset::corpus::scenario::SourceFile;
 use dataset::corpus::seal::hash_file;
 use dataset::files::new_file::NewFile;
 use dataset::video::VideoReader;
-use dataset::work::watch::Watch;
+use dataset::work::watch::{Stopped, Watch};
 use dataset::work::workers;
 use generator::tracks::utc_s;
 use labeller::{Searcher, SeenBox, VideoImages};
 
-use crate::description::{CameraDescription, Video};
+use crate::description::{CameraDescription, UTC_S, Video};
 use crate::error::{Error, Result};
 
 /// Hexadecimal digits that name a table.
 const NAME_DIGITS: usize = 32;
+/// Of a camera's table. A video's table has no header, times since its first image, and its own numbers of tracks.
 const HEADER: &str = "time,cx,cy,width,height,score,track\n";
 
 /// A table of the boxes in a camera's videos, and where they come from.
@@ -37,13 +38,13 @@ pub(crate) struct Searched {
 /// A video to search.
 struct Item<'a> {
     camera: &'a CameraDescription,
-    number: usize,
     video: &'a Video,
 }
 
 /// A table of one video.
 struct Table {
     path: PathBuf,
+    first_image_s: f64,
     video_blake3: String,
 }
 
@@ -60,12 +61,8 @@ pub(crate) fn search(
     fs::create_dir_all(folder).map_err(dataset::Error::io("create", folder))?;
     let items: Vec<Item<'_>> = (cameras.iter())
         .flat_map(|camera| {
-            let videos = camera.videos.iter().enumerate();
-            videos.map(|(number, video)| Item {
-                camera,
-                number,
-                video,
-            })
+            let videos = camera.videos.iter();
+            videos.map(|video| Item { camera, video })
         })
         .collect();
     // A video that cannot be opened is refused below.
@@ -79,14 +76,19 @@ pub(crate) fn search(
     };
     let found: Vec<Mutex<Option<Result<Table>>>> = items.iter().map(|_| Mutex::default()).collect();
     let next = AtomicUsize::new(0);
+    let has_failed = AtomicBool::new(false);
+    let is_over = || watch.is_stopped() || has_failed.load(Ordering::Relaxed);
     let work = || -> Result<()> {
         loop {
             let at = next.fetch_add(1, Ordering::Relaxed);
             let Some(item) = items.get(at) else {
                 return Ok(());
             };
-            match item.table(searcher, folder, &images_done, watch) {
-                Err(error) if !error.is_bad_input() => return Err(error),
+            match item.table(searcher, folder, &images_done, &is_over) {
+                Err(error) if !error.is_of_a_file() => {
+                    has_failed.store(true, Ordering::Relaxed);
+                    return Err(error);
+                }
                 table => *locked(&found[at]) = Some(table),
             }
         }
@@ -128,26 +130,26 @@ impl Item<'_> {
         searcher: &Searcher,
         folder: &Path,
         images_done: &dyn Fn(u64),
-        watch: &dyn Watch,
+        is_over: &dyn Fn() -> bool,
     ) -> Result<Table> {
         let reader = self.open()?;
         let first_image_s = self.first_image_s(&reader)?;
         let video_blake3 = hash_file(&self.video.file)?;
         let entry = serde_json::to_string(&self.camera.entry).unwrap_or_default();
-        let all = format!(
-            "{video_blake3} {} {entry} {first_image_s} {}",
-            searcher.identity(),
-            self.number
-        );
+        let all = format!("{video_blake3} {} {entry}", searcher.identity());
         let name = blake3::hash(all.as_bytes()).to_hex();
         let path = folder.join(format!("{}.csv", &name[..NAME_DIGITS]));
         if path.exists() {
             images_done(reader.expected_images());
         } else {
-            let rows = self.searched(reader, first_image_s, searcher, images_done, watch)?;
-            write(&path, &[HEADER, &rows].concat())?;
+            let rows = self.searched(reader, searcher, images_done, is_over)?;
+            write(&path, &rows)?;
         }
-        Ok(Table { path, video_blake3 })
+        Ok(Table {
+            path,
+            first_image_s,
+            video_blake3,
+        })
     }
 
     fn first_image_s(&self, reader: &VideoReader) -> Result<f64> {
@@ -156,11 +158,17 @@ impl Item<'_> {
             // By the camera's clock, as all its times.
             Some(stated_s - self.camera.to_utc_s)
         };
-        self.video.first_image_s.or_else(stated).ok_or_else(|| {
-            self.fault(
-                "does not say when it began; name the time of its first image as `first_image`"
-                    .into(),
-            )
+        let first_image_s = self.video.first_image_s.or_else(stated);
+        let Some(first_image_s) = first_image_s else {
+            let why =
+                "does not say when it began; name the time of its first image as `first_image`";
+            return Err(self.fault(why.to_owned()));
+        };
+        let possible = UTC_S.check(first_image_s).map(|()| first_image_s);
+        possible.map_err(|bad| {
+            self.fault(format!(
+                "says that it began at {bad}; name the time of its first image as `first_image`"
+            ))
         })
     }
 
@@ -168,10 +176,9 @@ impl Item<'_> {
     fn searched(
         &self,
         reader: VideoReader,
-        first_image_s: f64,
         searcher: &Searcher,
         images_done: &dyn Fn(u64),
-        watch: &dyn Watch,
+        is_over: &dyn Fn() -> bool,
     ) -> Result<String> {
         let unit_s = reader.time_base().seconds();
         let mut search = searcher.view_search(&self.camera.entry.camera())?;
@@ -180,7 +187,9 @@ impl Item<'_> {
         let mut counts = BTreeSet::new();
         let mut first_pts = None;
         while let Some(pts) = images.advance()? {
-            watch.check()?;
+            if is_over() {
+                return Err(Stopped.into());
+            }
             if let Some(why) = images.reader().unlike_the_scene() {
                 return Err(self.fault(why.to_owned()));
             }
@@ -192,25 +201,24 @@ impl Item<'_> {
                     .filter(|seen| seen.counts)
                     .map(|seen| seen.track),
             );
-            found.push((first_image_s + since_s, boxes));
+            found.push((since_s, boxes));
             images_done(1);
         }
         let mut rows = String::new();
-        for (time_s, boxes) in found {
+        for (since_s, boxes) in found {
             let counting = boxes.iter().filter(|seen| counts.contains(&seen.track));
             let before = rows.len();
             for seen in counting {
                 let of = seen.pixel_box;
                 let (score, track) = (seen.score, seen.track);
-                let number = self.number;
                 let row = format_args!(
-                    "{time_s:.6},{:.3},{:.3},{:.3},{:.3},{score:.4},{number}.{track}",
+                    "{since_s:.6},{:.3},{:.3},{:.3},{:.3},{score:.4},{track}",
                     of.cx_px, of.cy_px, of.width_px, of.height_px
                 );
                 let _ = writeln!(rows, "{row}");
             }
             if rows.len() == before {
-                let _ = writeln!(rows, "{time_s:.6},,,,,,");
+                let _ = writeln!(rows, "{since_s:.6},,,,,,");
             }
         }
         Ok(rows)
@@ -224,10 +232,29 @@ impl Item<'_> {
 /// One table of all videos of a camera.
 fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result<Searched> {
     let mut all = HEADER.to_owned();
-    for table in tables {
+    let mut boxes = 0;
+    for (number, table) in tables.iter().enumerate() {
         let text = fs::read_to_string(&table.path);
         let text = text.map_err(dataset::Error::io("read", &table.path))?;
-        all += text.strip_prefix(HEADER).unwrap_or_default();
+        for row in text.lines() {
+            let parts = row.split_once(',').zip(row.rsplit_once(','));
+            let Some(((since, _), (before, track))) = parts else {
+                continue;
+            };
+            let time_s = table.first_image_s + since.parse::<f64>().unwrap_or(f64::NAN);
+            let pixel_box = before.get(since.len()..).unwrap_or_default();
+            let track = match track {
+                "" => String::new(),
+                track => format!("{number}.{track}"),
+            };
+            boxes += usize::from(!track.is_empty());
+            let _ = writeln!(all, "{time_s:.6}{pixel_box},{track}");
+        }
+    }
+    if boxes == 0 {
+        let first = &camera.videos[0].file;
+        let why = "and the camera's other videos show no aircraft that the detector finds; is it for such images (`--model`)?";
+        return Err(dataset::Error::corpus(first, why).into());
     }
     let table = folder.join(format!("{}.csv", camera.name));
     write(&table, &all)?;

@@ -125,7 +125,8 @@ pub(super) fn arrival(fixes: &[Fix], runway: &Runway) -> Result<Vec<ArrivalFix>,
             latitude_deg: fixes[0].longitude_deg,
             longitude_deg: fixes[0].latitude_deg,
         };
-        let nearest = if swapped.distance_m(target.lat_lon()) < NEAR_M {
+        let is_swapped = nearest_m >= FURTHEST_M && swapped.distance_m(target.lat_lon()) < NEAR_M;
+        let nearest = if is_swapped {
             "latitude and longitude are swapped".to_owned()
         } else if nearest_m.is_finite() {
             format!("its nearest position is {nearest_m:.0} m from the touchdown target")

@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use dataset::video::{DecodedImage, is_turned, start_ffmpeg, unlike_the_scene};
+use dataset::video::{DecodedImage, start_ffmpeg, turned, unlike_the_scene};
 use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Dictionary, Packet, decoder, format, frame, media};
 
@@ -79,7 +79,7 @@ impl Input {
                 let stream = input.streams().best(media::Type::Video);
                 let stream =
                     stream.ok_or_else(|| OpenFault::Wrong("there is no video in it".into()))?;
-                if let Some(why) = is_turned(&stream) {
+                if let Some(why) = turned(&stream) {
                     return Err(OpenFault::Wrong(why.into()));
                 }
                 let parameters = stream.parameters();

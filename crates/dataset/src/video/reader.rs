@@ -8,7 +8,7 @@ use ffmpeg_next::{Packet, Stream, decoder, format, frame};
 use super::conversion::jpeg::{jpeg, jpeg_of_planes};
 use super::conversion::luma::Luma;
 use super::conversion::{self, Conversion, PicturePart};
-use super::unlike_scene::{is_turned, unlike_the_scene};
+use super::unlike_scene::{turned, unlike_the_scene};
 use super::{BYTES_PER_PIXEL, TimeBase, fault, open_stream, slice_threads};
 use crate::error::{Error, Result};
 use crate::numbers::frame_rate::FrameRate;
@@ -111,7 +111,7 @@ impl VideoReader {
     pub fn open_recording(path: &Path) -> Result<Self> {
         let mut reader = Self::open(path)?;
         reader.frames_announced = 0;
-        match is_turned(&reader.stream()) {
+        match turned(&reader.stream()) {
             Some(why) => Err(reader.fault("read it", why)),
             None => Ok(reader),
         }

@@ -4,11 +4,11 @@ use ffmpeg_next::codec::packet::side_data::Type as PacketData;
 use ffmpeg_next::util::frame::side_data::Type as FrameData;
 use ffmpeg_next::{Stream, frame};
 
-const TURNED: &str = "its images are to be shown turned or mirrored, which is not done here; turn them in the camera, or with \
-    `ffmpeg -i FILE .. OUT.mp4`, which applies it";
+const TURNED: &str = "its images are to be shown turned or mirrored, which is not done here; turn them in the camera, or convert the file \
+    with `ffmpeg -i FILE .. OUT.mp4`, which turns the images";
 
-/// What to do about a stream whose images are to be shown turned or mirrored.
-pub fn is_turned(stream: &Stream<'_>) -> Option<&'static str> {
+/// Reason why a stream's images cannot be taken as they are coded: they are to be shown turned or mirrored.
+pub fn turned(stream: &Stream<'_>) -> Option<&'static str> {
     let mut data = stream.side_data();
     data.any(|data| data.kind() == PacketData::DisplayMatrix)
         .then_some(TURNED)
