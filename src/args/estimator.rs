@@ -20,7 +20,7 @@ pub(crate) struct TrainArgs {
     pub(crate) out: PathBuf,
     /// Narrower layers and fewer steps, as in the demo
     ///
-    /// Takes about a minute and a half on two cores for a dozen scenarios.
+    /// Takes about a minute on two cores for a dozen scenarios.
     #[arg(long, conflicts_with = "config")]
     pub(crate) quick: bool,
     /// TOML file with settings that differ from the defaults

@@ -1,9 +1,9 @@
 //! A run: workers, each with its own simulator, take scenarios from one queue until none is left or no worker can continue.
 //!
-//! A failed attempt is retried after a growing delay, by whichever worker is free then; after the last one the scenario is set aside. An
-//! error that must repeat ends the attempts at its scenario at once, one that every scenario would meet with this simulator ends its
-//! worker. A simulator that does not answer is waited for (`away.rs`); if it does not come back, its worker ends and leaves the rest to the
-//! others. A full disk ends the run, since no scenario could succeed.
+//! A failed attempt is retried after a growing delay, by whichever worker is free then; after the last one the scenario is set aside. As
+//! many attempts again do not count if no simulator answers. An error that must repeat ends the attempts at its scenario at once, one
+//! that every scenario would meet with this simulator ends its worker. A simulator that does not answer is waited for (`away.rs`); if it
+//! does not come back, its worker ends and leaves the rest to the others. A full disk ends the run, since no scenario could succeed.
 //!
 //! If the corpus is in an object store, finished scenarios go to one more worker, which uploads them (`uploads.rs`).
 
@@ -319,7 +319,10 @@ impl<'a> Run<'a> {
             return Then::Leave;
         }
         let reason = error.to_string();
-        if !error.is_silence() {
+        // A simulator that has ended says nothing about the scenario, unless it ends at this one again and again.
+        if error.is_silence() && task.silences < self.patience.attempts {
+            task.silences += 1;
+        } else {
             task.reasons.push(reason.clone());
         }
         let failed = task.reasons.len() as u32;

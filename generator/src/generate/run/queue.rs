@@ -17,6 +17,8 @@ pub(crate) struct Task<'a> {
     pub(crate) scenario: &'a PlannedScenario,
     /// Reasons why earlier attempts of this run failed.
     pub(crate) reasons: Vec<String>,
+    /// Attempts that no simulator answered and that do not count.
+    pub(crate) silences: u32,
     /// A failed attempt is retried after a delay.
     not_before: Option<Instant>,
 }
@@ -52,6 +54,7 @@ impl<'a> Queue<'a> {
         let task = |scenario: &&'a PlannedScenario| Task {
             scenario,
             reasons: Vec::new(),
+            silences: 0,
             not_before: None,
         };
         Self {
