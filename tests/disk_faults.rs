@@ -115,7 +115,7 @@ fn start_of(verb: &str) -> Tiny {
     }
 }
 
-/// Takes back the stages of an experiment that are not those of `generate` and `detect`, which have faults above and need a minute.
+/// Takes back an experiment's trainings and page. Its other stages take a minute, and `generate` and `detect` have their own faults.
 fn leave_trainings_and_page(paper: &Path) {
     let notes = paper.join("PAPER.json");
     let mut written: Value = serde_json::from_slice(&fs::read(&notes).unwrap()).unwrap();

@@ -16,7 +16,7 @@ use crate::sightings::Sighting;
 
 /// Unknowns of a camera: offset (s), drift (ppm), and its adjustment.
 pub(crate) const OF_CAMERA: usize = 2 + UNKNOWNS;
-/// Unknowns of an arrival before those of its knots: delay (s), error of its heights (m), and in proportion to them.
+/// Unknowns of an arrival before its knots: delay (s), error of its heights (m), and in proportion to them.
 const OF_FLIGHT: usize = 3;
 /// Unknowns of a knot: errors along the course, to the right, and up, metres.
 const OF_KNOT: usize = 3;
@@ -226,7 +226,7 @@ impl<'a> Alignment<'a> {
         }
     }
 
-    /// Prior deviations of the shared unknowns: those of the cameras, and the height of the boxes' centres.
+    /// Prior deviations of the shared unknowns: of the cameras, and of the height of the boxes' centres.
     fn shared_sds(&self) -> Vec<f64> {
         let cameras = self.cameras.iter().flat_map(|camera| camera.prior_sd);
         cameras.chain([self.up_sd_m]).collect()

@@ -29,7 +29,7 @@ pub(crate) struct Solved {
     pub(crate) shared: Vec<f64>,
     pub(crate) own: Vec<Vec<f64>>,
     shared_factor: CholeskyFactor,
-    /// Of each group, with its whitened mixed part.
+    /// Each group's factor, with its whitened mixed part.
     factors: Vec<(CholeskyFactor, Vec<Vec<f64>>)>,
 }
 

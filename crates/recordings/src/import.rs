@@ -401,7 +401,7 @@ fn doubts(model: &CameraModel) -> (Vec<String>, f64) {
     (doubts, worst)
 }
 
-/// The tracks without those of an aircraft that is there twice: the more exact one counts.
+/// Drops the less exact track of an aircraft that has two.
 fn without_doubles(mut paths: Vec<FlightPath>, refused: &mut Vec<Refused>) -> Vec<FlightPath> {
     paths.sort_by(|a, b| a.position_sd_m[0].total_cmp(&b.position_sd_m[0]));
     let mut kept: Vec<FlightPath> = Vec::new();

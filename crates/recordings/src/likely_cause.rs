@@ -9,8 +9,8 @@ const SHARE: f64 = 0.01;
 /// Half an hour, the step of time zones, seconds.
 const HALF_HOUR_S: f64 = 1_800.0;
 
-/// The likely cause of an offset, with its standard deviation and that of clocks without a cause, seconds. A camera whose offset is the
-/// other way round than the zone of a longitude has right times: the tracks are in local time.
+/// The likely cause of an offset of `offset_s`, known to `sd_s`, where clocks without a cause are off by `clock_sd_s`. If the offset is
+/// opposite to the time zone at this longitude, the camera is right, and the tracks are in local time.
 pub(crate) fn likely_cause(
     offset_s: f64,
     sd_s: f64,

@@ -26,7 +26,7 @@ use crate::error::{Error, Result};
 
 /// Hexadecimal digits that name a table.
 const NAME_DIGITS: usize = 32;
-/// Of a camera's table. A video's table has no header, times since its first image, and its own numbers of tracks.
+/// First line of a camera's table. A video's table has none; its times count from its first image, and its tracks from 0.
 const HEADER: &str = "time,cx,cy,width,height,score,track\n";
 
 /// A table of the boxes in a camera's videos, and where they come from.
@@ -229,7 +229,7 @@ impl Item<'_> {
     }
 }
 
-/// One table of all videos of a camera.
+/// Joins the tables of a camera's videos.
 fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result<Searched> {
     let mut all = HEADER.to_owned();
     let mut boxes = 0;

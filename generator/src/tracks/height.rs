@@ -21,7 +21,7 @@ const OUTLIER_M: f64 = 25.0;
 const STRETCH: std::ops::RangeInclusive<f64> = 0.925..=1.093;
 /// Standard deviation of the stretch where the angle does not give it.
 const STRETCH_SD: f64 = 0.045;
-/// The same where the angle gives it, which is the published one: 14 arrivals at Paris descend at 3.0 degrees with a deviation of 0.1.
+/// Standard deviation of the stretch where the published angle gives it: 14 arrivals at Paris descend at 3.0 degrees, with one of 0.1.
 const ANGLE_SD: f64 = 0.03;
 /// Altitudes within this distance of each other, metres, are off the line in the same way: steps and gusts last about six seconds.
 const ALIKE_M: f64 = 450.0;

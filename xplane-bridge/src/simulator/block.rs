@@ -296,7 +296,7 @@ impl BlockRecording<'_> {
                 self.ask().await?;
                 let expects_grabs = self.sequence.expects_grabs();
                 self.simulator.grabs.rest(!expects_grabs);
-                if !expects_grabs && !self.sequence.requests.wait_for_answer() {
+                if !expects_grabs && !self.sequence.requests.is_unanswered() {
                     // A skipped probe has proven the images before it.
                     idle += 1;
                     if idle > MAX_IDLE {
@@ -305,7 +305,7 @@ impl BlockRecording<'_> {
                     continue;
                 }
                 idle = 0;
-                if self.sequence.requests.wait_for_answer() {
+                if self.sequence.requests.is_unanswered() {
                     self.take_answer().await?;
                     while let Some(grabbed) = self.simulator.grabs.next_now() {
                         self.see(grabbed?)?;

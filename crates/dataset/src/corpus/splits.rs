@@ -111,7 +111,7 @@ impl Splits {
             Ok(splits) => Self::sound(splits, path),
             Err(error) if error.is_not_found() => Err(Error::corpus(
                 path,
-                "is missing: `dtd generate SWEEP --out CORPUS` writes it again, or `dtd import` makes an imported corpus anew",
+                "is missing: `dtd generate SWEEP --out CORPUS` writes it again, or import the recording again with `dtd import`",
             )),
             Err(error) => Err(error),
         }
@@ -163,7 +163,7 @@ mod tests {
         assert!(error.is_bad_content(), "{error}");
         assert!(
             error.to_string().ends_with(
-                "splits.json: is missing: `dtd generate SWEEP --out CORPUS` writes it again, or `dtd import` makes an imported corpus anew"
+                "splits.json: is missing: `dtd generate SWEEP --out CORPUS` writes it again, or import the recording again with `dtd import`"
             ),
             "{error}"
         );

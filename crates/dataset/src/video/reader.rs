@@ -251,7 +251,7 @@ impl VideoReader {
         done.map_err(|e| self.fault(format!("convert the part {part:?} of an image"), e))
     }
 
-    /// Reason why the pixels of the image that was decoded last are not those of the scene.
+    /// Reason why the image that was decoded last does not show the scene pixel by pixel.
     pub fn unlike_the_scene(&self) -> Option<&'static str> {
         unlike_the_scene(&self.coded)
     }

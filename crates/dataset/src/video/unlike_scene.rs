@@ -1,4 +1,4 @@
-//! Videos whose pixels are not those of the scene: turned, stretched, interlaced. Simulators make none, cameras and phones do.
+//! Videos that do not show the scene pixel by pixel: turned, stretched, interlaced. Simulators make none, cameras and phones do.
 
 use ffmpeg_next::codec::packet::side_data::Type as PacketData;
 use ffmpeg_next::util::frame::side_data::Type as FrameData;
@@ -14,7 +14,7 @@ pub fn turned(stream: &Stream<'_>) -> Option<&'static str> {
         .then_some(TURNED)
 }
 
-/// Reason why an image's pixels are not those of the scene.
+/// Reason why an image does not show the scene pixel by pixel.
 pub fn unlike_the_scene(coded: &frame::Video) -> Option<&'static str> {
     let aspect = coded.aspect_ratio();
     if coded.side_data(FrameData::DisplayMatrix).is_some() {

@@ -23,7 +23,7 @@ pub(crate) fn with_white_features(
     device: &Device,
 ) -> CalibrationNetworks {
     let doubles = |tensor| -> Vec<f64> { numbers(tensor).into_iter().map(f64::from).collect() };
-    // Sums over the features less those of a first batch, which are small, so that single precision suffices within a batch.
+    // Sums over the features less a first batch's mean: they are small, so that single precision suffices within a batch.
     let mut origin: Option<Tensor<2>> = None;
     let (mut count, mut sums, mut products) = (0.0, Vec::new(), Vec::new());
     for view in 0..samples.views() {

@@ -1,4 +1,4 @@
-//! Which grabs count, by the order in which the numbers of frames are seen.
+//! Grabs that count, by the order in which the numbers of frames are seen.
 //!
 //! A number may be shown again under a later frame's scene. That frame's own number then never appears, so a grab counts only if the number
 //! after its own was seen next. If numbers were seen over two scenes, or many are missing, each tick is shown in two frames, and a number
@@ -47,7 +47,7 @@ impl<P: PartialEq> Numbers<P> {
     }
 
     /// A number was seen, `steady` frames after a doubtful one, maybe with a grab of its frame. Returns the grab before, once it is decided
-    /// whether it counts; and true if the numbers are late from now on, as if the scene were ahead.
+    /// whether it counts; and true if the numbers may be late from now on, as if the scene were ahead, so that the lag is measured anew.
     pub(super) fn see(
         &mut self,
         number: u64,

@@ -36,7 +36,7 @@ pub(super) struct Requests {
     pub(super) shown: BTreeMap<u64, Show>,
     /// Answered ticks without an image, by frame.
     pub(super) unseen: BTreeMap<u64, u32>,
-    /// By how many fewer may be in flight than could be, because images were lost.
+    /// Number of requests fewer in flight than at most, because images were lost.
     narrowed_by: usize,
     without_loss: u32,
 }
@@ -97,8 +97,8 @@ impl Requests {
         Some(show)
     }
 
-    /// True if the tick that was written in a frame was still without an image.
-    pub(super) fn has_image(&mut self, frame: u64) -> bool {
+    /// Takes the tick that was written in a frame off those without an image. True if it was one.
+    pub(super) fn take_unseen(&mut self, frame: u64) -> bool {
         let is_first = self.unseen.remove(&frame).is_some();
         self.without_loss += u32::from(is_first);
         if self.without_loss >= WIDEN_AFTER {
@@ -151,11 +151,11 @@ impl Requests {
 
     /// True if a request has to be answered, or its image to be seen.
     pub(super) fn is_under_way(&self) -> bool {
-        self.wait_for_answer() || !self.unseen.is_empty()
+        self.is_unanswered() || !self.unseen.is_empty()
     }
 
     /// True if a request has to be answered before anything else happens.
-    pub(super) fn wait_for_answer(&self) -> bool {
+    pub(super) fn is_unanswered(&self) -> bool {
         !self.sent.is_empty()
     }
 

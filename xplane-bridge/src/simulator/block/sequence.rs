@@ -155,7 +155,7 @@ impl<P: Scene> Sequence<P> {
     fn choose(&mut self) -> Option<Show> {
         match self.phase {
             Phase::Settling => {
-                let is_first = self.requests.shown.is_empty() && !self.requests.wait_for_answer();
+                let is_first = self.requests.shown.is_empty() && !self.requests.is_unanswered();
                 is_first.then_some(Show::Tick(0))
             }
             Phase::Probing if self.probe.is_none() => self.new_probe(),
@@ -302,6 +302,12 @@ impl<P: Scene> Sequence<P> {
                 (Phase::Moving, Outcome::Behind(lag)) => self.told(frame + lag, outcome),
                 // An aircraft that was seen does not disappear: the scene may be further behind than a probe can measure.
                 (_, Outcome::Unseen) if self.tally.seen > 0 => self.told(frame, Outcome::Unclear),
+                // What moved behind it at that moment may have hidden the first one.
+                (Phase::Probing, Outcome::Unseen)
+                    if self.known.lag.is_none() && !self.settling.came_to_rest =>
+                {
+                    self.told(frame, Outcome::Unclear);
+                }
                 _ => self.told(frame, outcome),
             }
         }
@@ -329,7 +335,7 @@ impl<P: Scene> Sequence<P> {
                 }
             }
             (Phase::Moving | Phase::Held, Some((frame, Show::Tick(tick))))
-                if self.requests.has_image(frame) && !self.pictures.has(tick) =>
+                if self.requests.take_unseen(frame) && !self.pictures.has(tick) =>
             {
                 let grab = (self.phase == Phase::Moving).then_some(grab.number);
                 let taken = Taken {
