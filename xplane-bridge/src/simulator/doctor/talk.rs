@@ -1,4 +1,4 @@
-//! Checks over UDP: version, capture link, writing, menus, position. The values read are evaluated elsewhere.
+//! Checks over UDP: version, capture link, writing, menus, position.
 
 pub(crate) mod announcement;
 pub(crate) mod web;
