@@ -53,10 +53,10 @@ pub(crate) struct MockXplaneArgs {
     /// late=VIEW:MS[:AFTER_S], shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S,
     /// zoom=VIEW:PERCENT:AFTER_S (longer focal length), drift=VIEW:RIGHT_DEG:OVER_S (without end), source=VIEW:OTHER (shows what the camera
     /// of view OTHER sees). With --plugin and --window: swing=THINGS:PERIOD_S:PX:LEVELS (things of PX that swing, even in a pause), and
-    /// shares of frames whose number is an earlier one (repeat), missing (vanish) or half drawn (half). The process: cold=SECONDS (no
-    /// answer for so long after its start), held=SECONDS (keeps its ports so long after its end), menu=yes (starts in the main menu,
-    /// without plugins, until the Web API starts a flight), asks=FILE (asks for safe mode at a start after an unclean end, which FILE
-    /// marks).
+    /// shares of frames whose number is an earlier one (repeat), missing (vanish) or half drawn (half), or before which a driver shows the
+    /// mean of two (insert). The process: cold=SECONDS (no answer for so long after its start), held=SECONDS (keeps its ports so long after
+    /// its end), menu=yes (starts in the main menu, without plugins, until the Web API starts a flight), asks=FILE (asks for safe mode at a
+    /// start after an unclean end, which FILE marks).
     #[arg(
         long,
         value_name = "FAULTS",

@@ -264,6 +264,7 @@ async fn numbers_that_are_repeated_missing_or_half_give_no_picture_of_another_ti
         "repeat=0.2",
         "vanish=0.05",
         "half=0.05",
+        "insert=0.2",
         "repeat=0.05,vanish=0.02,half=0.02",
     ] {
         let HostedPlugin {

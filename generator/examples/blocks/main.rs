@@ -12,6 +12,10 @@
 //! `-- moving` records scenes that move slowly in a pause: 40 and 80 things of 6 pixels that swing in one to three seconds, of 8, 20 and 60
 //! levels, in windows with margins and without. Arguments: width and height (480 320).
 //!
+//! `-- plan` compares the time that `dtd plan --sim` expects, after the doctor measured the simulator, with the time that `dtd generate`
+//! takes: two flights of 5 NM from two views, by blocks, with one number in twenty repeated, and in a scene that moves all over, whose
+//! images are all settled. Arguments: width and height (480 320).
+//!
 //! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of an image,
 //! each measured alone. Arguments: width and height (1920 1280), and a weather (clear and stormy). On a larger machine: `taskset -c 0,1`
 //! before it.
@@ -28,6 +32,7 @@ use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
 use generator::generate::{Cancel, Event, GenerateOptions, SimulatorTarget, generate};
+use generator::plan::{Estimate, Pacing, expand};
 use generator::sweep::Sweep;
 use mock_xplane::server::{
     FramesDrawn, LinkServer, PluginOptions, SceneBehind, ServerOptions, WindowCovers,
@@ -37,7 +42,10 @@ use serde_json::json;
 use testkit::sweep::{SmallSweep, starting_from};
 use testkit::{processor_time, repository};
 use testkit_simulator::{Running, Xvfb, quiet};
+use xplane_bridge::Simulator;
 use xplane_bridge::datarefs::Generation;
+use xplane_bridge::doctor::{DoctorOptions, Intent, examine};
+use xplane_bridge::link::PictureSize;
 use xplane_bridge::pixels::{FfmpegScreen, Screen};
 
 /// Refresh rate of the screen.
@@ -67,6 +75,25 @@ fn recorded_in(weathers: &[&str]) -> String {
     )
 }
 
+/// Two flights in each of these weathers from a distance.
+fn sweep(size_px: (u32, u32), dtd_nm: f64, weathers: &[&str]) -> String {
+    SmallSweep {
+        name: "blocks",
+        seed: 0,
+        weathers,
+        repeats: 2,
+        size_px,
+        frame_rate: "30/1",
+        tables: &(starting_from(dtd_nm, dtd_nm, 200) + &recorded_in(weathers)),
+    }
+    .toml()
+}
+
+fn parsed(toml: String) -> Result<Sweep, Box<dyn Error>> {
+    let folder = repository().join("tests/data");
+    Ok(Sweep::parse(Path::new("blocks.toml"), &folder, toml)?)
+}
+
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -87,12 +114,13 @@ async fn main() -> Result<(), Box<dyn Error>> {
             };
             speed((number(0, 1_920)?, number(1, 1_280)?), &weathers).await
         }
+        "plan" => plan((number(0, 480)?, number(1, 320)?)).await,
         "moving" => moving((number(0, 480)?, number(1, 320)?)).await,
         "covers" => {
             let file = arguments.get(3).map(Path::new);
             covers::covers(number(0, 25)?, number(1, 0)?, file).await
         }
-        _ => Err("expected `frames`, `moving`, `speed` or `covers`".into()),
+        _ => Err("expected `frames`, `moving`, `plan`, `speed` or `covers`".into()),
     }
 }
 
@@ -135,6 +163,46 @@ async fn moving(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
                 })
             );
         }
+    }
+    Ok(())
+}
+
+async fn plan(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
+    for faults in ["", "repeat=0.05", "swing=3000:3:6:150"] {
+        let recording = Recording::start(size_px, MARGIN_PX, Some(FRAMES_PER_S), 1, faults).await?;
+        let address = recording.simulator.addresses.udp;
+        let doctor = DoctorOptions {
+            screen: recording.screen.clone(),
+            intent: Some(Intent {
+                sweep: "blocks.toml".into(),
+                pictures: PictureSize {
+                    width_px: size_px.0,
+                    height_px: size_px.1,
+                },
+            }),
+            ..DoctorOptions::at(Some(address))
+        };
+        examine(&doctor, &mut |_| {}).await;
+        let simulator = Simulator::connect(address, Duration::from_secs(60)).await?;
+        let profile = simulator.profile().current().cloned().map(Box::new);
+        simulator.release().await?;
+        let toml = sweep(size_px, 5.0, &WEATHERS[..1]);
+        let planned = expand(&parsed(toml.clone())?);
+        let pacing = Pacing::XPlane(profile);
+        let estimate = Estimate::new(&planned.common, &planned.scenarios, &pacing, None);
+        let began = Instant::now();
+        let corpus = recording.generate(SPEED, toml, &mut |_| {}).await?;
+        let took_s = began.elapsed().as_secs_f64();
+        let record = corpus.scenarios()?[0].open()?.record()?;
+        let expected_s = 3_600.0 * estimate.making_h;
+        println!(
+            "{}",
+            json!({
+                "faults": faults, "pictures": estimate.pictures, "basis": estimate.durations.pictures_basis,
+                "expected_s": expected_s, "took_s": took_s, "expected_over_took": expected_s / took_s,
+                "blocks": record.blocks,
+            })
+        );
     }
     Ok(())
 }
@@ -239,11 +307,7 @@ impl Recording {
         toml: String,
         listen: &mut (dyn FnMut(Event<'_>) + Send),
     ) -> Result<Corpus, Box<dyn Error>> {
-        let sweep = Sweep::parse(
-            Path::new("blocks.toml"),
-            &repository().join("tests/data"),
-            toml,
-        )?;
+        let sweep = parsed(toml)?;
         let simulator = SimulatorTarget::Address(self.simulator.addresses.udp);
         let options = GenerateOptions {
             screen: self.screen.clone(),
@@ -264,16 +328,7 @@ impl Recording {
         dtd_nm: f64,
         weathers: &[&str],
     ) -> Result<Vec<Recorded>, Box<dyn Error>> {
-        let toml = SmallSweep {
-            name: "blocks",
-            seed: 0,
-            weathers,
-            repeats: 2,
-            size_px: self.size_px,
-            frame_rate: "30/1",
-            tables: &(starting_from(dtd_nm, dtd_nm, 200) + &recorded_in(weathers)),
-        }
-        .toml();
+        let toml = sweep(self.size_px, dtd_nm, weathers);
         let (mut from, mut to) = (0, 0);
         let mut began = Instant::now();
         let (mut first, mut last, mut processor) = (None, began, Duration::ZERO);

@@ -25,11 +25,11 @@ const DEFAULT_DOWN: Duration = Duration::from_secs(3);
 const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S], restart=WHEN[:DOWN_S], \
                         late=VIEW:MS[:AFTER_S], shake=VIEW:RMS_PX:HZ, stick=VIEW:SHARE, turn=VIEW:RIGHT_DEG:AFTER_S, tilt=VIEW:DOWN_DEG:AFTER_S, \
                         zoom=VIEW:PERCENT:AFTER_S, drift=VIEW:RIGHT_DEG:OVER_S, source=VIEW:OTHER, swing=THINGS:PERIOD_S:PX:LEVELS, \
-                        repeat=0..1, vanish=0..1, half=0..1, cold=SECONDS, held=SECONDS, menu=yes or asks=FILE, where WHEN is seconds, frames:N or \
-                        captures:N and views count from 0";
+                        repeat=0..1, vanish=0..1, half=0..1, insert=0..1, cold=SECONDS, held=SECONDS, menu=yes or asks=FILE, where WHEN is seconds, \
+                        frames:N or captures:N and views count from 0";
 
 /// The faults' words, and the form of each one's value.
-const FORMS: [(&str, &str); 22] = [
+const FORMS: [(&str, &str); 23] = [
     ("loss", "a ratio, 0 to 1"),
     ("dup", "a ratio, 0 to 1"),
     ("reorder", "a ratio, 0 to 1"),
@@ -54,6 +54,7 @@ const FORMS: [(&str, &str); 22] = [
     ("repeat", "a ratio, 0 to 1"),
     ("vanish", "a ratio, 0 to 1"),
     ("half", "a ratio, 0 to 1"),
+    ("insert", "a ratio, 0 to 1"),
     ("cold", "a number of seconds"),
     ("held", "a number of seconds"),
     ("menu", "yes"),
@@ -148,6 +149,7 @@ impl Faults {
             ("repeat", [share]) => self.codes.repeated = ratio(share)?,
             ("vanish", [share]) => self.codes.vanished = ratio(share)?,
             ("half", [share]) => self.codes.half = ratio(share)?,
+            ("insert", [share]) => self.codes.inserted = ratio(share)?,
             ("cold", [time]) => self.life.cold = seconds(time)?,
             ("held", [time]) => self.life.held = seconds(time)?,
             ("menu", ["yes"]) => self.life.menu = true,
@@ -328,7 +330,7 @@ mod tests {
 
     #[test]
     fn every_fault_has_a_word_and_what_is_printed_reads_back() {
-        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450:60,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120,tilt=1:0.01:0,zoom=1:0.02:60,drift=0:0.1:300,source=0:1,swing=40:3:6:20,repeat=0.05,vanish=0.01,half=0.02,cold=300,held=180,menu=yes,asks=/tmp/unclean";
+        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3,late=1:450:60,shake=0:2:1.5,stick=1:0.04,turn=0:-0.3:120,tilt=1:0.01:0,zoom=1:0.02:60,drift=0:0.1:300,source=0:1,swing=40:3:6:20,repeat=0.05,vanish=0.01,half=0.02,insert=0.03,cold=300,held=180,menu=yes,asks=/tmp/unclean";
         let faults = parse(text).unwrap();
         assert_eq!((faults.loss, faults.duplication), (0.1, 0.05));
         assert_eq!((faults.reordering, faults.seed), (0.02, 9));

@@ -1,5 +1,5 @@
-//! Faults of what a hosted plugin's window shows: things that move slowly in a pause, and numbers that are not of the frame around which
-//! they are drawn.
+//! Faults of what a hosted plugin's window shows: things that move slowly in a pause, numbers that are not of the frame around which they
+//! are drawn, and frames that a driver inserts.
 //!
 //! Laminar describes OpenGL drawing of plugins that flickers or is missing without Zink; whether numbers are shown again, nobody has
 //! reported. Nor has anybody looked for slow motion in a pause (`docs/x-plane-evidence.md`, "Open questions").
@@ -32,6 +32,8 @@ pub struct CodeFaults {
     pub vanished: f64,
     /// Only a part is drawn.
     pub half: f64,
+    /// The number is right, but a driver shows the mean of the last frame and this one before it, as frame generation does.
+    pub inserted: f64,
 }
 
 /// A fault of a frame's number.
@@ -40,6 +42,7 @@ pub(in crate::server) enum CodeFault {
     Repeated,
     Vanished,
     Half,
+    Inserted,
 }
 
 impl CodeFaults {
@@ -50,6 +53,7 @@ impl CodeFaults {
             (CodeFault::Repeated, self.repeated),
             (CodeFault::Vanished, self.vanished),
             (CodeFault::Half, self.half),
+            (CodeFault::Inserted, self.inserted),
         ];
         let mut below = 0.0;
         for (fault, share) in shares {
@@ -131,6 +135,7 @@ impl fmt::Display for CodeFaults {
             ("repeat", self.repeated),
             ("vanish", self.vanished),
             ("half", self.half),
+            ("insert", self.inserted),
         ];
         let mut there = shares.into_iter().filter(|(_, share)| *share > 0.0);
         there.try_for_each(|(word, share)| write!(f, ",{word}={share}"))
@@ -147,14 +152,15 @@ mod tests {
             repeated: 0.05,
             vanished: 0.01,
             half: 0.2,
+            inserted: 0.03,
         };
-        let mut found = [0; 3];
+        let mut found = [0; 4];
         for frame in 0..100_000 {
             if let Some(fault) = faults.of_frame(frame, 7) {
                 found[fault as usize] += 1;
             }
         }
-        for (found, share) in found.into_iter().zip([0.05, 0.01, 0.2]) {
+        for (found, share) in found.into_iter().zip([0.05, 0.01, 0.2, 0.03]) {
             let expected: f64 = 100_000.0 * share;
             assert!(
                 (f64::from(found) - expected).abs() < 5.0 * expected.sqrt(),

@@ -4,7 +4,8 @@
 //! else (time, weather, pause, radios) belongs to the world, which the client sets over UDP.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::geodesy::Geodetic;
@@ -55,6 +56,8 @@ const CAMERA: [&str; 6] = [
 const FRAME_PERIOD: &str = "sim/operation/misc/frame_rate_period";
 const PAUSED: &str = "sim/time/paused";
 const MINUTE_S: f64 = 60.0;
+/// How long a frame is shown that a driver inserts: half a frame at 60 frames per second.
+const INSERTED_FOR: Duration = Duration::from_millis(8);
 /// Prefix of the autopilot's commands.
 const AUTOPILOT: &str = "sim/autopilot/";
 /// Positions to which the local origin moves on demand: the corners of X-Plane's one-degree square are its farthest positions from the
@@ -239,12 +242,14 @@ impl PluginScene {
     ) -> Result<(), String> {
         let (width_px, height_px) = self.window_px;
         let frame = self.frame_to_draw(width_px, height_px);
-        let rectangles = &self.faulty_code(rectangles);
+        let fault = self.fault_of_code(rectangles);
+        let rectangles = &self.shown_code(rectangles, fault);
         let shown = (frame.clone(), self.windows(), rectangles.clone());
         if self.shown.as_ref() == Some(&shown) {
             return Ok(());
         }
         let memory = std::mem::take(&mut self.memory);
+        let last = (fault == Some(CodeFault::Inserted)).then(|| memory.clone());
         let Some(mut rgb) = self.draw(frame, memory).await else {
             return Err("the frame was not drawn".into());
         };
@@ -258,7 +263,14 @@ impl PluginScene {
             rgb,
         };
         let stage = stage.clone();
-        let result = spawn_blocking(move || stage.show(&picture).map(|()| picture.rgb)).await;
+        let result = spawn_blocking(move || {
+            if let Some(inserted) = last.and_then(|last| mean(&last, &picture)) {
+                stage.show(&inserted)?;
+                thread::sleep(INSERTED_FOR);
+            }
+            stage.show(&picture).map(|()| picture.rgb)
+        })
+        .await;
         self.memory = result
             .map_err(|error| error.to_string())?
             .map_err(|error| error.to_string())?;
@@ -266,18 +278,26 @@ impl PluginScene {
         Ok(())
     }
 
-    /// What is shown of the rectangles that the plugin drew: a frame's number may be an earlier one, or missing. The check pattern, which
-    /// stays for many frames, has no faults.
-    fn faulty_code(&mut self, rectangles: &Value) -> Value {
+    /// The fault of the number that these rectangles are; the check pattern, which stays for many frames, has none.
+    fn fault_of_code(&self, rectangles: &Value) -> Option<CodeFault> {
+        let first = rectangles.as_array()?.first()?;
+        if is_check_pattern(first) {
+            return None;
+        }
+        (self.faults.codes).of_frame(self.frames, self.faults.seed)
+    }
+
+    /// What is shown of the rectangles that the plugin drew: a frame's number may be an earlier one, or missing.
+    fn shown_code(&mut self, rectangles: &Value, fault: Option<CodeFault>) -> Value {
         let drawn = rectangles.as_array().map_or(&[][..], Vec::as_slice);
-        if drawn.is_empty() || is_check_pattern(&drawn[0]) {
+        if drawn.first().is_none_or(is_check_pattern) {
             return rectangles.clone();
         }
-        match self.faults.codes.of_frame(self.frames, self.faults.seed) {
+        match fault {
             Some(CodeFault::Vanished) => return Value::Null,
             Some(CodeFault::Half) => return json!(drawn[..drawn.len() / 2]),
             Some(CodeFault::Repeated) if !self.last_code.is_null() => {}
-            Some(CodeFault::Repeated) | None => self.last_code.clone_from(rectangles),
+            _ => self.last_code.clone_from(rectangles),
         }
         self.last_code.clone()
     }
@@ -819,6 +839,18 @@ fn fill_rectangles(canvas: &mut Canvas<'_>, rectangles: &Value, after_windows: b
             canvas.fill_px([left, height - top, right, height - bottom], colour);
         }
     }
+}
+
+/// The frame that a driver shows between two others; `None` before the first one.
+fn mean(last: &[u8], picture: &RgbPicture) -> Option<RgbPicture> {
+    (last.len() == picture.rgb.len()).then(|| RgbPicture {
+        rgb: last
+            .iter()
+            .zip(&picture.rgb)
+            .map(|(last, next)| last.midpoint(*next))
+            .collect(),
+        ..*picture
+    })
 }
 
 /// True if rectangles begin with the check pattern's magenta border; numbers are black and white.
