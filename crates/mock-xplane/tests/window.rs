@@ -31,6 +31,15 @@ fn picture(number: u32) -> RgbPicture {
     picture
 }
 
+fn place(window: &SimulatorWindow) -> Rectangle {
+    Rectangle {
+        x_px: window.x_px as u32,
+        y_px: window.y_px as u32,
+        width_px: SIZE.0,
+        height_px: SIZE.1,
+    }
+}
+
 /// The window, driven by the test alone.
 struct StageDisplay(Arc<dyn DisplayWindow>);
 
@@ -56,14 +65,7 @@ async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_on
     let mut source = ScreenSource::set_up(&screen, SIZE, false, None, display)
         .await
         .unwrap();
-    let window = stage.describe().unwrap();
-    let expected = Rectangle {
-        x_px: window.x_px as u32,
-        y_px: window.y_px as u32,
-        width_px: SIZE.0,
-        height_px: SIZE.1,
-    };
-    assert_eq!(source.window(), expected);
+    assert_eq!(source.window(), place(&stage.describe().unwrap()));
     assert_eq!(
         source.lag(),
         Lag::default(),
@@ -199,6 +201,20 @@ async fn a_window_that_is_too_small_missing_or_elsewhere_is_refused_with_what_to
         "{text}"
     );
     assert!(matches!(error, BridgeError::Pixels(error) if error.is_bad_input()));
+}
+
+#[test]
+fn the_first_grab_shows_the_screen_as_it_is_now_and_not_as_it_was_when_it_was_opened() {
+    let xvfb = Xvfb::start("320x240x24");
+    let window = X11Window::open(Some(xvfb.display()), SIZE).unwrap();
+    window.show(&picture(1)).unwrap();
+    let mut grabs = screen_of(xvfb.display())
+        .open(Some(place(&window.describe().unwrap())))
+        .unwrap();
+    window.show(&picture(2)).unwrap();
+    let mut found = RgbPicture::default();
+    grabs.grab(&mut found).unwrap();
+    assert_eq!(found, picture(2));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -13,8 +13,8 @@
 //! levels, in windows with margins and without. Arguments: width and height (480 320).
 //!
 //! `-- plan` compares the time that `dtd plan --sim` expects, after the doctor measured the simulator, with the time that `dtd generate`
-//! takes: two flights of 5 NM from two views, by blocks, with one number in twenty repeated, and in a scene that moves all over, whose
-//! images are all settled. Arguments: width and height (480 320).
+//! takes: two flights from two views, by blocks, with one number in twenty repeated, and in a scene that moves all over, whose images are
+//! all settled. Arguments: width and height (480 320).
 //!
 //! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of an image,
 //! each measured alone. Arguments: width and height (1920 1280), and a weather (clear and stormy). On a larger machine: `taskset -c 0,1`
@@ -168,7 +168,8 @@ async fn moving(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
 }
 
 async fn plan(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
-    for faults in ["", "repeat=0.05", "swing=3000:3:6:150"] {
+    // Settled images take long.
+    for (faults, dtd_nm) in [("", 2.0), ("repeat=0.05", 2.0), ("swing=3000:3:6:150", 1.0)] {
         let recording = Recording::start(size_px, MARGIN_PX, Some(FRAMES_PER_S), 1, faults).await?;
         let address = recording.simulator.addresses.udp;
         let doctor = DoctorOptions {
@@ -186,7 +187,7 @@ async fn plan(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
         let simulator = Simulator::connect(address, Duration::from_secs(60)).await?;
         let profile = simulator.profile().current().cloned().map(Box::new);
         simulator.release().await?;
-        let toml = sweep(size_px, 5.0, &WEATHERS[..1]);
+        let toml = sweep(size_px, dtd_nm, &WEATHERS[..1]);
         let planned = expand(&parsed(toml.clone())?);
         let pacing = Pacing::XPlane(profile);
         let estimate = Estimate::new(&planned.common, &planned.scenarios, &pacing, None);

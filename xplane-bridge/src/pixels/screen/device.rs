@@ -27,6 +27,9 @@ pub(super) struct DeviceCall {
 
 /// Grabs are made on demand; the device must not wait between them.
 const UNPACED_HZ: &str = "1000";
+/// FFmpeg grabs images when it opens a device, to learn its rate and its first time stamp. They would be the first ones to be read, although
+/// the screen has changed since.
+const PROBE_NONE: [(&str, &str); 2] = [("fpsprobesize", "0"), ("max_ts_probe", "0")];
 /// macOS delivers images at a rate that its displays support.
 const PUSHED_HZ: &str = "60";
 
@@ -62,6 +65,7 @@ impl Platform {
     /// The device call that opens a region, or the whole screen. `display` is X11's; the other systems have only one.
     pub(super) fn call(self, display: &str, part: Option<Rectangle>) -> DeviceCall {
         let option = |name, value: &dyn ToString| (name, value.to_string());
+        let unprobed = PROBE_NONE.map(|(name, value)| option(name, &value));
         let (device, input, x, y) = match self {
             Self::X11 => ("x11grab", display, "grab_x", "grab_y"),
             Self::Gdi => ("gdigrab", "desktop", "offset_x", "offset_y"),
@@ -69,11 +73,14 @@ impl Platform {
                 return DeviceCall {
                     device: "avfoundation",
                     input: "Capture screen 0:none".into(),
-                    options: vec![
+                    options: [
                         option("capture_cursor", &0),
                         option("framerate", &PUSHED_HZ),
                         option("pixel_format", &"bgr0"),
-                    ],
+                    ]
+                    .into_iter()
+                    .chain(unprobed)
+                    .collect(),
                     crop: part,
                 };
             }
@@ -88,6 +95,7 @@ impl Platform {
             ]);
         }
         options.extend([option("draw_mouse", &0), option("framerate", &UNPACED_HZ)]);
+        options.extend(unprobed);
         DeviceCall {
             device,
             input: input.to_owned(),
@@ -124,25 +132,25 @@ mod tests {
                 Platform::X11,
                 Some(PART),
                 None,
-                "-video_size 1920x1280 -grab_x 10 -grab_y 20 -draw_mouse 0 -framerate 1000 -f x11grab -i :7",
+                "-video_size 1920x1280 -grab_x 10 -grab_y 20 -draw_mouse 0 -framerate 1000 -fpsprobesize 0 -max_ts_probe 0 -f x11grab -i :7",
             ),
             (
                 Platform::X11,
                 None,
                 None,
-                "-draw_mouse 0 -framerate 1000 -f x11grab -i :7",
+                "-draw_mouse 0 -framerate 1000 -fpsprobesize 0 -max_ts_probe 0 -f x11grab -i :7",
             ),
             (
                 Platform::Gdi,
                 Some(PART),
                 None,
-                "-video_size 1920x1280 -offset_x 10 -offset_y 20 -draw_mouse 0 -framerate 1000 -f gdigrab -i desktop",
+                "-video_size 1920x1280 -offset_x 10 -offset_y 20 -draw_mouse 0 -framerate 1000 -fpsprobesize 0 -max_ts_probe 0 -f gdigrab -i desktop",
             ),
             (
                 Platform::AvFoundation,
                 Some(PART),
                 Some(PART),
-                "-capture_cursor 0 -framerate 60 -pixel_format bgr0 -f avfoundation -i Capture screen 0:none",
+                "-capture_cursor 0 -framerate 60 -pixel_format bgr0 -fpsprobesize 0 -max_ts_probe 0 -f avfoundation -i Capture screen 0:none",
             ),
         ] {
             let call = platform.call(":7", part);
