@@ -68,8 +68,8 @@ mod tests {
 
     const RATE_HZ: f64 = 10.0;
 
-    /// Numbers of the images that are decoded, of 200 with a key frame each second, sent at a multiple of their rate; `behind`: those that were
-    /// there before they were asked for.
+    /// Numbers of the images that are decoded, of 200 with a key frame each second, sent at a multiple of their rate; `behind`: those that
+    /// were there before they were asked for.
     fn decoded(speed: f64, behind: impl Fn(u32) -> bool) -> Vec<u32> {
         let (mut backlog, began) = (Backlog::default(), Instant::now());
         let is_decoded = |number: &u32| {

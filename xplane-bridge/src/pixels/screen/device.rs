@@ -27,8 +27,8 @@ pub(super) struct DeviceCall {
 
 /// Grabs are made on demand; the device must not wait between them.
 const UNPACED_HZ: &str = "1000";
-/// FFmpeg grabs images when it opens a device, to learn its rate and its first time stamp. They would be the first ones to be read, although
-/// the screen has changed since.
+/// FFmpeg grabs images when it opens a device, to learn its rate and its first time stamp. They would be the first ones to be read,
+/// although the screen has changed since.
 const PROBE_NONE: [(&str, &str); 2] = [("fpsprobesize", "0"), ("max_ts_probe", "0")];
 /// macOS delivers images at a rate that its displays support.
 const PUSHED_HZ: &str = "60";
