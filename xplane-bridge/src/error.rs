@@ -45,18 +45,14 @@ pub enum BridgeError {
     #[error("{0}")]
     BadVariable(String),
     /// No datagram came back over UDP.
-    #[error(
-        "no simulator answered at {address} (UDP) within {waited:.1?}{}. Is X-Plane running, is Settings > Network > \
-         \"Accept incoming connections\" on, and is this its address? Without X-Plane, use the bundled simulator: --sim mock",
-        if *.refused { ": no program listens on that port" } else { "" }
-    )]
+    #[error("{}", no_answer(*.address, *.waited, *.silence))]
     NobodyAnswers {
         /// Address of the request.
         address: SocketAddr,
         /// Time waited.
         waited: Duration,
-        /// True if its computer reported that the port is closed.
-        refused: bool,
+        /// What else is known.
+        silence: Silence,
     },
     /// The local port that the user chose is not available.
     #[error(
@@ -152,16 +148,35 @@ pub enum BridgeError {
     },
 }
 
-impl BridgeError {
-    /// No datagram came within a time, and the port may be open.
-    pub(crate) fn silent(address: SocketAddr, waited: Duration) -> Self {
-        Self::NobodyAnswers {
-            address,
-            waited,
-            refused: false,
-        }
-    }
+/// Forms of silence over UDP.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Silence {
+    /// No datagram came.
+    Nothing,
+    /// The simulator's computer reported that the port is closed.
+    Refused,
+    /// The simulator had answered before, and has closed its capture link.
+    Ended,
+}
 
+fn no_answer(address: SocketAddr, waited: Duration, silence: Silence) -> String {
+    let hint = match silence {
+        Silence::Ended => {
+            return format!(
+                "the simulator at {address} has ended: its capture link is closed, and it did not answer over UDP within {waited:.1?}. Start \
+                 it, and run the same command again"
+            );
+        }
+        Silence::Refused => ": no program listens on that port",
+        Silence::Nothing => "",
+    };
+    format!(
+        "no simulator answered at {address} (UDP) within {waited:.1?}{hint}. Is X-Plane running, is Settings > Network > \
+         \"Accept incoming connections\" on, and is this its address? Without X-Plane, use the bundled simulator: --sim mock"
+    )
+}
+
+impl BridgeError {
     /// An answer over the capture link that was not expected.
     pub(crate) fn wrong_answer(expected: impl Display, found: impl Display) -> Self {
         Self::Failed(format!("capture link: expected {expected}, found {found}"))

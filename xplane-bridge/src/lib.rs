@@ -19,7 +19,7 @@ mod simulator;
 pub mod udp;
 pub mod web_api;
 
-pub use error::BridgeError;
+pub use error::{BridgeError, Silence};
 pub use error::causes::with_causes;
 pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;

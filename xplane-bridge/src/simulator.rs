@@ -30,7 +30,7 @@ use tokio::time::Instant;
 
 use crate::datarefs::{self, Generation};
 use crate::error::peer_text::quoted;
-use crate::error::{BridgeError, HELLO};
+use crate::error::{BridgeError, HELLO, Silence};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, Hello, MAX_OUTSTANDING_CAPTURES, PictureBytes,
@@ -47,6 +47,7 @@ pub use block::{
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };
+use connect_options::main_menu::{self, Left};
 use link_client::{LinkClient, wrong};
 use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
@@ -68,7 +69,7 @@ const LINK_SHARE: f64 = 0.2;
 /// A simulator that has run for a shorter time, by its own clock, may not have started its plugins yet.
 const STARTING: Duration = Duration::from_secs(60);
 
-/// Pause between two looks whether a simulator without a plugin shows its main menu.
+/// Pause between two looks whether a simulator without a plugin shows its main menu. Twice as long after each refusal to start a flight.
 const MENU_LOOK: Duration = Duration::from_secs(1);
 
 /// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: writes in one frame are drawn in the
@@ -174,6 +175,7 @@ impl Simulator {
                 _ => false,
             };
             let (mut until, mut is_begun) = (began + waited, false);
+            let (mut next_try, mut pause) = (began, MENU_LOOK);
             let mut values = vec![None; names.len()];
             loop {
                 let look = until.min(Instant::now() + MENU_LOOK);
@@ -187,10 +189,19 @@ impl Simulator {
                 // Asked again and again: a Web API may answer later than UDP, and a menu may show only then.
                 if let (false, Some(version), Some(place)) = (is_begun, values[0], web_api)
                     && Generation::of_version(version) == Generation::XPlane12
-                    && connect_options::main_menu::leave(place).await
+                    && Instant::now() >= next_try
                 {
-                    is_begun = true;
-                    until = Instant::now() + STARTING;
+                    match main_menu::leave(place).await {
+                        Left::Begun => {
+                            is_begun = true;
+                            until = Instant::now() + STARTING;
+                        }
+                        Left::Refused => {
+                            pause *= 2;
+                            next_try = Instant::now() + pause;
+                        }
+                        Left::NoMenu => {}
+                    }
                 }
                 if let (false, Some(running_s)) = (is_begun, values[3]) {
                     let running = Duration::try_from_secs_f32(running_s).unwrap_or(STARTING);
@@ -205,7 +216,11 @@ impl Simulator {
             }
             let deadline = deadline.max(Instant::now() + timeout.mul_f64(LINK_SHARE));
             let [version, port, settle_s] = [values[0], values[1], values[2]];
-            let version = version.ok_or_else(|| BridgeError::silent(address, waited))?;
+            let version = version.ok_or(BridgeError::NobodyAnswers {
+                address,
+                waited,
+                silence: Silence::Nothing,
+            })?;
             let port = match port {
                 Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
                 _ => {
@@ -275,6 +290,19 @@ impl Simulator {
                 grabs: CodedGrabs::default(),
             })
         })
+    }
+
+    /// The simulator, which answered before, did not answer over UDP within a time.
+    fn silent(&self, waited: Duration) -> BridgeError {
+        BridgeError::NobodyAnswers {
+            address: self.address,
+            waited,
+            silence: if self.link.has_ended() {
+                Silence::Ended
+            } else {
+                Silence::Nothing
+            },
+        }
     }
 
     /// The connected simulator's description of itself. Its profile and its screen are kept elsewhere.

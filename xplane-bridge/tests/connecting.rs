@@ -1,13 +1,16 @@
 //! Connecting to a missing, incomplete or foreign simulator ends in time, with an error that says what to do.
 
+mod fake_web_api;
+
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
+use fake_web_api::{CAPABILITIES, server};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, UdpSocket};
 use xplane_bridge::datarefs::{CAPTURE_PORT, RUNNING_TIME_S, VERSION};
 use xplane_bridge::packet::{DatarefValue, DatarefValues, FromSimulator, ToSimulator};
-use xplane_bridge::{BridgeError, Simulator};
+use xplane_bridge::{BridgeError, ConnectOptions, Simulator};
 
 /// A simulator that reports its version and the capture link's port, and loses the first datagrams.
 async fn simulator_with_port(port: Option<u16>, lost: usize) -> SocketAddr {
@@ -111,6 +114,28 @@ async fn a_plugin_that_starts_late_is_waited_for_if_the_simulator_has_just_begun
         matches!(error, BridgeError::CannotOpenLink { .. }),
         "{error}"
     );
+}
+
+#[tokio::test]
+async fn a_main_menu_that_refuses_a_flight_is_asked_again_with_growing_pauses() {
+    let address = simulator_with_port(None, 0).await;
+    let (web_api, requests) = server(&[
+        ("GET /api/capabilities", 200, CAPABILITIES),
+        ("GET /api/v3/datarefs?", 200, r#"{"data":[]}"#),
+        ("POST /api/v3/flight", 400, r#"{"error_code":"busy"}"#),
+    ])
+    .await;
+    let options = ConnectOptions {
+        web_api: Some(web_api),
+        ..ConnectOptions::default()
+    };
+    let connected = Simulator::connect_with(address, Duration::from_secs(6), options).await;
+    let error = connected.unwrap_err();
+    assert!(matches!(error, BridgeError::NoPlugin { .. }), "{error}");
+    // After 1 and 3 seconds, and not in each of them.
+    let requests = requests.lock().unwrap();
+    let starts = requests.iter().filter(|(request, _)| request.starts_with("POST"));
+    assert_eq!(starts.count(), 2, "{requests:?}");
 }
 
 #[tokio::test]

@@ -11,11 +11,12 @@ use dataset::geometry::runway::Runway;
 use fake_simulator::{Fake, FakeState};
 use testkit::changi_02l;
 use tokio::time::{Instant, sleep};
-use xplane_bridge::Simulator;
 use xplane_bridge::datarefs;
+use xplane_bridge::doctor::{DoctorOptions, Measuring, Verdict, examine};
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::Request;
 use xplane_bridge::packet::PlaceAtStart;
+use xplane_bridge::{Simulator, WebApiPlace};
 
 const ELEVEN: f32 = 115_501.0;
 const TWELVE: f32 = 124_311.0;
@@ -329,6 +330,33 @@ async fn a_command_without_effect_is_an_error_about_the_command() {
     ] {
         assert!(said.contains(words), "{said}");
     }
+}
+
+#[tokio::test]
+async fn a_pause_that_stays_is_no_menu_for_the_doctor() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    fake.told().set(datarefs::PAUSED, 1.0);
+    fake.told().ignores_commands = true;
+    let options = DoctorOptions {
+        listen: Duration::ZERO,
+        wait: Duration::from_millis(300),
+        web_api: WebApiPlace::Off,
+        measuring: Measuring::Never,
+        ..DoctorOptions::at(Some(fake.address))
+    };
+    let checks = examine(&options, &mut |_| ()).await;
+    let menus = checks.iter().find(|check| check.name == "menus").unwrap();
+    assert_eq!(menus.verdict, Verdict::Failed);
+    assert!(menus.found.contains("sim/operation/pause_off"), "{menus:?}");
+}
+
+#[tokio::test]
+async fn a_simulator_that_has_ended_is_not_called_one_that_never_answered() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    let mut simulator = fake.connect().await;
+    fake.end();
+    let error = simulator.set_conditions(&conditions()).await.unwrap_err();
+    assert!(error.to_string().contains("has ended"), "{error}");
 }
 
 #[tokio::test]

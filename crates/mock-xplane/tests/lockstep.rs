@@ -522,7 +522,7 @@ async fn a_stand_in_on_this_computer_is_found_with_its_port_and_version() {
     let running = Running::start(announcing).await;
     let address = running.addresses.udp;
     // A second one may run on this computer, so that the wanted one need not be the only one.
-    let found = announced(DISCOVERY_TIMEOUT, Some(address.port())).await;
+    let found = announced(DISCOVERY_TIMEOUT, Some(address)).await;
     let found = found.unwrap();
     let this = found
         .iter()

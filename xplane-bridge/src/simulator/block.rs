@@ -128,8 +128,8 @@ pub struct BlockRecording<'a> {
     covered: Covered,
     /// Ticks that were shown again before that.
     repeated: u32,
-    /// Since when the scene is watched while it settles, and the number of its images.
-    watched: Option<(Instant, u32)>,
+    /// How long the scene is watched while it settles.
+    watched: Option<Watched>,
     /// How often it was watched in the middle of the block.
     watches: u32,
     /// The last frame whose image was looked at, and found uncovered.
@@ -400,13 +400,16 @@ impl BlockRecording<'_> {
             self.forget_grabs()?;
             self.covers.forget();
             self.simulator.grabs.rest(false);
-            let (since, mut images) = (Instant::now(), 0);
-            while !is_long_watched(since, images) {
-                images += 1;
+            let mut watched = Watched::begin();
+            while !watched.is_long() {
                 let CodedPicture { code, rgb } = self.next_grab().await?;
-                let near = self.drawn.keys().next_back();
-                if let (Some(near), Some(rgb)) = (near, rgb) {
-                    let number = code.number_near(*near);
+                // A cover was seen, so frames are known.
+                let Some(near) = self.drawn.keys().next_back() else {
+                    return Err(self.no_code(Duration::ZERO).into());
+                };
+                let number = code.number_near(*near);
+                watched.see(number);
+                if let Some(rgb) = rgb {
                     self.covers.watch(number, &rgb, &self.moving(number));
                 }
             }
@@ -543,9 +546,9 @@ impl BlockRecording<'_> {
     /// Notes for how long the scene is watched while it settles.
     fn let_settle(&mut self, number: u64) {
         if self.sequence.is_settling() && self.sequence.has_had_its_time(number) {
-            let (since, images) = self.watched.get_or_insert_with(|| (Instant::now(), 0));
-            *images += 1;
-            self.sequence.settling.has_watched = is_long_watched(*since, *images);
+            let watched = self.watched.get_or_insert_with(Watched::begin);
+            watched.see(number);
+            self.sequence.settling.has_watched = watched.is_long();
         }
     }
 
@@ -653,9 +656,32 @@ impl Drop for BlockRecording<'_> {
     }
 }
 
-/// True if a scene was watched for long enough to know how it moves, also on a busy computer, which sees few of its images.
-fn is_long_watched(since: Instant, images: u32) -> bool {
-    since.elapsed() >= WATCH_TIME && images >= WATCHED_IMAGES
+/// How long a scene has been watched.
+#[derive(Debug)]
+struct Watched {
+    since: Instant,
+    images: u32,
+    last: Option<u64>,
+}
+
+impl Watched {
+    fn begin() -> Self {
+        Self {
+            since: Instant::now(),
+            images: 0,
+            last: None,
+        }
+    }
+
+    /// A grab of this frame. A frame that is grabbed twice is one image.
+    fn see(&mut self, frame: u64) {
+        self.images += u32::from(self.last.replace(frame) != Some(frame));
+    }
+
+    /// True if that is enough to know how the scene moves, also on a busy computer, which sees few of its images.
+    fn is_long(&self) -> bool {
+        self.since.elapsed() >= WATCH_TIME && self.images >= WATCHED_IMAGES
+    }
 }
 
 /// An image off the screen.
@@ -687,5 +713,25 @@ impl Scene for Grabbed {
             sum as f64 / rgb.len().max(1) as f64
         };
         (mean(&self.rgb) - mean(&before.rgb)).abs() < SETTLED_LEVELS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_that_is_grabbed_twice_is_one_image_of_a_watched_scene() {
+        let mut watched = Watched {
+            since: Instant::now().checked_sub(WATCH_TIME).unwrap(),
+            ..Watched::begin()
+        };
+        for frame in 1..u64::from(WATCHED_IMAGES) {
+            watched.see(frame);
+            watched.see(frame);
+        }
+        assert!(!watched.is_long());
+        watched.see(0);
+        assert!(watched.is_long());
     }
 }

@@ -252,7 +252,7 @@ impl Simulator {
         let is_silent = !found.is_empty() && found.iter().all(Option::is_none);
         if is_silent && self.link.has_ended() {
             // It has ended: the same would not be answered later either.
-            return Err(BridgeError::silent(self.address, READ_TIMEOUT));
+            return Err(self.silent(READ_TIMEOUT));
         }
         Ok(found)
     }

@@ -28,9 +28,9 @@ use dataset::geometry::runway::Runway;
 use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 
-use self::talk::{Silence, Talk};
+use self::talk::Talk;
 use crate::datarefs::Generation;
-use crate::error::BridgeError;
+use crate::error::{BridgeError, Silence};
 use crate::link::{Hello, LINK_VERSION, PictureSize};
 use crate::pixels::{FfmpegScreen, Screen};
 use crate::profile::Finding;
@@ -374,7 +374,7 @@ async fn silent(
     };
     let mut found = match silence {
         Silence::Refused => format!("no program listens on {address}: its computer says so"),
-        Silence::Nothing => format!("nothing from {address} within {:.1?}", options.wait),
+        Silence::Nothing | Silence::Ended => format!("nothing from {address} within {:.1?}", options.wait),
     };
     let hint = match (refusing, heard) {
         (Some(place), _) => {
@@ -416,14 +416,17 @@ fn plugin(description: &Hello) -> Check {
     let Hello { name, version, .. } = description;
     let served_by = description.plugin.as_deref();
     let served_by = served_by.unwrap_or("the simulator itself");
+    let found =
+        format!("capture link version {LINK_VERSION} of {name} {version}, served by {served_by}");
     let kinds: Vec<&str> = description.pixels.iter().map(|kind| kind.name()).collect();
-    let kinds = kinds.join(", ");
-    Check::ok(
-        "plugin",
-        format!(
-            "capture link version {LINK_VERSION} of {name} {version}, served by {served_by}; images come by {kinds}"
-        ),
-    )
+    if kinds.is_empty() {
+        return Check::failed(
+            "plugin",
+            format!("{found}; it can neither send images nor show them on a screen"),
+            "Look for dtd's reason in XPPython3Log.txt, and let the simulator draw on a screen that the plugin can name (docs/x-plane.md)",
+        );
+    }
+    Check::ok("plugin", format!("{found}; images come by {}", kinds.join(", ")))
 }
 
 fn release(released: Result<(), BridgeError>) -> Check {
@@ -434,5 +437,24 @@ fn release(released: Result<(), BridgeError>) -> Check {
             error.to_string(),
             "Restart the flight in X-Plane: it may still be frozen",
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::PixelKind;
+
+    #[test]
+    fn a_plugin_without_any_source_of_images_is_not_well() {
+        let with = |pixels: Vec<PixelKind>| {
+            let check = plugin(&Hello {
+                pixels,
+                ..Hello::default()
+            });
+            check.verdict
+        };
+        assert_eq!(with(vec![PixelKind::Screen]), Verdict::Ok);
+        assert_eq!(with(Vec::new()), Verdict::Failed);
     }
 }

@@ -90,7 +90,7 @@ impl Simulator {
             }
             // Silence does not mean a menu: X-Plane hangs for seconds while it loads.
             if first_s.is_none() || now_s.is_none() {
-                return Err(BridgeError::silent(self.address, READY_TIMEOUT * 2));
+                return Err(self.silent(READY_TIMEOUT * 2));
             }
             if !menu_was_toggled {
                 tracing::warn!("simulated time stands still: leaving the menu, if it is one");

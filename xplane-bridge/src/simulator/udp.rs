@@ -11,7 +11,7 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout_at};
 
 use crate::datarefs::{RUNNING_TIME_S, VERSION};
-use crate::error::BridgeError;
+use crate::error::{BridgeError, Silence};
 use crate::packet::{
     Command, DatarefValue, Position, SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
 };
@@ -116,7 +116,7 @@ impl SimulatorSocket {
                     return Err(BridgeError::NobodyAnswers {
                         address: self.simulator(),
                         waited: began.elapsed(),
-                        refused: true,
+                        silence: Silence::Refused,
                     });
                 }
             }

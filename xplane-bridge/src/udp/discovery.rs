@@ -20,6 +20,7 @@ use tokio::time::{Instant, timeout_at};
 use crate::error::BridgeError;
 use crate::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 use crate::simulator::running_since;
+use crate::udp::simulator_address::is_answer;
 use crate::udp::socket::LocalUdp;
 
 /// Time to listen: three beacons; two may be lost.
@@ -44,13 +45,13 @@ pub struct Announced {
     pub beacon: Beacon,
 }
 
-/// All simulators that announce themselves within `time`, or until one at this port does, under each of their addresses.
+/// All simulators that announce themselves within `time`, or until the one at this address does, under each of their addresses.
 ///
 /// # Errors
 /// This computer cannot listen to the beacon.
 pub async fn announced(
     time: Duration,
-    wanted_port: Option<u16>,
+    wanted: Option<SocketAddr>,
 ) -> Result<Vec<Announced>, BridgeError> {
     let socket = listen(BEACON_PORT)?;
     let until = Instant::now() + time;
@@ -60,9 +61,9 @@ pub async fn announced(
         let (length, from) = received.map_err(|error| no_multicast(&error))?;
         match FromSimulator::decode(&buffer[..length]) {
             Ok(FromSimulator::Beacon(beacon)) => {
-                let port = beacon.port;
-                note(&mut found, SocketAddr::new(from.ip(), port), beacon);
-                if wanted_port == Some(port) {
+                let address = SocketAddr::new(from.ip(), beacon.port);
+                note(&mut found, address, beacon);
+                if wanted.is_some_and(|wanted| is_same(wanted, address)) {
                     break;
                 }
             }
@@ -74,6 +75,13 @@ pub async fn announced(
         .into_iter()
         .map(|(address, beacon)| Announced { address, beacon })
         .collect())
+}
+
+/// True if an announced address is the simulator's: on its port, and at its address or, as a computer has several, also of this computer.
+pub(crate) fn is_same(wanted: SocketAddr, announced: SocketAddr) -> bool {
+    let is_here = |address: SocketAddr| std::net::UdpSocket::bind((address.ip(), 0)).is_ok();
+    wanted.port() == announced.port()
+        && (is_answer(wanted, announced) || is_here(wanted) && is_here(announced))
 }
 
 /// Takes a beacon, unless as many addresses are known already.
@@ -254,6 +262,24 @@ mod tests {
         note(&mut found, address(63), named.clone());
         assert_eq!(found[&address(63)], named);
         assert!(!found.contains_key(&address(64)));
+    }
+
+    #[test]
+    fn the_beacon_of_another_computer_is_not_the_one_of_a_simulator_at_the_same_port() {
+        let is_same = |wanted: &str, announced: &str| {
+            is_same(wanted.parse().unwrap(), announced.parse().unwrap())
+        };
+        // Documentation addresses (RFC 5737), which no computer has.
+        for (wanted, announced, expected) in [
+            ("127.0.0.1:49000", "127.0.0.1:49000", true),
+            ("192.0.2.1:49000", "192.0.2.1:49000", true),
+            ("127.0.0.1:49000", "127.0.0.1:49010", false),
+            ("127.0.0.1:49000", "192.0.2.1:49000", false),
+            ("192.0.2.1:49000", "192.0.2.2:49000", false),
+            ("192.0.2.1:49000", "127.0.0.1:49000", false),
+        ] {
+            assert_eq!(is_same(wanted, announced), expected, "{wanted} {announced}");
+        }
     }
 
     #[tokio::test]

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
+use tokio::task::AbortHandle;
 use tokio::time::{Instant, interval};
 use xplane_bridge::datarefs::{
     AIRCRAFT_ICAO, CAPTURE_PORT, CLOUD_COVER, CLOUD_COVER_AT_AIRCRAFT, COMMAND_TOGGLE_MAIN_MENU,
@@ -129,7 +130,8 @@ impl FakeState {
         if self.now_s() < self.temperature_drifts_until_s {
             *self.datarefs.entry(TEMPERATURE_C.to_owned()).or_default() += 0.05;
         }
-        if self.menu.is_none() {
+        let is_paused = self.datarefs.get(PAUSED).is_some_and(|value| *value != 0.0);
+        if self.menu.is_none() && !is_paused {
             self.frames += 1;
             self.set(FLIGHT_TIME_S, self.frames as f32 * 0.02);
         }
@@ -156,8 +158,9 @@ impl FakeState {
 }
 
 pub(crate) struct Fake {
-    address: SocketAddr,
+    pub(crate) address: SocketAddr,
     told: Arc<Mutex<FakeState>>,
+    servers: [AbortHandle; 2],
 }
 
 impl Fake {
@@ -172,9 +175,20 @@ impl Fake {
         told.set(WEATHER_SETTLE_S, 0.0);
         told.set_icao(icao);
         let told = Arc::new(Mutex::new(told));
-        tokio::spawn(serve_udp(udp, told.clone()));
-        tokio::spawn(serve_link(link, told.clone(), plugin.map(str::to_owned)));
-        Self { address, told }
+        let servers = [
+            tokio::spawn(serve_udp(udp, told.clone())),
+            tokio::spawn(serve_link(link, told.clone(), plugin.map(str::to_owned))),
+        ];
+        Self {
+            address,
+            told,
+            servers: servers.map(|server| server.abort_handle()),
+        }
+    }
+
+    /// Ends, like a crashed simulator.
+    pub(crate) fn end(&self) {
+        self.servers.iter().for_each(AbortHandle::abort);
     }
 
     pub(crate) fn told(&self) -> MutexGuard<'_, FakeState> {

@@ -194,7 +194,7 @@ impl Simulator {
             if found.iter().any(Option::is_some) {
                 heard = Instant::now();
             } else if heard.elapsed() > MAX_HITCH {
-                return Err(BridgeError::silent(self.address, heard.elapsed()));
+                return Err(self.silent(heard.elapsed()));
             }
             let weather = &found[..expected.len()];
             unchanged = if before == weather { unchanged + 1 } else { 0 };

@@ -23,21 +23,32 @@ const ANYWHERE: FlightStart = FlightStart {
     speed_mps: 120.0,
 };
 
-/// Starts a flight if the Web API there says that none is loaded. Returns true if one may begin now.
-pub(crate) async fn leave(web_api: SocketAddr) -> bool {
+/// Outcome of an attempt to leave the main menu.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Left {
+    /// A flight may begin now.
+    Begun,
+    /// X-Plane refused to start one.
+    Refused,
+    /// Nothing there says that the menu shows.
+    NoMenu,
+}
+
+/// Starts a flight if the Web API there says that none is loaded.
+pub(crate) async fn leave(web_api: SocketAddr) -> Left {
     // No port: in the menu there is no plugin that could have reported one.
     match find_web_api::find(web_api, 0).await {
         Err(NotUsed::NoFlight { .. }) => {}
-        _ => return false,
+        _ => return Left::NoMenu,
     }
     tracing::info!(%web_api, "X-Plane shows its main menu, in which no plugin runs: starting a flight");
     match start(web_api).await {
-        Ok(()) => true,
+        Ok(()) => Left::Begun,
         // X-Plane closes the connection of a flight that it starts.
-        Err(WebApiError::NotReached { .. }) => true,
+        Err(WebApiError::NotReached { .. }) => Left::Begun,
         Err(error) => {
             tracing::warn!(%error, "no flight could be started from X-Plane's main menu: start any flight there");
-            false
+            Left::Refused
         }
     }
 }

@@ -14,7 +14,7 @@ use crate::datarefs::{
     CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DATE_DAYS, DatarefWrite, FLIGHT_TIME_S,
     NAV1_COURSE_MAGNETIC, PAUSED, VERSION, Version, ZULU_TIME_S,
 };
-use crate::error::BridgeError;
+use crate::error::{BridgeError, Silence};
 use crate::udp::socket::SimulatorSocket;
 
 /// Oldest version on which XPPython3 runs: 11.52.
@@ -27,14 +27,6 @@ pub(super) struct PlaceOnGround {
     pub(super) longitude_deg: f64,
     pub(super) altitude_msl_m: f64,
     pub(super) ground_msl_m: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Silence {
-    /// The computer reports that the port is closed.
-    Refused,
-    /// No datagram came.
-    Nothing,
 }
 
 /// A conversation over UDP.
@@ -77,7 +69,7 @@ impl Talk {
     pub(super) async fn version(&mut self) -> Result<f32, Silence> {
         match self.udp.read_one(VERSION, self.wait, |_| true).await {
             Ok(version) => version.ok_or(Silence::Nothing),
-            Err(BridgeError::NobodyAnswers { refused: true, .. }) => Err(Silence::Refused),
+            Err(BridgeError::NobodyAnswers { silence, .. }) => Err(silence),
             Err(_) => Err(Silence::Nothing),
         }
     }
@@ -127,8 +119,14 @@ impl Talk {
     pub(super) async fn menus(&mut self) -> Check {
         const NAME: &str = "menus";
         let was_paused = self.read(&[PAUSED]).await[0].is_some_and(|value| value != 0.0);
-        if was_paused {
-            self.set_pause(false).await;
+        if was_paused && !self.set_pause(false).await {
+            return Check::failed(
+                NAME,
+                format!(
+                    "X-Plane is paused, and {COMMAND_PAUSE_OFF} has no effect: whether a menu is open cannot be seen"
+                ),
+                "Resume it in X-Plane (P). Does a dialog or another plugin hold the pause?",
+            );
         }
         let before_s = self.read(&[FLIGHT_TIME_S]).await[0];
         let moves = |now_s: f32| before_s.is_some_and(|before_s| now_s > before_s);
@@ -151,8 +149,8 @@ impl Talk {
         }
     }
 
-    /// Pauses or resumes, if the simulator takes it.
-    async fn set_pause(&mut self, paused: bool) {
+    /// Pauses or resumes; returns true if the simulator took it.
+    async fn set_pause(&mut self, paused: bool) -> bool {
         let command = if paused {
             COMMAND_PAUSE_ON
         } else {
@@ -160,7 +158,7 @@ impl Talk {
         };
         let is_so = |value: f32| (value != 0.0) == paused;
         let send = async |udp: &SimulatorSocket| udp.command(command).await;
-        let _ = self.send_until(send, PAUSED, is_so).await;
+        self.send_until(send, PAUSED, is_so).await.is_ok()
     }
 
     /// Sends something, which may be lost, until a dataref shows its effect; the error is its last value.

@@ -82,7 +82,7 @@ impl Simulator {
                 began.elapsed()
             ))
         } else {
-            BridgeError::silent(self.address, heard.elapsed())
+            self.silent(heard.elapsed())
         }
     }
 }

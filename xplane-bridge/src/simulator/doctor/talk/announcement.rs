@@ -4,19 +4,20 @@ use std::net::SocketAddr;
 
 use crate::error::BridgeError;
 use crate::simulator::doctor::{Check, DoctorOptions};
-use crate::udp::discovery::{Announced, announced, choose};
+use crate::udp::discovery::{Announced, announced, choose, is_same};
+use crate::udp::simulator_address::reachable;
 
 const NAME: &str = "beacon";
 
 /// Listens for the beacon of the examined simulator, or of any if no address is known; returns the announced address. If several
 /// announce themselves and none was specified, the check fails.
 pub(crate) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr>) {
-    let wanted_port = options.address.map(|address| address.port());
-    let heard = match announced(options.listen, wanted_port).await {
+    let wanted = options.address.map(reachable);
+    let heard = match announced(options.listen, wanted).await {
         Ok(heard) => heard,
         Err(error) => return (Check::skipped(NAME, error.to_string()), None),
     };
-    let Some(wanted) = options.address else {
+    let Some(wanted) = wanted else {
         return match choose(heard, options.listen, &options.local_udp).await {
             Ok(one) => well(&one),
             Err(error @ BridgeError::SeveralAnnounced { .. }) => {
@@ -26,8 +27,7 @@ pub(crate) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr
             Err(_) => (unheard(format!("none within {:.1?}", options.listen)), None),
         };
     };
-    // The same simulator may be known under a second address.
-    match heard.iter().find(|one| one.address.port() == wanted.port()) {
+    match heard.iter().find(|one| is_same(wanted, one.address)) {
         Some(one) => well(one),
         None if heard.is_empty() => (unheard(format!("none within {:.1?}", options.listen)), None),
         None => {
