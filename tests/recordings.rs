@@ -31,6 +31,14 @@ fn every_verb_reads_an_imported_corpus() {
     recording(folder, "rtk 1 10 2 1 --calibrated");
     let outcome = import(folder);
     assert_eq!(outcome["refused"], serde_json::json!([]), "{outcome:#}");
+    // As an import leaves it that is killed just after its corpus has appeared.
+    let left = folder.join("corpus.partial");
+    fs::create_dir(&left).unwrap();
+    fs::write(left.join("claim"), "").unwrap();
+    DTD.command(&["import", "tower/recording.toml", "--out", "corpus"])
+        .current_dir(folder)
+        .ends_with(2, &["is there already"]);
+    assert!(!left.exists());
     let run = |arguments: &str| {
         let arguments: Vec<&str> = arguments.split(' ').collect();
         DTD.command(&arguments).current_dir(folder).succeeds()

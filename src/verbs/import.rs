@@ -35,6 +35,13 @@ pub(crate) fn run(args: &ImportArgs) -> Outcome {
                 camera.camera
             );
         }
+        if camera.damaged_images > 0 {
+            eprintln!(
+                "camera {}: {} left out",
+                camera.camera,
+                count(camera.damaged_images as usize, "damaged image")
+            );
+        }
         for doubt in &camera.doubts {
             eprintln!("camera {}: {doubt}", camera.camera);
         }

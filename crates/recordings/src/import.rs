@@ -91,6 +91,8 @@ pub struct CameraOutcome {
     pub unmatched: usize,
     /// Boxes that might show several or follow none well; these count as unmatched.
     pub doubtful: usize,
+    /// Images of its videos that were left out, because they or earlier ones are damaged.
+    pub damaged_images: u64,
 }
 
 /// Outcome of an import.
@@ -116,26 +118,18 @@ pub fn import(
 ) -> Result<ImportOutcome> {
     let described = Description::read(description)?;
     let out = resolve(out)?;
+    // Also beside a corpus: an import that was killed just after it had made it leaves an empty workshop, which goes now.
+    let workshop = Workshop::enter(&out, &[SCRATCH, SEARCHED], Duration::ZERO)?;
     if !is_vacant(&out) {
         let fault = "is there already, and an import replaces nothing; name a new folder";
         return Err(dataset::Error::corpus(&out, fault).into());
     }
-    let workshop = Workshop::enter(&out, &[SCRATCH, SEARCHED], Duration::ZERO)?;
     let made = make(description, &described, &workshop, detector, watch);
-    let cleared = workshop.remove(SCRATCH);
-    let made = match made {
-        Ok(outcome) => outcome,
-        Err(error) => {
-            workshop.remove(NEW)?;
-            return Err(error);
-        }
-    };
-    cleared?;
-    // Whoever mends the description and imports again needs no second search.
-    if made.refused.is_empty() {
-        workshop.remove(SEARCHED)?;
+    if made.is_err() {
+        workshop.remove(SCRATCH)?;
+        workshop.remove(NEW)?;
     }
-    Ok(made)
+    made
 }
 
 /// Results of searching videos.
@@ -174,12 +168,20 @@ impl<'a> Videos<'a> {
         let Some(searched) = self.searched.remove(&*camera.name) else {
             return Ok((Sightings::read(camera)?, source(&camera.boxes)?));
         };
-        let Searched { table, source } = searched?;
+        let Searched {
+            table,
+            source,
+            damaged_images,
+        } = searched?;
         let with_table = CameraDescription {
             boxes: table,
             ..camera.clone()
         };
-        Ok((Sightings::read(&with_table)?, source))
+        let seen = Sightings {
+            damaged_images,
+            ..Sightings::read(&with_table)?
+        };
+        Ok((seen, source))
     }
 }
 
@@ -305,6 +307,12 @@ fn make(
         flights: &flights,
     };
     outcome.scenarios = corpus_folder::write(&parts, file, &workshop.path(NEW))?;
+    // Before the corpus appears, since no later import would do it.
+    workshop.remove(SCRATCH)?;
+    // Whoever mends the description and imports again needs no second search.
+    if outcome.refused.is_empty() {
+        workshop.remove(SEARCHED)?;
+    }
     workshop.put_in_place()?;
     Ok(outcome)
 }
@@ -653,6 +661,7 @@ fn camera_outcome(
         matched,
         unmatched: found.flights.len() - matched,
         doubtful: found.doubtful,
+        damaged_images: seen.damaged_images,
     }
 }
 

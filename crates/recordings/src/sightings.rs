@@ -58,6 +58,8 @@ pub(crate) struct Sightings {
     pub(crate) boxes: Vec<Sighting>,
     /// Largest coordinates of boxes, pixels.
     pub(crate) reach_px: DVec2,
+    /// Images of its videos that are damaged and were left out.
+    pub(crate) damaged_images: u64,
 }
 
 /// The numbers of a row's columns.

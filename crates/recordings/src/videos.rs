@@ -1,7 +1,7 @@
 //! Videos of cameras: the times of their images, and the boxes that a detector finds in them.
 //!
 //! Videos are searched side by side, image by image. When a video ends, its boxes become a table in the workshop, named after the video,
-//! the camera and the detector, so that no later import searches that video again.
+//! the camera and the detector, so that no later import searches that video again. Damaged images are left out and counted.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -10,7 +10,6 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::thread;
 
 use dataset::corpus::scenario::SourceFile;
 use dataset::corpus::seal::hash_file;
@@ -19,20 +18,26 @@ use dataset::video::VideoReader;
 use dataset::work::watch::{Stopped, Watch};
 use dataset::work::workers;
 use generator::tracks::utc_s;
-use labeller::{Searcher, SeenBox, VideoImages};
+use labeller::{Searcher, SeenBox, VideoImages, ViewSearch};
 
 use crate::description::{CameraDescription, UTC_S, Video};
 use crate::error::{Error, Result};
 
 /// Hexadecimal digits that name a table.
 const NAME_DIGITS: usize = 32;
-/// First line of a camera's table. A video's table has none; its times count from its first image, and its tracks from 0.
+/// First line of a camera's table. A video's begins with the number of its damaged images; its times count from its first image, and its
+/// tracks from 0.
 const HEADER: &str = "time,cx,cy,width,height,score,track\n";
+/// Form of a video's table, part of its name.
+const FORM: &str = "2";
+/// Starts stated in whole seconds let files that follow each other overlap by less.
+const MAX_OVERLAP_S: f64 = 1.0;
 
 /// A table of the boxes in a camera's videos, and where they come from.
 pub(crate) struct Searched {
     pub(crate) table: PathBuf,
     pub(crate) source: SourceFile,
+    pub(crate) damaged_images: u64,
 }
 
 /// A video to search.
@@ -46,6 +51,7 @@ struct Table {
     path: PathBuf,
     first_image_s: f64,
     video_blake3: String,
+    expected_images: u64,
 }
 
 /// Searches the videos of these cameras. The results are in their order: each camera's table, or why it cannot be used.
@@ -65,39 +71,59 @@ pub(crate) fn search(
             videos.map(|video| Item { camera, video })
         })
         .collect();
-    // A video that cannot be opened is refused below.
-    let opened = items.iter().flat_map(|item| item.open());
-    watch.begin("", opened.map(|reader| reader.expected_images()).sum());
-    let done = Mutex::new(0);
-    let images_done = |count: u64| {
+    let mut tables = Vec::new();
+    for item in &items {
+        watch.check()?;
+        match item.table(searcher, folder) {
+            Err(error) if !error.is_of_a_file() => return Err(error),
+            table => tables.push(table),
+        }
+    }
+    let (made, due): (Vec<usize>, Vec<usize>) = (0..items.len())
+        .filter(|at| tables[*at].is_ok())
+        .partition(|at| tables[*at].as_ref().is_ok_and(|table| table.path.exists()));
+    let images = |of: &[usize]| -> u64 {
+        let tables = of.iter().filter_map(|at| tables[*at].as_ref().ok());
+        tables.map(|table| table.expected_images).sum()
+    };
+    let made_images = images(&made);
+    watch.begin("", made_images + images(&due));
+    watch.resume(made_images);
+    let done = Mutex::new(made_images);
+    let image_done = || {
         let mut done = locked(&done);
-        *done += count;
+        *done += 1;
         watch.advance(*done, "");
     };
-    let found: Vec<Mutex<Option<Result<Table>>>> = items.iter().map(|_| Mutex::default()).collect();
+    let faults = Mutex::new(Vec::new());
     let next = AtomicUsize::new(0);
     let has_failed = AtomicBool::new(false);
     let is_over = || watch.is_stopped() || has_failed.load(Ordering::Relaxed);
     let work = || -> Result<()> {
-        loop {
-            let at = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(at) else {
-                return Ok(());
-            };
-            match item.table(searcher, folder, &images_done, &is_over) {
-                Err(error) if !error.is_of_a_file() => {
+        let mut search = None;
+        while let Some(&at) = due.get(next.fetch_add(1, Ordering::Relaxed))
+            && let Ok(table) = &tables[at]
+        {
+            let searched = items[at].searched(&mut search, searcher, &image_done, &is_over);
+            match searched.and_then(|rows| write(&table.path, &rows)) {
+                Ok(()) => {}
+                Err(error) if error.is_of_a_file() => locked(&faults).push((at, error)),
+                Err(error) => {
                     has_failed.store(true, Ordering::Relaxed);
                     return Err(error);
                 }
-                table => *locked(&found[at]) = Some(table),
             }
         }
+        Ok(())
     };
-    let cores = thread::available_parallelism().map_or(1, usize::from);
-    workers::share(cores.min(items.len()), work)?;
-    let mut found = found.iter().filter_map(|table| locked(table).take());
+    workers::share(searcher.workers().min(due.len()), work)?;
+    for (at, fault) in faults.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        tables[at] = Err(fault);
+    }
+    let mut tables = tables.into_iter();
     let of_camera = |camera: &&CameraDescription| {
-        let tables: Vec<Result<Table>> = found.by_ref().take(camera.videos.len()).collect();
+        // All of them, also after a fault, since the next camera's follow.
+        let tables: Vec<Result<Table>> = tables.by_ref().take(camera.videos.len()).collect();
         let tables: Result<Vec<Table>> = tables.into_iter().collect();
         joined(camera, &tables?, folder)
     };
@@ -124,31 +150,19 @@ impl Item<'_> {
         Ok(reader)
     }
 
-    /// The video's table, from the workshop if an earlier import has made it.
-    fn table(
-        &self,
-        searcher: &Searcher,
-        folder: &Path,
-        images_done: &dyn Fn(u64),
-        is_over: &dyn Fn() -> bool,
-    ) -> Result<Table> {
+    /// The video's table. It exists if an earlier import has made it.
+    fn table(&self, searcher: &Searcher, folder: &Path) -> Result<Table> {
         let reader = self.open()?;
         let first_image_s = self.first_image_s(&reader)?;
         let video_blake3 = hash_file(&self.video.file)?;
         let entry = serde_json::to_string(&self.camera.entry).unwrap_or_default();
-        let all = format!("{video_blake3} {} {entry}", searcher.identity());
+        let all = format!("{FORM} {video_blake3} {} {entry}", searcher.identity());
         let name = blake3::hash(all.as_bytes()).to_hex();
-        let path = folder.join(format!("{}.csv", &name[..NAME_DIGITS]));
-        if path.exists() {
-            images_done(reader.expected_images());
-        } else {
-            let rows = self.searched(reader, searcher, images_done, is_over)?;
-            write(&path, &rows)?;
-        }
         Ok(Table {
-            path,
+            path: folder.join(format!("{}.csv", &name[..NAME_DIGITS])),
             first_image_s,
             video_blake3,
+            expected_images: reader.expected_images(),
         })
     }
 
@@ -172,16 +186,22 @@ impl Item<'_> {
         })
     }
 
-    /// A row for each box of a track that counts, and for each image without one.
+    /// The number of damaged images, and a row for each box of a track that counts and for each image without one. The worker's search
+    /// keeps its detector.
     fn searched(
         &self,
-        reader: VideoReader,
+        search: &mut Option<ViewSearch>,
         searcher: &Searcher,
-        images_done: &dyn Fn(u64),
+        image_done: &dyn Fn(),
         is_over: &dyn Fn() -> bool,
     ) -> Result<String> {
+        let reader = self.open()?;
         let unit_s = reader.time_base().seconds();
-        let mut search = searcher.view_search(&self.camera.entry.camera())?;
+        let camera = self.camera.entry.camera();
+        let search = match search {
+            Some(search) => search.of_camera(&camera),
+            none => none.insert(searcher.view_search(&camera)?),
+        };
         let mut images = VideoImages::of(reader);
         let mut found: Vec<(f64, Vec<SeenBox>)> = Vec::new();
         let mut counts = BTreeSet::new();
@@ -193,7 +213,10 @@ impl Item<'_> {
             if let Some(why) = images.reader().unlike_the_scene() {
                 return Err(self.fault(why.to_owned()));
             }
-            let since_s = (pts - *first_pts.get_or_insert(pts)) as f64 * unit_s;
+            // The file's first image may be damaged.
+            let damaged_pts = images.reader().first_damaged_pts();
+            let first_pts = first_pts.get_or_insert(damaged_pts.map_or(pts, |at| at.min(pts)));
+            let since_s = (pts - *first_pts) as f64 * unit_s;
             let boxes = search.look(&mut images, since_s)?.boxes;
             counts.extend(
                 boxes
@@ -202,9 +225,9 @@ impl Item<'_> {
                     .map(|seen| seen.track),
             );
             found.push((since_s, boxes));
-            images_done(1);
+            image_done();
         }
-        let mut rows = String::new();
+        let mut rows = format!("{}\n", images.reader().damaged_images());
         for (since_s, boxes) in found {
             let counting = boxes.iter().filter(|seen| counts.contains(&seen.track));
             let before = rows.len();
@@ -232,17 +255,23 @@ impl Item<'_> {
 /// Joins the tables of a camera's videos.
 fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result<Searched> {
     let mut all = HEADER.to_owned();
-    let mut boxes = 0;
+    let (mut boxes, mut damaged_images) = (0, 0);
+    let mut spans: Vec<(f64, f64, &Path)> = Vec::new();
     for (number, table) in tables.iter().enumerate() {
         let text = fs::read_to_string(&table.path);
         let text = text.map_err(dataset::Error::io("read", &table.path))?;
-        for row in text.lines() {
+        let mut rows = text.lines();
+        let damaged = rows.next().and_then(|count| count.parse::<u64>().ok());
+        damaged_images += damaged.unwrap_or_default();
+        let mut last_s = table.first_image_s;
+        for row in rows {
             let parts = row.split_once(',').zip(row.rsplit_once(','));
             let Some(((since, _), (before, track))) = parts else {
                 continue;
             };
             let time_s = table.first_image_s + since.parse::<f64>().unwrap_or(f64::NAN);
             let pixel_box = before.get(since.len()..).unwrap_or_default();
+            last_s = time_s;
             let track = match track {
                 "" => String::new(),
                 track => format!("{number}.{track}"),
@@ -250,7 +279,10 @@ fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result
             boxes += usize::from(!track.is_empty());
             let _ = writeln!(all, "{time_s:.6}{pixel_box},{track}");
         }
+        let file = camera.videos[number].file.as_path();
+        spans.push((table.first_image_s, last_s, file));
     }
+    refuse_overlap(spans)?;
     if boxes == 0 {
         let first = &camera.videos[0].file;
         let why = "and the camera's other videos show no aircraft that the detector finds; is it for such images (`--model`)?";
@@ -276,7 +308,27 @@ fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result
             file: names.join(", "),
             blake3,
         },
+        damaged_images,
     })
+}
+
+/// A camera takes one image at a time: files that overlap have a wrong start, or are of several cameras.
+fn refuse_overlap(mut spans: Vec<(f64, f64, &Path)>) -> Result<()> {
+    spans.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for pair in spans.windows(2) {
+        let [(_, end_s, before), (first_s, _, file)] = pair else {
+            continue;
+        };
+        let overlap_s = end_s - first_s;
+        if overlap_s >= MAX_OVERLAP_S {
+            let why = format!(
+                "begins {overlap_s:.1} s before {} of the same camera ends; correct their `first_image`",
+                name_of(before)
+            );
+            return Err(dataset::Error::corpus(file, why).into());
+        }
+    }
+    Ok(())
 }
 
 /// Name of a file, for people.
@@ -290,4 +342,142 @@ fn write(path: &Path, text: &str) -> Result<()> {
     let written = new.file().write_all(text.as_bytes());
     written.map_err(dataset::Error::io("write", path))?;
     Ok(new.commit()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicU64;
+
+    use dataset::corpus::calibration::CameraEntry;
+    use dataset::geometry::camera::CameraPose;
+    use dataset::geometry::pose::Pose;
+    use dataset::numbers::frame_rate::FrameRate;
+    use dataset::video::{VideoSettings, VideoWriter};
+    use labeller::DetectOptions;
+    use testkit::repository;
+
+    use super::*;
+    use crate::description::BoxFormat;
+
+    const SIZE_PX: [u32; 2] = [640, 480];
+    const BEGAN_S: f64 = 1_780_293_600.0;
+
+    /// A camera with videos that begin at these times.
+    fn camera(folder: &Path, began_s: &[f64]) -> CameraDescription {
+        let [width_px, height_px] = SIZE_PX;
+        let placed = CameraPose {
+            pose: Pose {
+                latitude_deg: 0.0,
+                longitude_deg: 0.0,
+                altitude_msl_m: 0.0,
+                heading_true_deg: 0.0,
+                pitch_deg: 0.0,
+                roll_deg: 0.0,
+            },
+            hfov_deg: 20.0,
+        };
+        let video = |(number, began_s): (usize, &f64)| Video {
+            file: folder.join(format!("{number}.mp4")),
+            first_image_s: Some(*began_s),
+        };
+        CameraDescription {
+            name: "left".into(),
+            boxes: PathBuf::new(),
+            videos: began_s.iter().enumerate().map(video).collect(),
+            format: BoxFormat::Csv,
+            numbered: None,
+            to_utc_s: 0.0,
+            clock_sd_s: 10.0,
+            drift_sd_ppm: 20.0,
+            entry: CameraEntry::from_pose(placed, width_px, height_px),
+            is_guess: false,
+            position_sd_m: 0.0,
+            direction_sd_deg: 0.0,
+            focal_sd_pct: 0.0,
+        }
+    }
+
+    /// Tables of videos whose images follow each other by a second, each with two damaged images.
+    fn tables(camera: &CameraDescription, folder: &Path, seconds: u32) -> Vec<Table> {
+        let table = |(number, video): (usize, &Video)| {
+            let path = folder.join(format!("table-{number}.csv"));
+            let rows: String = (0..=seconds)
+                .map(|second| format!("{second}.0,300.0,200.0,40.0,20.0,0.9,0\n"))
+                .collect();
+            write(&path, &format!("2\n{rows}")).unwrap();
+            Table {
+                path,
+                first_image_s: video.first_image_s.unwrap(),
+                video_blake3: String::new(),
+                expected_images: u64::from(seconds) + 3,
+            }
+        };
+        camera.videos.iter().enumerate().map(table).collect()
+    }
+
+    #[test]
+    fn files_of_a_camera_may_follow_each_other_and_may_not_overlap() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let join = |began_s: [f64; 2]| {
+            let camera = camera(folder, &began_s);
+            joined(&camera, &tables(&camera, folder, 60), folder)
+        };
+        // In any order; starts are stated in whole seconds.
+        let sound = join([BEGAN_S + 60.0, BEGAN_S]).ok().unwrap();
+        assert_eq!(sound.damaged_images, 4);
+        let error = join([BEGAN_S + 30.0, BEGAN_S]).err().unwrap().to_string();
+        for words in ["0.mp4", "30.0 s before 1.mp4", "first_image"] {
+            assert!(error.contains(words), "{error}");
+        }
+    }
+
+    #[test]
+    fn tables_of_an_earlier_import_are_no_progress_of_this_one() {
+        #[derive(Default)]
+        struct Progress {
+            total: AtomicU64,
+            before: AtomicU64,
+            advanced: AtomicU64,
+        }
+        impl Watch for Progress {
+            fn begin(&self, _stage: &str, total: u64) {
+                self.total.store(total, Ordering::Relaxed);
+            }
+            fn advance(&self, _done: u64, _note: &str) {
+                self.advanced.fetch_add(1, Ordering::Relaxed);
+            }
+            fn resume(&self, done: u64) {
+                self.before.store(done, Ordering::Relaxed);
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let rate = FrameRate::new(10, 1).unwrap();
+        let record = |name: &str, images: u32| {
+            let [width_px, height_px] = SIZE_PX;
+            let settings = VideoSettings::default();
+            let path = folder.join(name);
+            let mut writer =
+                VideoWriter::create(&path, &settings, width_px, height_px, rate).unwrap();
+            for _ in 0..images {
+                writer.write(&vec![90; (width_px * height_px * 3) as usize]).unwrap();
+            }
+            writer.finish().unwrap();
+        };
+        record("0.mp4", 5);
+        let model = repository().join("models/aircraft.onnx");
+        let searcher = Searcher::load(&model, &DetectOptions::default()).unwrap();
+        let searched = |began_s: &[f64]| {
+            let camera = camera(folder, began_s);
+            let progress = Progress::default();
+            let found = search(&[&camera], &searcher, &folder.join("boxes"), &progress).unwrap();
+            // No aircraft is in the videos.
+            assert!(found[0].is_err());
+            [progress.total, progress.before, progress.advanced].map(AtomicU64::into_inner)
+        };
+        assert_eq!(searched(&[BEGAN_S]), [5, 0, 5]);
+        record("1.mp4", 3);
+        assert_eq!(searched(&[BEGAN_S, BEGAN_S + 60.0]), [8, 5, 3]);
+    }
 }

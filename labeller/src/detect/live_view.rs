@@ -87,6 +87,13 @@ impl ViewSearch {
         (self.images, self.last_s) = (0, None);
     }
 
+    /// This search as a new one of this camera. The detector stays loaded.
+    pub fn of_camera(&mut self, camera: &Camera) -> &mut Self {
+        self.camera = *camera;
+        self.begin_again();
+        self
+    }
+
     /// Searches the next image. Damaged images and those that are left out are not passed; a time before the last one counts as that one.
     ///
     /// # Errors

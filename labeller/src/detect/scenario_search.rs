@@ -64,6 +64,11 @@ impl Searcher {
         &self.model.identity
     }
 
+    /// Number of views that may be searched in parallel.
+    pub fn workers(&self) -> usize {
+        self.options.workers
+    }
+
     /// A hash that two searchers share only if they find the same in the same videos, at the same cost.
     pub fn identity(&self) -> String {
         let DetectOptions {

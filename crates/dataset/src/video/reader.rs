@@ -48,6 +48,28 @@ pub struct VideoReader {
     pub(super) frames_announced: u64,
     frames_read: u64,
     all_sent: bool,
+    /// State of a reader that leaves out damaged images.
+    damage: Option<Damage>,
+}
+
+/// Damaged images, and those after them until the next key frame, which may show damaged ones.
+#[derive(Debug, Clone, Copy, Default)]
+struct Damage {
+    images: u64,
+    /// Timestamp of the first of them.
+    first_pts: Option<i64>,
+    /// True until the next key frame.
+    lasts: bool,
+}
+
+impl Damage {
+    fn note(&mut self, pts: Option<i64>) {
+        if self.images == 0 {
+            self.first_pts = pts;
+        }
+        self.images += 1;
+        self.lasts = true;
+    }
 }
 
 impl VideoReader {
@@ -101,16 +123,19 @@ impl VideoReader {
             frames_announced,
             frames_read: 0,
             all_sent: false,
+            damage: None,
         })
     }
 
-    /// Opens a recording of a camera. Its images may be fewer than its header says, since an edit list may leave some out.
+    /// Opens a recording of a camera. Its images may be fewer than its header says, since an edit list may leave some out. Damaged ones are
+    /// left out and counted.
     ///
     /// # Errors
     /// Its images are to be shown turned or mirrored.
     pub fn open_recording(path: &Path) -> Result<Self> {
         let mut reader = Self::open(path)?;
         reader.frames_announced = 0;
+        reader.damage = Some(Damage::default());
         match turned(&reader.stream()) {
             Some(why) => Err(reader.fault("read it", why)),
             None => Ok(reader),
@@ -136,6 +161,16 @@ impl VideoReader {
                 images as u64
             }
         }
+    }
+
+    /// Number of images of a recording that were left out up to now, because they or earlier ones are damaged.
+    pub fn damaged_images(&self) -> u64 {
+        self.damage.map_or(0, |damage| damage.images)
+    }
+
+    /// Timestamp of the first of these images.
+    pub fn first_damaged_pts(&self) -> Option<i64> {
+        self.damage?.first_pts
     }
 
     /// Time at which the recording began, as the file states it.
@@ -275,7 +310,15 @@ impl VideoReader {
         loop {
             match self.decoder.receive_frame(&mut self.coded) {
                 Ok(()) => {
-                    if self.coded.is_corrupt() || self.coded.has_decode_errors() {
+                    let is_damaged = self.coded.is_corrupt() || self.coded.has_decode_errors();
+                    if let Some(damage) = &mut self.damage {
+                        damage.lasts &= !self.coded.is_key();
+                        if is_damaged || damage.lasts {
+                            damage.note(self.coded.timestamp());
+                            continue;
+                        }
+                    }
+                    if is_damaged {
                         return Err(self.fault(
                             format!("decode image {}", self.frames_read),
                             "the data is damaged",
@@ -306,7 +349,10 @@ impl VideoReader {
                 {
                     self.send()?;
                 }
-                Err(e) => return Err(self.fault(format!("decode image {}", self.frames_read), e)),
+                Err(e) => match (e, &mut self.damage) {
+                    (ffmpeg_next::Error::InvalidData, Some(damage)) => damage.note(None),
+                    _ => return Err(self.fault(format!("decode image {}", self.frames_read), e)),
+                },
             }
         }
     }
@@ -319,9 +365,15 @@ impl VideoReader {
             match packet.read(&mut self.input) {
                 Ok(()) if packet.stream() != self.stream => {}
                 Ok(()) => {
-                    return self.decoder.send_packet(&packet).map_err(|e| {
-                        self.fault(format!("decode after image {}", self.frames_read), e)
-                    });
+                    return match (self.decoder.send_packet(&packet), &mut self.damage) {
+                        (Err(ffmpeg_next::Error::InvalidData), Some(damage)) => {
+                            damage.note(packet.pts());
+                            Ok(())
+                        }
+                        (sent, _) => sent.map_err(|e| {
+                            self.fault(format!("decode after image {}", self.frames_read), e)
+                        }),
+                    };
                 }
                 Err(ffmpeg_next::Error::Eof) if !self.all_sent => {
                     self.all_sent = true;

@@ -514,6 +514,45 @@ fn a_truncated_video_is_refused_by_name() {
     assert!(error.to_string().contains("view.mp4"), "{error}");
 }
 
+/// Overwrites the second half of a coded image.
+fn damage(path: &Path, image: usize) {
+    let mut input = ffmpeg_next::format::input(path).unwrap();
+    let (_, packet) = input.packets().nth(image).unwrap();
+    let begins = packet.position() as usize;
+    let mut file = std::fs::read(path).unwrap();
+    for byte in &mut file[begins + packet.size() / 2..begins + packet.size()] {
+        *byte ^= 0x5a;
+    }
+    std::fs::write(path, file).unwrap();
+}
+
+#[test]
+fn a_recording_is_read_without_its_damaged_images_up_to_the_next_key_frame() {
+    let (_folder, path) = temporary();
+    let rate = FrameRate::new(30, 1).unwrap();
+    record(&path, &VideoSettings::default(), rate, 150);
+    let images = |mut reader: VideoReader| -> Result<(Vec<_>, u64)> {
+        let (mut found, mut rgb) = (Vec::new(), Vec::new());
+        while let Some(pts) = reader.next_frame(&mut rgb)? {
+            found.push((pts, blake3::hash(&rgb)));
+        }
+        Ok((found, reader.damaged_images()))
+    };
+    let (sound, none) = images(VideoReader::open_recording(&path).unwrap()).unwrap();
+    assert_eq!((sound.len(), none), (150, 0));
+    damage(&path, 70);
+    assert!(images(VideoReader::open(&path).unwrap()).is_err());
+    let (left, damaged) = images(VideoReader::open_recording(&path).unwrap()).unwrap();
+    // Key frames are 0, 60 and 120.
+    assert_eq!(left, [&sound[..70], &sound[120..]].concat());
+    assert_eq!(damaged, 50);
+    // The beginning is known although it is damaged.
+    damage(&path, 0);
+    let mut reader = VideoReader::open_recording(&path).unwrap();
+    assert_eq!(reader.skip_frame().unwrap(), Some(sound[60].0));
+    assert_eq!(reader.first_damaged_pts(), Some(sound[0].0));
+}
+
 #[test]
 fn a_jump_leads_to_every_picture_of_every_codec() {
     for codec in VideoCodec::ALL {
