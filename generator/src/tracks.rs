@@ -11,7 +11,6 @@
 
 mod arrival;
 mod attitude;
-mod axis;
 mod flaps;
 mod formats;
 mod height;
@@ -32,8 +31,6 @@ use dataset::geometry::runway::Runway;
 use serde::Serialize;
 
 use arrival::FURTHEST_M;
-pub use axis::ArrivalAxis;
-pub(crate) use axis::{JudgedTracks, arrival_axis};
 pub use formats::{NamedColumn, separator, utc_s};
 
 use crate::recording::{Implausible, Recording, RecordingError};

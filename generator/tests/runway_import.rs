@@ -65,7 +65,7 @@ fn earth_nav(folder: &Path) -> PathBuf {
 }
 
 fn imported(files: &[PathBuf]) -> Imported {
-    import("ZZZZ", "07", files, &[]).unwrap()
+    import("ZZZZ", "07", files).unwrap()
 }
 
 /// The runway from three tables: X-Plane's with the far end moved sideways, OurAirports', and localizers.
@@ -138,7 +138,7 @@ fn apt_dat_alone_gives_a_runway_at_the_elevation_of_the_field_and_says_so() {
     let path = apt_dat(folder.path(), 0.0);
     let far_away = fs::read_to_string(&path).unwrap().replace(" 25 ", " 25 -");
     fs::write(&path, far_away).unwrap();
-    let said = import("ZZZZ", "07", &[path], &[]).unwrap_err().to_string();
+    let said = import("ZZZZ", "07", &[path]).unwrap_err().to_string();
     assert!(said.contains("m apart, expected 300 to 8000 m"), "{said}");
 }
 
@@ -147,7 +147,7 @@ fn what_is_missing_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let apt = apt_dat(folder.path(), 0.0);
     let message = |airport: &str, runway: &str, files: &[PathBuf]| {
-        import(airport, runway, files, &[]).unwrap_err().to_string()
+        import(airport, runway, files).unwrap_err().to_string()
     };
     assert!(message("ZZZZ", "09", slice::from_ref(&apt)).contains("they have runways 07, 25"));
     assert!(
@@ -230,50 +230,6 @@ fn localizers_beside_a_runway_do_not_move_one_on_which_two_tables_agree() {
     );
 }
 
-/// Tracks of arrivals on the axis of the runway, in the columns of `traffic`.
-fn arrivals(folder: &Path) -> Vec<PathBuf> {
-    let track = |name: &str| {
-        let mut text = "timestamp,icao24,latitude,longitude,altitude,groundspeed,track,vertical_rate,onground\n".to_owned();
-        for second in 0..180 {
-            let to_go_m = 12_600.0 - 70.0 * f64::from(second);
-            let place = along(START, 491.0 - to_go_m, 0.0);
-            let feet = 328.0 + to_go_m * 3.0_f64.to_radians().tan() / 0.3048;
-            text += &format!(
-                "{},{name},{},{},{feet:.0},136,{COURSE_DEG},-700,False\n",
-                1_600_000_000 + second,
-                place.latitude_deg,
-                place.longitude_deg
-            );
-        }
-        write(folder, &format!("{name}.csv"), text)
-    };
-    ["aaa001", "aaa002"].map(track).into()
-}
-
-#[test]
-fn arrivals_decide_between_tables_without_a_localizer_and_say_how_far_the_runway_is_off() {
-    let folder = tempfile::tempdir().unwrap();
-    let files = [apt_dat(folder.path(), 12.0), our_airports(folder.path())];
-    assert!((imported(&files).runway.course_true_deg - COURSE_DEG).abs() > 0.1);
-    let tracks = arrivals(folder.path());
-    let found = import("ZZZZ", "07", &files, &tracks).unwrap();
-    assert!((found.runway.course_true_deg - COURSE_DEG).abs() < 0.01);
-    let axis = found.arrivals.unwrap();
-    assert_eq!(axis.arrivals, 2);
-    assert!(
-        axis.offset_m.abs() < 1.0 && axis.turned_deg.abs() < 0.02,
-        "{axis:?}"
-    );
-    let nowhere = import("ZZZZ", "25", &files, &tracks)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        nowhere.starts_with("no track can be used to check ZZZZ 25: ")
-            && nowhere.contains("aaa002: it"),
-        "{nowhere}"
-    );
-}
-
 #[test]
 fn a_runway_is_confirmed_by_sources_that_agree_or_named_as_unconfirmed() {
     let folder = tempfile::tempdir().unwrap();
@@ -286,31 +242,10 @@ fn a_runway_is_confirmed_by_sources_that_agree_or_named_as_unconfirmed() {
         assert_eq!(found.toml().contains("unconfirmed"), far_right_m != 0.0);
     }
     let localizers = localizers_of(folder.path(), 0.0);
-    let found = imported(&[ours.clone(), localizers]);
+    let found = imported(&[ours, localizers]);
     assert!(
         found.confirmed_by[0].starts_with("the axis of both localizers"),
         "{found:?}"
-    );
-    let found = import("ZZZZ", "07", &[ours], &arrivals(folder.path())).unwrap();
-    assert_eq!(found.confirmed_by, ["2 arrivals"]);
-}
-
-#[test]
-fn tracks_that_do_not_judge_a_runway_are_named_with_the_reason() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut tracks = arrivals(folder.path());
-    let text = fs::read_to_string(&tracks[0]).unwrap();
-    let last: Vec<&str> = text.lines().skip(150).collect();
-    let few = format!("{}\n{}\n", text.lines().next().unwrap(), last.join("\n"));
-    tracks.push(write(folder.path(), "few.csv", few));
-    let found = import("ZZZZ", "07", &[our_airports(folder.path())], &tracks).unwrap();
-    assert_eq!(found.arrivals.unwrap().arrivals, 2);
-    let [left_out] = &found.tracks_left_out[..] else {
-        panic!("{:?}", found.tracks_left_out);
-    };
-    assert!(
-        left_out.reason.contains("different positions in"),
-        "{left_out}"
     );
 }
 

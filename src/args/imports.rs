@@ -54,9 +54,6 @@ pub(crate) struct AirportImportArgs {
     /// X-Plane's `apt.dat` and `earth_nav.dat`, or `runways.csv` of OurAirports; several are better than one
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub(crate) from: Vec<PathBuf>,
-    /// Tracks of arrivals as in `dtd tracks import`, to see how far beside the runway they fly
-    #[arg(long, num_args = 1.., value_name = "FILE")]
-    pub(crate) tracks: Vec<PathBuf>,
     /// Take the recommended figures where the files differ
     #[arg(long)]
     pub(crate) accept: bool,

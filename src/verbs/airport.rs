@@ -4,14 +4,13 @@ use generator::airports::{Conflict, Imported, UNCONFIRMED, import};
 use serde::Serialize;
 
 use super::Outcome;
-use super::output::{count, print_json};
+use super::output::print_json;
 use crate::args::imports::AirportCommand;
 use crate::failure::{Ending, Failure};
 
 /// Runs the verb.
 pub(crate) fn run(AirportCommand::Import(args): &AirportCommand) -> Outcome {
-    let found = import(&args.airport, &args.runway, &args.from, &args.tracks)
-        .map_err(Failure::bad_input)?;
+    let found = import(&args.airport, &args.runway, &args.from).map_err(Failure::bad_input)?;
     let is_agreed = args.accept || found.conflicts.is_empty();
     if args.json {
         print_json(&Printed {
@@ -31,17 +30,6 @@ pub(crate) fn run(AirportCommand::Import(args): &AirportCommand) -> Outcome {
     }
     if found.confirmed_by.is_empty() {
         eprintln!("centreline: {UNCONFIRMED}");
-    }
-    for track in &found.tracks_left_out {
-        eprintln!("left out: {track}");
-    }
-    if let Some(axis) = &found.arrivals {
-        eprintln!(
-            "{}: {:+.1} m to the right of the centreline at the touchdown target, turned by {:+.3} degrees",
-            count(axis.arrivals, "arrival"),
-            axis.offset_m,
-            axis.turned_deg
-        );
     }
     if is_agreed {
         return Ok(Ending::Done);

@@ -1,8 +1,8 @@
 """Imports every runway in a folder of published tables with `dtd airport import --accept` and compares them with what is independent.
 
-usage: runways.py DTD FOLDER [TRACKS]    prints JSON. FOLDER has apt.dat, earth_nav.dat, ourairports-runways.csv, lard-runway-corners.json
-(the corners of the pavement by LARD); TRACKS has arrivals, ICAORUNWAY-*.csv. Exit 1 if no runway has corners, or if one that is off the
-corners, or off its arrivals by more than twice their error, by 5 m across or 0.02 degrees, is neither a conflict nor unconfirmed.
+usage: runways.py DTD FOLDER    prints JSON. FOLDER has apt.dat, earth_nav.dat, ourairports-runways.csv, lard-runway-corners.json (the
+corners of the pavement by LARD). Exit 1 if no runway has corners, or if one that is off the corners by 5 m across or 0.02 degrees is
+neither a conflict nor unconfirmed.
 """
 
 import csv
@@ -55,15 +55,6 @@ def is_off(across_m, turned_deg):
     return abs(across_m) > ACROSS_M or abs(turned_deg) > COURSE_DEG
 
 
-def is_off_arrivals(axis):
-    """The arrivals are elsewhere, beyond what their own scatter explains."""
-    if axis["arrivals"] < 2:
-        return False
-    beyond = [max(abs(axis[key]) - 2 * axis[error], 0) for key, error in
-              (("offset_m", "offset_error_m"), ("turned_deg", "turned_error_deg"))]
-    return is_off(*beyond)
-
-
 def main():
     dtd, folder = sys.argv[1], pathlib.Path(sys.argv[2])
     tables = [str(folder / name) for name in ("apt.dat", "earth_nav.dat", "ourairports-runways.csv")]
@@ -73,9 +64,6 @@ def main():
     found = {}
     for airport, name in ends:
         command = [dtd, "airport", "import", airport, name, "--accept", "--json", "--from", *tables]
-        tracks = sorted(pathlib.Path(sys.argv[3]).glob(f"{airport}{name}-*.csv")) if len(sys.argv) > 3 else []
-        if tracks:
-            command += ["--tracks", *map(str, tracks)]
         made = subprocess.run(command, capture_output=True, text=True)
         if made.returncode != 0:
             found[f"{airport}/{name}"] = {"refused": made.stderr.strip().splitlines()[-1]}
@@ -89,16 +77,13 @@ def main():
         }
         if name in corners.get(airport, {}):
             result["corners"] = against_corners(imported["runway"], corners[airport][name])
-        if imported.get("arrivals"):
-            result["arrivals"] = imported["arrivals"]
         found[f"{airport}/{name}"] = result
     judged = {name: result["corners"] for name, result in found.items() if "corners" in result}
     off = [name for name, corners in judged.items() if is_off(corners["across_m"], corners["turned_deg"])]
-    off_arrivals = [name for name, result in found.items() if is_off_arrivals(result.get("arrivals", {"arrivals": 0}))]
     names = {"threshold", "course_true_deg"}
     unnamed = [
         name
-        for name in {*off, *off_arrivals}
+        for name in off
         if found[name]["confirmed_by"] and not names & set(found[name]["conflicts"])
     ]
     imported = [name for name, result in found.items() if "refused" not in result]
@@ -115,7 +100,6 @@ def main():
                     name for name in imported if not (found[name]["confirmed_by"] or found[name]["conflicts"])
                 ],
                 "off_the_corners": off,
-                "off_the_arrivals": off_arrivals,
                 "not_named": unnamed,
                 "by_runway": found,
             },

@@ -1,7 +1,7 @@
 //! Makes a runway's table from published ones, and compares them: a course that is off by 0.1 degrees moves the path by 32 m at 10 NM.
 //!
 //! Courses are geodesics between the ends, never the stated ones. Where tables differ, the one is recommended whose centreline meets the
-//! localizer's antenna, else the one on whose centreline arrivals fly, else the one whose length is the stated one.
+//! localizer's antenna, else the one whose length is the stated one.
 
 mod line;
 mod magnetic;
@@ -18,7 +18,6 @@ use serde::Serialize;
 use line::{Line, differences, recommended};
 
 use super::sources::{Aid, Facts, Wanted};
-use crate::tracks::{ArrivalAxis, RefusedTrack, arrival_axis};
 
 /// Tables contradict each other beyond these differences: metres over ground, metres of height.
 const PLACE_TOLERANCE_M: f64 = 10.0;
@@ -37,8 +36,6 @@ const RUNWAY_M: std::ops::RangeInclusive<f64> = 300.0..=8_000.0;
 const OF_FIELD: &str =
     "ASSUMED: elevation of the field in apt.dat, from which the threshold's may differ by metres";
 
-/// Maximum number of reasons in a message.
-const MAX_REASONS: usize = 5;
 /// A runway without a second source.
 pub const UNCONFIRMED: &str =
     "unconfirmed: no second source agrees within 5 m across and 0.02 degrees";
@@ -49,7 +46,7 @@ pub enum ImportError {
     /// A file cannot be used.
     #[error(transparent)]
     File(#[from] dataset::Error),
-    /// The files lack the runway, its elevation or its arrivals.
+    /// The files lack the runway or its elevation.
     #[error("{0}")]
     Missing(String),
 }
@@ -72,10 +69,6 @@ pub struct Imported {
     pub runway: Runway,
     /// Figures on which tables differ.
     pub conflicts: Vec<Conflict>,
-    /// Line flown by arrivals, relative to the runway.
-    pub arrivals: Option<ArrivalAxis>,
-    /// Tracks excluded from that line.
-    pub tracks_left_out: Vec<RefusedTrack>,
     /// Sources that agree with the centreline within 5 m across and 0.02 degrees. Empty: unconfirmed.
     pub confirmed_by: Vec<String>,
     /// Source of threshold and course.
@@ -84,16 +77,11 @@ pub struct Imported {
     glide_path_from: String,
 }
 
-/// Reads `files` and makes the runway; arrivals in `tracks` judge it.
+/// Reads `files` and makes the runway.
 ///
 /// # Errors
-/// A file is no table, no table has the runway, or no track lands on it.
-pub fn import(
-    airport: &str,
-    runway: &str,
-    files: &[PathBuf],
-    tracks: &[PathBuf],
-) -> Result<Imported, ImportError> {
+/// A file is no table, or no table has the runway.
+pub fn import(airport: &str, runway: &str, files: &[PathBuf]) -> Result<Imported, ImportError> {
     let mut facts = Facts::default();
     for file in files {
         facts.read(file, &Wanted { airport, runway })?;
@@ -106,7 +94,7 @@ pub fn import(
         } => Some((*place, *frequency_mhz, *course_magnetic_deg)),
         Aid::GlidePath { .. } => None,
     });
-    let mut lines: Vec<Line<'_>> = facts
+    let lines: Vec<Line<'_>> = facts
         .ends
         .iter()
         .map(|ends| Line::of(ends, localizer.map(|(place, ..)| place)))
@@ -118,16 +106,6 @@ pub fn import(
             line.length_m,
             RUNWAY_M.start(),
             RUNWAY_M.end()
-        )));
-    }
-    for line in &mut lines {
-        line.judge(arrival_axis(tracks, &line.runway(airport, runway))?);
-    }
-    let has_arrival = lines.iter().any(|line| line.arrivals.is_some());
-    if !(tracks.is_empty() || lines.is_empty() || has_arrival) {
-        return Err(ImportError::Missing(format!(
-            "no track can be used to check {airport} {runway}: {}",
-            reasons(&lines[0].left_out)
         )));
     }
     let Some((table, reason)) = recommended(&lines) else {
@@ -153,10 +131,7 @@ pub fn import(
     let moved = localizers
         .filter(|_| is_beside_localizers(table, &lines))
         .and_then(|(localizer, opposite)| table.onto_axis(opposite, localizer));
-    let mut on_axis = moved.as_ref().map(|ends| Line::of(ends, None));
-    if let Some(line) = &mut on_axis {
-        line.judge(arrival_axis(tracks, &line.runway(airport, runway))?);
-    }
+    let on_axis = moved.as_ref().map(|ends| Line::of(ends, None));
     let best = on_axis.as_ref().unwrap_or(table);
     let reason = match &on_axis {
         Some(_) => format!(
@@ -182,13 +157,6 @@ pub fn import(
     {
         let found = format!(
             "the centreline of {source} misses the localizer by {localizer_m:.0} m, or the localizer stands beside it"
-        );
-        add("course_true_deg", found, "a chart, or arrivals, decide");
-    }
-    if let Some(axis) = best.arrivals.filter(ArrivalAxis::is_elsewhere) {
-        let found = format!(
-            "arrivals ({}) fly {:+.1} m to the right of the centreline of {source}, turned by {:+.3} degrees",
-            axis.arrivals, axis.offset_m, axis.turned_deg
         );
         add("course_true_deg", found, "a chart decides");
     }
@@ -258,8 +226,6 @@ pub fn import(
             width_m: best.ends.width_m.map(|width_m| round(width_m, 0)),
         },
         conflicts,
-        arrivals: best.arrivals,
-        tracks_left_out: best.left_out.clone(),
         ends_from: format!(
             "geodesic between the ends of {source}, {}{reason}",
             match &confirmed_by[..] {
@@ -337,18 +303,8 @@ impl Imported {
     }
 }
 
-/// Reasons for excluded tracks, at most [`MAX_REASONS`].
-fn reasons(left_out: &[RefusedTrack]) -> String {
-    let shown = left_out.iter().take(MAX_REASONS);
-    let mut text: Vec<String> = shown.map(ToString::to_string).collect();
-    if left_out.len() > MAX_REASONS {
-        text.push(format!("{} more", left_out.len() - MAX_REASONS));
-    }
-    text.join("; ")
-}
-
-/// True if all tables miss the localizer, and no other table and no arrivals confirm the recommended one: where they do, the localizer
-/// stands beside the runway.
+/// True if all tables miss the localizer, and no other table confirms the recommended one: where one does, the localizer stands beside the
+/// runway.
 fn is_beside_localizers(table: &Line<'_>, lines: &[Line<'_>]) -> bool {
     let misses = |line: &Line<'_>| {
         line.localizer_m
@@ -361,7 +317,6 @@ fn is_beside_localizers(table: &Line<'_>, lines: &[Line<'_>]) -> bool {
     table.localizer_m.is_some()
         && lines.iter().all(misses)
         && agreeing.count() == 1
-        && table.arrivals.is_none_or(|axis| !axis.is_on_it())
 }
 
 /// Height of the threshold, and its source.

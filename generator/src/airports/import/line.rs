@@ -1,12 +1,11 @@
 //! A runway as one table has it, and the comparison with other tables.
 
 use dataset::geometry::geodesy::LatLon;
-use dataset::geometry::runway::{Runway, RunwayCoordinates};
+use dataset::geometry::runway::RunwayCoordinates;
 use dataset::numbers::units::Degrees;
 
-use super::{Conflict, PLACE_TOLERANCE_M, USUAL_GLIDE_PATH_DEG, USUAL_TOUCHDOWN_M};
+use super::{Conflict, PLACE_TOLERANCE_M};
 use crate::airports::sources::Ends;
-use crate::tracks::{ArrivalAxis, JudgedTracks, RefusedTrack};
 
 /// Courses contradict each other beyond this difference, degrees.
 const COURSE_TOLERANCE_DEG: f64 = 0.05;
@@ -16,8 +15,6 @@ const OFFSET_LOCALIZER_M: f64 = 100.0;
 const EQUALLY_NEAR_M: f64 = 3.0;
 /// A line between localizers that is turned by more, degrees, belongs to a different approach.
 const SAME_RUNWAY_DEG: f64 = 0.3;
-/// Arrivals are compared with the centreline at the target and this far before it, metres.
-const BEFORE_TARGET_M: f64 = 10_000.0;
 
 /// A runway by one table.
 pub(super) struct Line<'a> {
@@ -30,9 +27,6 @@ pub(super) struct Line<'a> {
     pub(super) landing_m: f64,
     /// Distance of the localizer's antenna from the centreline, metres.
     pub(super) localizer_m: Option<f64>,
-    pub(super) arrivals: Option<ArrivalAxis>,
-    /// Tracks that are not among the arrivals.
-    pub(super) left_out: Vec<RefusedTrack>,
 }
 
 impl<'a> Line<'a> {
@@ -50,32 +44,10 @@ impl<'a> Line<'a> {
             length_m: near.place.distance_m(far.place),
             landing_m: threshold.distance_m(far.place),
             localizer_m: None,
-            arrivals: None,
-            left_out: Vec::new(),
         };
         let offset_m = localizer.map(|place| line.place(place).cross_track_m.abs());
         line.localizer_m = offset_m.filter(|offset_m| *offset_m < OFFSET_LOCALIZER_M);
         line
-    }
-
-    pub(super) fn judge(&mut self, tracks: JudgedTracks) {
-        (self.arrivals, self.left_out) = (tracks.axis, tracks.left_out);
-    }
-
-    /// The runway by this table at sea level, for places on the ground.
-    pub(super) fn runway(&self, airport: &str, name: &str) -> Runway {
-        Runway {
-            airport: airport.to_owned(),
-            name: name.to_owned(),
-            threshold: self.threshold.at_altitude_m(0.0),
-            course_true_deg: self.course_deg,
-            glide_path_deg: USUAL_GLIDE_PATH_DEG,
-            touchdown_past_threshold_m: USUAL_TOUCHDOWN_M,
-            ils_frequency_mhz: None,
-            course_magnetic_deg: None,
-            length_m: None,
-            width_m: None,
-        }
     }
 
     /// Moves the ends sideways onto the line between the localizers of both directions; `None` if that line belongs to a different runway.
@@ -100,12 +72,6 @@ impl<'a> Line<'a> {
         ends.near.place = moved(ends.near.place);
         ends.far.place = moved(ends.far.place);
         Some(ends)
-    }
-
-    /// Distance between centreline and flown line, metres, with enough arrivals.
-    fn arrivals_m(&self) -> Option<f64> {
-        let axis = self.arrivals.filter(ArrivalAxis::is_judge)?;
-        Some(axis.aside_m(BEFORE_TARGET_M))
     }
 
     fn place(&self, place: LatLon) -> RunwayCoordinates {
@@ -134,28 +100,21 @@ impl<'a> Line<'a> {
 pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>, String)> {
     let stated_m = lines.iter().find_map(|line| line.ends.stated_length_m);
     // A centreline that is far from the localizer is the worst, unless all are: then it belongs to an approach at an angle.
-    let far_m = |what: fn(&Line<'_>) -> Option<f64>| {
-        if lines.iter().any(|line| what(line).is_some()) {
-            f64::MAX
-        } else {
-            0.0
-        }
+    let far_m = if lines.iter().any(|line| line.localizer_m.is_some()) {
+        f64::MAX
+    } else {
+        0.0
     };
-    let axes: [fn(&Line<'_>) -> Option<f64>; 2] =
-        [|line| line.localizer_m, |line| line.arrivals_m()];
+    let aside_m = |line: &Line<'_>| line.localizer_m.unwrap_or(far_m);
     let off_m = |line: &Line<'_>| stated_m.map_or(0.0, |stated_m| line.off_length_m(stated_m));
     let mut best = lines.first()?;
     for line in &lines[1..] {
-        let mut nearer_m = axes.iter().map(|axis| {
-            let aside_m = |line: &Line<'_>| axis(line).unwrap_or(far_m(*axis));
-            aside_m(best) - aside_m(line)
-        });
-        let is_better = nearer_m
-            .find(|nearer_m| nearer_m.abs() > EQUALLY_NEAR_M)
-            .map_or_else(
-                || off_m(line) + PLACE_TOLERANCE_M < off_m(best),
-                |nearer_m| nearer_m > 0.0,
-            );
+        let nearer_m = aside_m(best) - aside_m(line);
+        let is_better = if nearer_m.abs() > EQUALLY_NEAR_M {
+            nearer_m > 0.0
+        } else {
+            off_m(line) + PLACE_TOLERANCE_M < off_m(best)
+        };
         if is_better {
             best = line;
         }
@@ -173,12 +132,6 @@ pub(super) fn recommended<'a, 'b>(lines: &'b [Line<'a>]) -> Option<(&'b Line<'a>
         reasons.push(format!(
             "its centreline misses the localizer by {}",
             of_each(&|line| line.localizer_m)
-        ));
-    }
-    if best.arrivals_m().is_some() {
-        reasons.push(format!(
-            "arrivals fly beside its centreline by {}",
-            of_each(&|line| line.arrivals_m())
         ));
     }
     if let Some(stated_m) = stated_m {

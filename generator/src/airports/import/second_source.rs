@@ -9,7 +9,7 @@ use super::line::Line;
 const ACROSS_TOLERANCE_M: f64 = 5.0;
 const COURSE_TOLERANCE_DEG: f64 = 0.02;
 
-/// Names of the sources that agree with a line: other tables, the axis of both localizers, arrivals. Without one the runway is unconfirmed.
+/// Names of the sources that agree with a line: other tables, the axis of both localizers. Without one the runway is unconfirmed.
 pub(super) fn confirmed_by(
     best: &Line<'_>,
     lines: &[Line<'_>],
@@ -33,14 +33,5 @@ pub(super) fn confirmed_by(
     {
         found.push(axis.source.to_owned());
     }
-    let arrivals = best.arrivals.filter(|axis| {
-        let is_within = |value: f64, error: Option<f64>, limit: f64| {
-            value.abs() <= limit && error.is_some_and(|error| error <= limit)
-        };
-        axis.is_judge()
-            && is_within(axis.offset_m, axis.offset_error_m, ACROSS_TOLERANCE_M)
-            && is_within(axis.turned_deg, axis.turned_error_deg, COURSE_TOLERANCE_DEG)
-    });
-    found.extend(arrivals.map(|axis| format!("{} arrivals", axis.arrivals)));
     found
 }
