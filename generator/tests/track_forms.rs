@@ -103,15 +103,6 @@ fn rows(reports: &[Report], header: &str, row: impl Fn(&Report) -> String) -> Ve
     format!("{header}{}", rows.collect::<String>()).into_bytes()
 }
 
-fn records(reports: &[Report]) -> Vec<u8> {
-    let record = |report: &Report| {
-        json!({"timestamp": report.time_s * 1e3, "icao24": "abc123", "latitude": report.place.latitude_deg,
-            "longitude": report.place.longitude_deg, "altitude": report.altitude_ft, "groundspeed": report.knots,
-            "track": report.track_deg, "geoaltitude": Value::Null})
-    };
-    serde_json::to_vec(&reports.iter().map(record).collect::<Vec<_>>()).unwrap()
-}
-
 /// `trace_full` of readsb; `source` and flags by the number of the row.
 fn trace(reports: &[Report], source: &str, flags: impl Fn(usize) -> u64) -> Vec<u8> {
     let row = |(index, report): (usize, &Report)| {
@@ -368,8 +359,6 @@ fn same(all: &[Report], folder: &Path) -> Vec<(&'static str, Vec<u8>, &'static s
         ),
         ("Flightradar24", rows(&every(4), radar_header, radar), ""),
         ("TartanAviation", rows(all, tartan_header, tartan), ""),
-        ("records", records(all), ""),
-        ("records, gzip", gzip(&records(all)), ""),
         ("readsb", trace(all, "adsb_icao", |_| 0), ""),
         ("readsb, gzip", gzip(&trace(all, "adsb_icao", |_| 0)), ""),
         ("readsb with stale positions", stale, ""),

@@ -355,62 +355,16 @@ fn x_plane_rows(flight: &Recording) -> Vec<(f64, FlightState)> {
         .collect()
 }
 
-/// The flight data recorder's version 3: rows of `DATA` with the true heading.
-fn fdr_3(flight: &Recording) -> String {
-    let mut text = "A\n3\n\nACFT,Aircraft/B738.acf,\nTAIL,N8141Q,\nPRES,29.92,\n".to_owned();
-    for (time_s, FlightState { pose, .. }) in x_plane_rows(flight) {
-        let feet = pose.altitude_msl_m / 0.3048;
-        let _ = writeln!(
-            text,
-            "DATA,{time_s},15,{},{},{feet},0,0,0,0,{},{},{},140,0,",
-            pose.longitude_deg,
-            pose.latitude_deg,
-            pose.pitch_deg,
-            pose.roll_deg,
-            pose.heading_true_deg
-        );
-    }
-    text
-}
-
-/// The flight data recorder's version 4: rows with the time of day, here over midnight, and the magnetic heading.
-fn fdr_4(flight: &Recording) -> String {
-    let mut text =
-        "I\r\n4\r\nCOMM, a flight\r\nDREF, sim/cockpit2/gauges/indicators/ground_speed_kt 1.0\r\n"
-            .to_owned();
-    for (time_s, FlightState { pose, .. }) in x_plane_rows(flight) {
-        let day_s = (86_300.0 + time_s) % 86_400.0;
-        let (hours, minutes) = ((day_s / 3_600.0).floor(), (day_s / 60.0).floor() % 60.0);
-        let feet = pose.altitude_msl_m / 0.3048;
-        let _ = write!(
-            text,
-            "{hours:02}:{minutes:02}:{:07.4}, {}, {}, {feet}, {}, {}, {}, 140\r\n",
-            day_s % 60.0,
-            pose.longitude_deg,
-            pose.latitude_deg,
-            pose.heading_true_deg - 0.3,
-            pose.pitch_deg,
-            pose.roll_deg
-        );
-    }
-    text
-}
-
 #[test]
-fn recordings_of_x_plane_keep_their_attitudes_and_those_of_its_data_output_their_heights() {
+fn the_data_output_of_x_plane_keeps_its_attitudes_and_heights() {
     let flight = flight();
     let rows = x_plane_rows(&flight);
     let first_s = rows[0].0;
-    for (kind, text, has_true_heading) in [
-        ("Data.txt", data_txt(&flight, "__alt,ftmsl"), true),
-        ("Data.txt, 12", data_txt(&flight, "___CG,ftMSL"), true),
-        (".fdr, version 3", fdr_3(&flight), true),
-        (".fdr, version 4", fdr_4(&flight), false),
-    ] {
+    for altitude in ["__alt,ftmsl", "___CG,ftMSL"] {
+        let text = data_txt(&flight, altitude);
         let folder = tempfile::tempdir().unwrap();
         let path = only(&import(folder.path(), &text));
         let made = recording(&path);
-        let is_exact = kind.starts_with("Data.txt");
         for (time_s, state) in rows.iter().step_by(70) {
             let found = made.trajectory.at(time_s - first_s);
             let [truth, here] = [state, &found].map(place);
@@ -419,23 +373,17 @@ fn recordings_of_x_plane_keep_their_attitudes_and_those_of_its_data_output_their
             }
             for axis in 0..3 {
                 let off_m = (here[axis] - truth[axis]).abs();
-                // Altitudes of an .fdr are tied to the glide path.
-                let most_m = if is_exact {
-                    2.0
-                } else {
-                    [30.0, 8.0, 25.0][axis]
-                };
-                assert!(off_m < most_m, "{kind}: {here:?} at {truth:?}");
+                assert!(off_m < 2.0, "{altitude}: {here:?} at {truth:?}");
             }
             let (truth, here) = (&state.pose, &found.pose);
             let heading_deg = (here.heading_true_deg - truth.heading_true_deg).abs();
             let is_near = (here.pitch_deg - truth.pitch_deg).abs() < 0.5
                 && (here.roll_deg - truth.roll_deg).abs() < 1.5
-                && (!has_true_heading || heading_deg < 0.5);
-            assert!(is_near, "{kind}: {here:?} {truth:?}");
+                && heading_deg < 0.5;
+            assert!(is_near, "{altitude}: {here:?} {truth:?}");
         }
         let text = fs::read_to_string(path).unwrap();
-        assert!(text.contains(",measured,measured\n"), "{kind}");
+        assert!(text.contains(",measured,measured\n"), "{altitude}");
     }
 }
 
@@ -453,11 +401,6 @@ fn a_broken_recording_of_x_plane_is_refused_with_line_and_reason_and_pressure_al
             without,
             "no column for the altitude; its columns are real,_time, totl,_time",
         ),
-        (
-            "A\n3\nDATA,1,15,103.9\n".to_owned(),
-            "line 3: field 5 is \"\"",
-        ),
-        ("A\n4\nCOMM, nothing\n".to_owned(), "it has no positions"),
     ] {
         assert_refused(&text, words);
     }

@@ -91,7 +91,7 @@ pub(crate) enum TracksCommand {
 
 #[derive(Debug, Args)]
 pub(crate) struct TracksImportArgs {
-    /// Tracks: tables (CSV, Parquet, JSON), `trace_full` of readsb, JSON lines of jet1090, or X-Plane's `Data.txt` or `.fdr`; also gzipped
+    /// Tracks: tables (CSV, Parquet), `trace_full` of readsb, JSON lines of jet1090, or X-Plane's `Data.txt`; also gzipped
     ///
     /// Tables as `traffic`, OpenSky, Flightradar24 and TartanAviation write them, or any other with --columns.
     #[arg(required = true, value_name = "FILE")]

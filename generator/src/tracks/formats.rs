@@ -1,5 +1,5 @@
 //! Files of tracks: tables of `traffic`, OpenSky, Flightradar24 and others, `trace_full` of readsb (JSON), JSON lines of `jet1090`, and
-//! X-Plane's recordings; all may be compressed with gzip.
+//! X-Plane's data output; all may be compressed with gzip.
 
 mod jet1090;
 mod readsb;
@@ -136,30 +136,23 @@ fn text<R: BufRead>(
     target: LatLon,
 ) -> Result<Vec<Track>, String> {
     let head = file.fill_buf().map_err(|error| error.to_string())?.to_vec();
-    let document = |file: R| {
-        let mut bytes = Vec::new();
-        let read = Bounded::of(file, MAX_DOCUMENT_BYTES).read_to_end(&mut bytes);
-        read.map(|_| bytes).map_err(|error| error.to_string())
-    };
     if jet1090::is_one(&head) {
         return jet1090::read(file, target);
     }
     if x_plane::is_data_txt(&head) {
         return x_plane::data_txt(file, target);
     }
-    if x_plane::is_fdr(&head) {
-        return x_plane::fdr(file, target);
-    }
     match head.iter().find(|byte| !byte.is_ascii_whitespace()) {
         Some(b'{') => {
-            let trace = serde_json::from_slice(&document(file)?);
-            let trace = trace.map_err(|error| error.to_string())?;
+            let mut document = Vec::new();
+            let read = Bounded::of(file, MAX_DOCUMENT_BYTES).read_to_end(&mut document);
+            read.map_err(|error| error.to_string())?;
+            let trace = serde_json::from_slice(&document).map_err(|error| error.to_string())?;
             let track = readsb::trace_full(&trace);
             track
                 .map(|track| vec![track])
                 .ok_or_else(|| "no `timestamp` and `trace` as in trace_full of readsb".into())
         }
-        Some(b'[') => tables::records(&document(file)?, named, target),
         _ => tables::csv(&head, file, named, target),
     }
 }

@@ -1,6 +1,6 @@
-//! Tables of positions: CSV, Parquet, or a list of records in JSON. The names of the columns tell what they hold, and its unit.
+//! Tables of positions: CSV or Parquet. The names of the columns tell what they hold, and its unit.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
@@ -10,7 +10,6 @@ use csv::StringRecord;
 use dataset::geometry::geodesy::LatLon;
 use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use dataset::tables::columns::Table;
-use serde_json::{Map, Value};
 
 use super::{Fix, NearFixes, Track};
 
@@ -203,7 +202,7 @@ impl Columns {
         }
         Err(format!(
             "lacks the columns {}; it has {found}. Name them, e.g. `--columns time=Timestamp,latitude=Lat,longitude=Lon,altitude=Alt` (feet; \
-             altitude_m is in metres). Other forms that are read: trace_full of readsb, JSON lines of jet1090, X-Plane's Data.txt and .fdr",
+             altitude_m is in metres). Other forms that are read: trace_full of readsb, JSON lines of jet1090, X-Plane's Data.txt",
             missing.join("; or ")
         ))
     }
@@ -381,31 +380,6 @@ pub(super) fn csv<R: Read>(
         Ok::<_, csv::Error>((line, record))
     });
     tracks(&header, rows, named, target)
-}
-
-/// A list of records, as `traffic` writes it; they are counted from 1.
-pub(super) fn records(
-    bytes: &[u8],
-    named: &[NamedColumn],
-    target: LatLon,
-) -> Result<Vec<Track>, String> {
-    let records: Vec<Map<String, Value>> =
-        serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
-    let header: BTreeSet<&str> = records
-        .iter()
-        .flat_map(|record| record.keys().map(String::as_str))
-        .collect();
-    let text = |value: Option<&Value>| match value {
-        None | Some(Value::Null) => String::new(),
-        Some(Value::String(text)) => text.clone(),
-        Some(other) => other.to_string(),
-    };
-    let row = |record: &Map<String, Value>| -> StringRecord {
-        let fields = header.iter().map(|name| text(record.get(*name)));
-        fields.collect()
-    };
-    let rows = (1..).zip(records.iter().map(row)).map(Ok::<_, String>);
-    tracks(&header.iter().collect(), rows, named, target)
 }
 
 /// A Parquet table, as `traffic` writes it. Columns that are not used may hold anything.

@@ -1,8 +1,5 @@
-//! X-Plane's own recordings: `Data.txt`, the data output to disk, with the simulator's exact states, and flight data recorder files
-//! (`.fdr`), which may come from a real aircraft: attitudes were measured, and altitudes are as uncertain as a receiver's.
-//!
-//! `Data.txt` has columns between bars; a line with their names begins it, and follows each change of the columns. In `.fdr` files, rows
-//! begin with `DATA` in version 3, with the time of day in version 4 ("Creating FDR Files", x-plane.com/kb).
+//! `Data.txt`, X-Plane's data output to disk, with the simulator's exact states. It has columns between bars; a line with their names begins
+//! it, and follows each change of the columns.
 
 use std::io::BufRead;
 
@@ -10,7 +7,6 @@ use dataset::geometry::geodesy::LatLon;
 use dataset::numbers::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 
 use super::{Attitude, Fix, NearFixes, Track};
-use crate::time_of_day::SECONDS_PER_DAY;
 
 /// Rows that follow sooner than this are left out, seconds.
 const STEP_S: f64 = 0.2;
@@ -40,28 +36,12 @@ fn names(line: &str) -> Vec<&str> {
         .collect()
 }
 
-fn first_lines(head: &[u8]) -> impl Iterator<Item = &str> {
-    let lines = head.split(|byte| *byte == b'\n');
-    let texts = lines.map(|line| std::str::from_utf8(line).unwrap_or_default().trim());
-    texts.filter(|line| !line.is_empty())
-}
-
 /// True if a file begins with names of columns between bars.
 pub(super) fn is_data_txt(head: &[u8]) -> bool {
-    let first = first_lines(head).next().unwrap_or_default();
-    first.contains('|') && first.contains(",_")
-}
-
-/// True if a file begins with the kind of line ends and a version.
-pub(super) fn is_fdr(head: &[u8]) -> bool {
-    let mut lines = first_lines(head);
-    matches!(lines.next(), Some("A" | "I" | "IBM" | "APL"))
-        && lines.next().is_some_and(|version| {
-            version
-                .split_whitespace()
-                .next()
-                .is_some_and(|text| text.parse::<u32>().is_ok())
-        })
+    let lines = head.split(|byte| *byte == b'\n');
+    let mut texts = lines.map(|line| std::str::from_utf8(line).unwrap_or_default());
+    let first = texts.find(|line| !line.trim().is_empty());
+    first.is_some_and(|first| first.contains('|') && first.contains(",_"))
 }
 
 /// Columns of `Data.txt`.
@@ -156,44 +136,6 @@ pub(super) fn data_txt<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>
     Ok(rows.tracks())
 }
 
-/// The flights in an `.fdr`; the error is a line and the reason.
-pub(super) fn fdr<R: BufRead>(file: R, target: LatLon) -> Result<Vec<Track>, String> {
-    let mut rows = Rows::new(target);
-    let mut days_s = 0.0;
-    let mut before_s = f64::NEG_INFINITY;
-    for (index, line) in file.lines().enumerate() {
-        let bad = |why: String| format!("line {}: {why}", index + 1);
-        let line = line.map_err(|error| bad(error.to_string()))?;
-        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-        let number = |at: usize| number(&fields, at).map_err(bad);
-        // Before the position: kind, seconds, temperature; or the time of day.
-        let (time_s, place, attitude, has_true_heading) = if fields[0] == "DATA" {
-            (number(1)?, 3, 10, true)
-        } else if let Some(day_s) = time_of_day_s(fields[0]) {
-            let is_next_day = day_s + days_s < before_s - SECONDS_PER_DAY / 2.0;
-            days_s += if is_next_day { SECONDS_PER_DAY } else { 0.0 };
-            (day_s + days_s, 1, 5, false)
-        } else {
-            continue;
-        };
-        before_s = time_s;
-        rows.add(Fix {
-            time_s,
-            latitude_deg: number(place + 1)?,
-            longitude_deg: number(place)?,
-            altitude_m: Some(number(place + 2)? * METERS_PER_FOOT),
-            attitude: Some(Attitude {
-                pitch_deg: number(attitude)?,
-                roll_deg: number(attitude + 1)?,
-                // Version 4 has the magnetic heading, before the pitch.
-                heading_true_deg: has_true_heading.then(|| number(attitude + 2)).transpose()?,
-            }),
-            ..Fix::default()
-        });
-    }
-    Ok(rows.tracks())
-}
-
 /// Rows, thinned out.
 struct Rows {
     /// Flights before this one.
@@ -240,14 +182,4 @@ fn number(fields: &[&str], at: usize) -> Result<f64, String> {
     let text = fields.get(at).copied().unwrap_or_default();
     let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
     number.ok_or_else(|| format!("field {} is {text:?}; expected a number", at + 1))
-}
-
-fn time_of_day_s(text: &str) -> Option<f64> {
-    let mut parts = text.split(':').map(str::parse::<f64>);
-    let (Some(Ok(hours)), Some(Ok(minutes)), Some(Ok(seconds)), None) =
-        (parts.next(), parts.next(), parts.next(), parts.next())
-    else {
-        return None;
-    };
-    Some(hours * 3_600.0 + minutes * 60.0 + seconds)
 }
