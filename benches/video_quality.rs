@@ -208,9 +208,6 @@ fn candidates() -> Vec<VideoSettings> {
     )
     .chain(lossy(VideoCodec::H264, "ultrafast", &[12]))
     .chain(lossy(VideoCodec::H264, "veryfast", &[12]))
-    .chain(lossy(VideoCodec::H265, "ultrafast", &[2, 4]))
-    .chain(lossy(VideoCodec::H265, "superfast", &[2, 4, 8, 12, 18]))
-    .chain(lossy(VideoCodec::Av1, "8", &[2, 4, 8, 15, 30]))
     .chain(lossless)
     .collect()
 }

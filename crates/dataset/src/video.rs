@@ -2,9 +2,9 @@
 //!
 //! Images go in and come out as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and differs from the sky by a few
 //! grey levels, so the settings are chosen to preserve such targets (`docs/video.md`): at the usual qualities H.264 takes a fifth of their
-//! contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them some players and editors shift every
-//! timestamp, and a killed process loses what waits in the encoder. While a video is written, every image is a fragment of the file that
-//! can be read at once; when it is finished, the fragments become a plain file with an index. Images are BT.709, full range, and tagged so.
+//! contrast. There are no B-frames and no look-ahead, because with them some players and editors shift every timestamp, and a killed process
+//! loses what waits in the encoder. While a video is written, every image is a fragment of the file that can be read at once; when it is
+//! finished, the fragments become a plain file with an index. Images are BT.709, full range, and tagged so.
 
 mod camera_stream;
 mod capture_devices;
@@ -37,7 +37,7 @@ pub use conversion::jpeg::jpeg;
 pub use conversion::luma::Luma;
 pub use decoded_image::{DecodedImage, ImageConverter};
 pub use index::fragments::recorded_pictures;
-pub use packets::{CodedPicture, PacketCodec, PacketReader};
+pub use packets::{CodedPicture, PacketReader};
 pub use reader::{RgbPicture, VideoReader};
 pub use time_base::TimeBase;
 pub use unlike_scene::{turned, unlike_the_scene};
@@ -46,6 +46,8 @@ pub use writer::{GROUP_OF_PICTURES, VideoWriter};
 use crate::error::{Error, Result};
 use crate::files::outside_file::{self, FileKind};
 
+/// Maximum constant rate factor of x264.
+const MAX_CRF: u32 = 51;
 /// Pixel bytes in memory: red, green, blue.
 pub const BYTES_PER_PIXEL: usize = 3;
 
@@ -61,8 +63,7 @@ pub struct VideoSettings {
     pub codec: VideoCodec,
     /// Preset of the encoder, one of [`VideoCodec::presets`]: trades time for size.
     pub preset: String,
-    /// Constant rate factor, 0 to [`VideoCodec::largest_crf`]: lower means better quality and larger files. Every encoder has its own
-    /// scale. Ignored by lossless codecs.
+    /// Constant rate factor, 0 to [`MAX_CRF`]: lower means better quality and larger files. Ignored by lossless codecs.
     pub crf: u32,
     /// Encoder threads. Views are encoded in parallel, so 1 is best unless there are more cores than views.
     pub threads: u32,
@@ -78,8 +79,8 @@ struct GivenSettings {
     /// Preset of the encoder: trades time for size. Every codec has its own (docs/video.md).
     #[schemars(transform = any_preset)]
     preset: Option<String>,
-    /// Constant rate factor: lower means better quality and larger files. Every codec has its own scale. Lossless codecs ignore it.
-    #[schemars(transform = any_crf)]
+    /// Constant rate factor: lower means better quality and larger files. Lossless codecs ignore it.
+    #[schemars(range(max = MAX_CRF))]
     crf: Option<u32>,
     /// Encoder threads. Views are encoded in parallel.
     #[schemars(range(min = 1))]
@@ -95,11 +96,6 @@ fn any_preset(schema: &mut Schema) {
         }
     }
     schema.insert("enum".into(), all.into());
-}
-
-fn any_crf(schema: &mut Schema) {
-    let largest = VideoCodec::ALL.map(VideoCodec::largest_crf);
-    schema.insert("maximum".into(), largest.into_iter().max().into());
 }
 
 impl From<GivenSettings> for VideoSettings {
@@ -143,14 +139,11 @@ impl VideoSettings {
                 ),
             ));
         }
-        if self.crf > self.codec.largest_crf() {
+        if self.crf > MAX_CRF {
+            let crf = self.crf;
             return Some((
                 "crf",
-                format!(
-                    "{} is too large; expected 0 (best) to {}",
-                    self.crf,
-                    self.codec.largest_crf()
-                ),
+                format!("{crf} is too large; expected 0 (best) to {MAX_CRF}"),
             ));
         }
         (self.threads == 0).then(|| {

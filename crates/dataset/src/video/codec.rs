@@ -14,19 +14,13 @@ pub enum VideoCodec {
     /// H.264 in RGB without loss: about four times larger in smooth images; browsers do not play it.
     #[serde(rename = "h264-lossless")]
     H264Lossless,
-    /// H.265, 4:2:0: needs a far better quality setting than H.264 to keep small targets.
-    #[serde(rename = "h265")]
-    H265,
-    /// AV1, 4:2:0: the slowest by far.
-    #[serde(rename = "av1")]
-    Av1,
     /// FFV1 in RGB without loss, every image on its own and with a checksum: the archivists' choice.
     #[serde(rename = "ffv1")]
     Ffv1,
 }
 
-/// Presets of x264 and x265.
-const X26X_PRESETS: [&str; 10] = [
+/// Presets of x264.
+const X264_PRESETS: [&str; 10] = [
     "ultrafast",
     "superfast",
     "veryfast",
@@ -38,20 +32,12 @@ const X26X_PRESETS: [&str; 10] = [
     "veryslow",
     "placebo",
 ];
-/// `cpu-used` of libaom.
-const AOM_PRESETS: [&str; 9] = ["0", "1", "2", "3", "4", "5", "6", "7", "8"];
 /// FFV1 has no presets.
 const NO_PRESETS: [&str; 1] = ["none"];
 
 impl VideoCodec {
     /// All codecs.
-    pub const ALL: [Self; 5] = [
-        Self::H264,
-        Self::H264Lossless,
-        Self::H265,
-        Self::Av1,
-        Self::Ffv1,
-    ];
+    pub const ALL: [Self; 3] = [Self::H264, Self::H264Lossless, Self::Ffv1];
 
     /// True if decoded images equal the input byte for byte.
     pub fn is_lossless(self) -> bool {
@@ -70,8 +56,7 @@ impl VideoCodec {
     /// The available presets.
     pub(crate) fn presets(self) -> &'static [&'static str] {
         match self {
-            Self::H264 | Self::H264Lossless | Self::H265 => &X26X_PRESETS,
-            Self::Av1 => &AOM_PRESETS,
+            Self::H264 | Self::H264Lossless => &X264_PRESETS,
             Self::Ffv1 => &NO_PRESETS,
         }
     }
@@ -79,29 +64,17 @@ impl VideoCodec {
     /// The default preset.
     pub(crate) fn default_preset(self) -> &'static str {
         match self {
-            Self::H264 | Self::H265 => "superfast",
+            Self::H264 => "superfast",
             Self::H264Lossless => "ultrafast",
-            Self::Av1 => "8",
             Self::Ffv1 => "none",
         }
     }
 
-    /// The default constant rate factor: for H.264 one that was measured to preserve a 10 NM aircraft, for H.265 and AV1, which never
-    /// preserve it as well, one that keeps most contrast.
+    /// The default constant rate factor, which was measured to preserve a 10 NM aircraft.
     pub(crate) fn default_crf(self) -> u32 {
         match self {
             Self::H264 => 12,
-            Self::H265 => 4,
-            Self::Av1 => 4,
             Self::H264Lossless | Self::Ffv1 => 0,
-        }
-    }
-
-    /// The largest constant rate factor that the encoder accepts.
-    pub(crate) fn largest_crf(self) -> u32 {
-        match self {
-            Self::Av1 => 63,
-            _ => 51,
         }
     }
 
@@ -110,8 +83,6 @@ impl VideoCodec {
         match self {
             Self::H264 => "libx264",
             Self::H264Lossless => "libx264rgb",
-            Self::H265 => "libx265",
-            Self::Av1 => "libaom-av1",
             Self::Ffv1 => "ffv1",
         }
     }
@@ -119,7 +90,7 @@ impl VideoCodec {
     /// The encoder's input pixel format.
     pub(super) fn pixel(self) -> Pixel {
         match self {
-            Self::H264 | Self::H265 | Self::Av1 => Pixel::YUV420P,
+            Self::H264 => Pixel::YUV420P,
             Self::H264Lossless => Pixel::RGB24,
             Self::Ffv1 => Pixel::BGRZ,
         }

@@ -1,8 +1,7 @@
 //! Video packets: the coded images, for formats that take packets without re-encoding.
 //!
-//! MP4 keeps the parameter sets of H.264 and H.265 in its header, and writes the length of each unit before it (ISO/IEC 14496-15). Streams
-//! have start codes instead (Annex B), and repeat the parameter sets at key frames, so that a reader may begin there. AV1 is the same in
-//! both.
+//! MP4 keeps the parameter sets of H.264 in its header, and writes the length of each unit before it (ISO/IEC 14496-15). Streams have start
+//! codes instead (Annex B), and repeat the parameter sets at key frames, so that a reader may begin there.
 #![allow(unsafe_code)]
 
 use std::path::{Path, PathBuf};
@@ -15,17 +14,6 @@ use crate::numbers::frame_rate::FrameRate;
 
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
 
-/// A codec whose images stand alone as packets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PacketCodec {
-    /// H.264 with start codes.
-    H264,
-    /// H.265 with start codes.
-    H265,
-    /// AV1 in its low-overhead form.
-    Av1,
-}
-
 /// A coded image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CodedPicture {
@@ -37,7 +25,7 @@ pub struct CodedPicture {
     pub data: Vec<u8>,
 }
 
-/// A video whose packets are read.
+/// A video in H.264 whose packets are read.
 pub struct PacketReader {
     path: PathBuf,
     input: format::context::Input,
@@ -45,21 +33,20 @@ pub struct PacketReader {
     /// Unit of the file's timestamps, and of those that are returned.
     time_base: TimeBase,
     unit: TimeBase,
-    codec: PacketCodec,
     framing: Framing,
 }
 
 /// Boundaries of units in the file.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 struct Framing {
-    /// Bytes of the unit's length; 0: units are not divided.
+    /// Bytes of the unit's length.
     length_bytes: usize,
     /// Parameter sets, with start codes.
     parameter_sets: Vec<u8>,
 }
 
 impl PacketReader {
-    /// Opens a scenario's video; `None` if its codec has no packets that stand alone here (FFV1).
+    /// Opens a scenario's video; `None` if it is not H.264.
     ///
     /// # Errors
     /// It cannot be read, or has no video.
@@ -67,29 +54,19 @@ impl PacketReader {
         let (input, stream, time_base) = open_stream(path)?;
         let parameters = input.stream(stream).map(|stream| stream.parameters());
         let parameters = parameters.expect("the stream was found in the file");
-        let header = header_of(&parameters);
-        let (codec, framing) = match parameters.id() {
-            codec::Id::H264 => (PacketCodec::H264, framing_of_avc(&header)),
-            codec::Id::HEVC => (PacketCodec::H265, framing_of_hevc(&header)),
-            codec::Id::AV1 => (PacketCodec::Av1, Some(Framing::default())),
-            _ => return Ok(None),
-        };
-        let framing = framing
+        if parameters.id() != codec::Id::H264 {
+            return Ok(None);
+        }
+        let framing = framing_of_avc(&header_of(&parameters))
             .ok_or_else(|| fault(path, "read its parameter sets", "the header is damaged"))?;
         Ok(Some(Self {
             stream,
             time_base,
             unit: TimeBase::of_ticks(frame_rate),
             path: path.to_owned(),
-            codec,
             framing,
             input,
         }))
-    }
-
-    /// Codec of the images.
-    pub fn codec(&self) -> PacketCodec {
-        self.codec
     }
 
     /// The next image, or `None` after the last.
@@ -145,10 +122,6 @@ fn header_of(parameters: &codec::Parameters) -> Vec<u8> {
 
 /// Appends a packet's units with start codes in the place of their lengths; `None` if these do not fit.
 fn append_units(mut coded: &[u8], length_bytes: usize, to: &mut Vec<u8>) -> Option<()> {
-    if length_bytes == 0 {
-        to.extend_from_slice(coded);
-        return Some(());
-    }
     while !coded.is_empty() {
         let (length, rest) = coded.split_at_checked(length_bytes)?;
         let length = length
@@ -173,21 +146,6 @@ fn framing_of_avc(header: &[u8]) -> Option<Framing> {
     }
     Some(Framing {
         length_bytes: usize::from(header[4] & 3) + 1,
-        parameter_sets,
-    })
-}
-
-/// Reads an `HEVCDecoderConfigurationRecord`.
-fn framing_of_hevc(header: &[u8]) -> Option<Framing> {
-    let (arrays, mut rest) = header.get(22..)?.split_first()?;
-    let mut parameter_sets = Vec::new();
-    for _ in 0..*arrays {
-        let (start, after) = rest.split_at_checked(3)?;
-        let count = u16::from_be_bytes([start[1], start[2]]);
-        rest = append_sets(usize::from(count), after, &mut parameter_sets)?;
-    }
-    Some(Framing {
-        length_bytes: usize::from(header[21] & 3) + 1,
         parameter_sets,
     })
 }

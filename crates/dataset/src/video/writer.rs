@@ -105,7 +105,7 @@ impl VideoWriter {
         video.set_time_base(time_base);
         video.set_frame_rate(Some(Rational(time_scale, frame_rate.denominator as i32)));
         video.set_max_b_frames(0);
-        // Quality is set by the rate factor alone; libaom would treat a bit rate as a limit.
+        // Quality is set by the rate factor alone.
         video.set_bit_rate(0);
         video.set_gop(if codec == VideoCodec::Ffv1 {
             1
@@ -280,26 +280,6 @@ fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
             options.set("preset", &settings.preset);
             options.set("qp", "0");
             options.set("tune", "zerolatency");
-        }
-        VideoCodec::H265 => {
-            options.set("preset", &settings.preset);
-            options.set("crf", &crf);
-            options.set("tune", "zerolatency");
-            let threads = settings.threads;
-            // Otherwise it uses all cores and writes to stderr. Its filters smooth small targets away.
-            options.set(
-                "x265-params",
-                &format!("log-level=none:frame-threads=1:pools={threads}:no-sao=1:deblock=-6,-6"),
-            );
-        }
-        VideoCodec::Av1 => {
-            options.set("cpu-used", &settings.preset);
-            options.set("crf", &crf);
-            options.set("lag-in-frames", "0");
-            options.set("usage", "realtime");
-            // Its filters smooth small targets away.
-            options.set("enable-cdef", "0");
-            options.set("enable-restoration", "0");
         }
         VideoCodec::Ffv1 => {
             options.set("level", "3");

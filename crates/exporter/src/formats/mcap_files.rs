@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use dataset::corpus::calibration::CameraEntry;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::tables::frames::{TickLabels, TickRow};
-use dataset::video::{PacketCodec, PacketReader};
+use dataset::video::PacketReader;
 use glam::{DMat3, DQuat, DVec3};
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, WriteOptions, Writer};
@@ -115,7 +115,7 @@ impl FileFormat for Mcap {
                     timestamp: Some(time.stamp()),
                     frame_id: view.name.to_owned(),
                     data: picture.data,
-                    format: format_of(view.packets.codec()).to_owned(),
+                    format: "h264".to_owned(),
                 };
                 file.send(&format!("/{}/video", view.name), time, &video)?;
                 let boxes = source.boxes_of(view.name, row.tick);
@@ -145,8 +145,7 @@ impl FileFormat for Mcap {
 
 fn unsupported(source: &Source<'_>, view: &str) -> Error {
     Error::Request(format!(
-        "scenario {}, view {view}: the video is FFV1, which Foxglove's schema of videos does not know; expected H.264, H.265 or AV1; \
-         choose another format, or leave the scenario out with --only",
+        "scenario {}, view {view}: the video is FFV1, which Foxglove's schema of videos does not know; expected H.264; choose another format, or leave the scenario out with --only",
         source.record.id
     ))
 }
@@ -158,14 +157,6 @@ struct View<'a> {
     index: usize,
     camera: &'a CameraEntry,
     packets: PacketReader,
-}
-
-fn format_of(codec: PacketCodec) -> &'static str {
-    match codec {
-        PacketCodec::H264 => "h264",
-        PacketCodec::H265 => "h265",
-        PacketCodec::Av1 => "av1",
-    }
 }
 
 /// Time since tick 0.
