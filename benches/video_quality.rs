@@ -182,13 +182,6 @@ impl Way {
             }
         }
     }
-
-    fn extension(&self) -> &'static str {
-        match self {
-            Self::Ours(settings) => settings.codec.extension(),
-            Self::Program(_) => "mp4",
-        }
-    }
 }
 
 fn candidates() -> Vec<VideoSettings> {
@@ -200,7 +193,7 @@ fn candidates() -> Vec<VideoSettings> {
             threads: 1,
         })
     };
-    let lossless = [VideoCodec::H264Lossless, VideoCodec::Ffv1].map(VideoSettings::of);
+    let lossless = [VideoSettings::of(VideoCodec::H264Lossless)];
     lossy(
         VideoCodec::H264,
         "superfast",
@@ -383,7 +376,7 @@ fn processor() -> Duration {
 
 /// A row of the table: encoded and decoded.
 fn measure(way: &Way, recordings: &[Recording], folder: &Path) -> String {
-    let path = folder.join(format!("view.{}", way.extension()));
+    let path = folder.join("view.mp4");
     let mut cells = Vec::new();
     let (mut bytes, mut encode_s, mut decode_s) = (0, 0.0, 0.0);
     for recording in recordings {

@@ -241,13 +241,12 @@ class Corpus:
         column = f"pts_{view}"
         table = sealed_table(folder, "frames.parquet")
         (timestamps,) = collect([(table, scan(table).select(column))])
-        for ending in (".mp4", ".mov"):
-            path = sealed(folder, f"views/{view}{ending}")
-            if path.exists():
-                rate, camera = self.record(scenario)["frame_rate"], self.camera(scenario, view)
-                size_px = (camera.width_px, camera.height_px)
-                return path, timestamps[column].to_numpy(), Fraction(1, rate["numerator"]), size_px
-        raise CorpusError(f"{folder / 'views'} has no video of view {view}")
+        path = sealed(folder, f"views/{view}.mp4")
+        if not path.exists():
+            raise CorpusError(f"{folder / 'views'} has no video of view {view}")
+        rate, camera = self.record(scenario)["frame_rate"], self.camera(scenario, view)
+        size_px = (camera.width_px, camera.height_px)
+        return path, timestamps[column].to_numpy(), Fraction(1, rate["numerator"]), size_px
 
     def frame(self, scenario: str, view: str, tick: int) -> Picture:
         """A single image: height x width x 3, RGB."""

@@ -5,7 +5,7 @@
 //!   corpus.toml  plan.json  splits.json
 //!   scenarios/1700-foggy-r3/
 //!     scenario.json  calibration.json  frames.parquet  boxes_truth.parquet
-//!     views/<camera>.mp4  (.mov for FFV1)  detections/<model>.parquet  detections/<model>.json
+//!     views/<camera>.mp4  detections/<model>.parquet  detections/<model>.json
 //!     registrations/<model>.parquet  health/<model>.parquet  backgrounds/<model>.parquet
 //!     MANIFEST.b3  DONE.json
 //! ```
@@ -37,7 +37,6 @@ use crate::files::corpus_names;
 use crate::files::corpus_names::{CALIBRATION, DETECTIONS, SCENARIOS, WHOLE_CORPUS};
 use crate::files::folder;
 use crate::files::own_path::{own_path, refuse_link};
-use crate::video::VideoCodec;
 
 pub use crate::files::corpus_names::PARTIAL_SUFFIX;
 pub(crate) use destination::check_path;
@@ -305,21 +304,9 @@ impl ScenarioFolder {
         self.current_path(Self::TRUTH_BOXES)
     }
 
-    /// Path of the view's video, sealed or not: MP4, or QuickTime if that exists.
+    /// Path of the view's video, sealed or not.
     pub fn video_path(&self, view: &str) -> PathBuf {
-        let quicktime = self.new_video_path(view, VideoCodec::Ffv1);
-        if quicktime.exists() {
-            quicktime
-        } else {
-            self.new_video_path(view, VideoCodec::default())
-        }
-    }
-
-    /// Path for a view's video that is about to be written.
-    pub fn new_video_path(&self, view: &str, codec: VideoCodec) -> PathBuf {
-        self.root
-            .join("views")
-            .join(format!("{view}.{}", codec.extension()))
+        self.root.join("views").join(format!("{view}.mp4"))
     }
 
     /// Path of the model's detections.

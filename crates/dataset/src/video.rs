@@ -31,6 +31,7 @@ use serde::{Deserialize, Serialize};
 
 pub use camera_stream::CameraStream;
 pub use capture_devices::{capture_device, load_capture_devices};
+use codec::PRESETS;
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
 pub use conversion::jpeg::jpeg;
@@ -61,7 +62,7 @@ const CONTAINERS: &str = "mov,matroska,avi,mpegts";
 pub struct VideoSettings {
     /// Coding of the images.
     pub codec: VideoCodec,
-    /// Preset of the encoder, one of [`VideoCodec::presets`]: trades time for size.
+    /// Preset of the encoder, one of [`PRESETS`]: trades time for size.
     pub preset: String,
     /// Constant rate factor, 0 to [`MAX_CRF`]: lower means better quality and larger files. Ignored by lossless codecs.
     pub crf: u32,
@@ -76,7 +77,7 @@ struct GivenSettings {
     /// Coding of the images.
     #[serde(default)]
     codec: VideoCodec,
-    /// Preset of the encoder: trades time for size. Every codec has its own (docs/video.md).
+    /// Preset of the encoder: trades time for size.
     #[schemars(transform = any_preset)]
     preset: Option<String>,
     /// Constant rate factor: lower means better quality and larger files. Lossless codecs ignore it.
@@ -87,15 +88,8 @@ struct GivenSettings {
     threads: Option<u32>,
 }
 
-/// The schema knows the presets of all codecs, not which belongs to which.
 fn any_preset(schema: &mut Schema) {
-    let mut all: Vec<&str> = Vec::new();
-    for preset in VideoCodec::ALL.iter().flat_map(|codec| codec.presets()) {
-        if !all.contains(preset) {
-            all.push(preset);
-        }
-    }
-    schema.insert("enum".into(), all.into());
+    schema.insert("enum".into(), PRESETS.to_vec().into());
 }
 
 impl From<GivenSettings> for VideoSettings {
@@ -129,14 +123,11 @@ impl VideoSettings {
 
     /// The first invalid setting and its fault, as text.
     pub fn fault(&self) -> Option<(&'static str, String)> {
-        if !self.codec.presets().contains(&self.preset.as_str()) {
-            let known = self.codec.presets().join(", ");
+        if !PRESETS.contains(&self.preset.as_str()) {
+            let known = PRESETS.join(", ");
             return Some((
                 "preset",
-                format!(
-                    "{:?} is not a preset of this codec; expected one of {known}",
-                    self.preset
-                ),
+                format!("{:?} is not a preset; expected one of {known}", self.preset),
             ));
         }
         if self.crf > MAX_CRF {

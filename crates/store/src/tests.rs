@@ -574,7 +574,7 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
     fs::create_dir_all(partial.join("views")).unwrap();
     // Leftovers of our own verbs are cleared.
     for name in [
-        "views/left.mov",
+        "views/left.mp4",
         "boxes_truth.parquet",
         "DONE.json.new",
         "MANIFEST.b3",

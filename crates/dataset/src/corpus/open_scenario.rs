@@ -348,11 +348,11 @@ impl OpenScenario {
         self.sealed.check_unread(self.video_name(view)?).map(drop)
     }
 
-    /// Opens a view's video for its packets, after checking it against the seal; `None` if its codec has none that stand alone.
+    /// Opens a view's video for its packets, after checking it against the seal.
     ///
     /// # Errors
-    /// There is none, it does not match the seal, or it cannot be read.
-    pub fn open_packets(&self, view: &str) -> Result<Option<PacketReader>> {
+    /// There is none, it does not match the seal, it is not H.264, or it cannot be read.
+    pub fn open_packets(&self, view: &str) -> Result<PacketReader> {
         PacketReader::open(&self.video_path(view)?, self.record()?.frame_rate)
     }
 

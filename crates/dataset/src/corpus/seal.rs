@@ -26,7 +26,6 @@ use crate::files::json_file::{read_json, write_atomically, write_json};
 use crate::files::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
 use crate::files::outside_file::{self, FileKind};
 use crate::files::own_path::{own_path, refuse_link};
-use crate::video::VideoCodec;
 use sealed::{FileState, Sealed};
 
 /// Hashes of all files in the folder.
@@ -75,11 +74,10 @@ pub fn sealed_files(
     files_in(manifest)
 }
 
-/// The files that a manifest lists. Each has one line, and each view one video; the folder of the videos contains no other files.
+/// The files that a manifest lists. Each has one line; the folder of the videos contains no other files.
 fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest> {
     let mut files = Vec::new();
     let mut names = BTreeSet::new();
-    let mut views = BTreeMap::new();
     for line in manifest.lines() {
         let bad = |fault: String| Err(BadManifest(fault));
         let Some((blake3, name)) = line.split_once("  ") else {
@@ -92,17 +90,10 @@ fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest>
         if !names.insert(name) {
             return bad(format!("has two lines for {name}, expected one"));
         }
-        if name.starts_with(VIDEOS) {
-            let Some(view) = view_of(name) else {
-                return bad(format!(
-                    "names {name}, expected only videos there: {VIDEOS}VIEW.mp4 or .mov"
-                ));
-            };
-            if let Some(other) = views.insert(view, name) {
-                return bad(format!(
-                    "names two videos of view {view}, {other} and {name}; expected one"
-                ));
-            }
+        if name.starts_with(VIDEOS) && view_of(name).is_none() {
+            return bad(format!(
+                "names {name}, expected only videos there: {VIDEOS}VIEW.mp4"
+            ));
         }
         files.push(SealedFile {
             name: name.into(),
@@ -114,11 +105,8 @@ fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest>
 
 /// A video's view, by its name within the folder.
 pub(crate) fn view_of(name: &str) -> Option<&str> {
-    let (view, ending) = name.strip_prefix(VIDEOS)?.rsplit_once('.')?;
-    let is_video = VideoCodec::ALL
-        .iter()
-        .any(|codec| codec.extension() == ending);
-    (is_video && file_name::check(view).is_ok()).then_some(view)
+    let view = name.strip_prefix(VIDEOS)?.strip_suffix(".mp4")?;
+    file_name::check(view).is_ok().then_some(view)
 }
 
 /// True if a name within the folder is a scenario file's.

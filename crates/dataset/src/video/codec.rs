@@ -1,4 +1,4 @@
-//! The codecs and their properties: encoder, pixels in memory, file format, presets, range of qualities.
+//! The codecs and their properties: encoder, pixels in memory, presets, qualities.
 
 use ffmpeg_next::format::Pixel;
 use schemars::JsonSchema;
@@ -14,13 +14,10 @@ pub enum VideoCodec {
     /// H.264 in RGB without loss: about four times larger in smooth images; browsers do not play it.
     #[serde(rename = "h264-lossless")]
     H264Lossless,
-    /// FFV1 in RGB without loss, every image on its own and with a checksum: the archivists' choice.
-    #[serde(rename = "ffv1")]
-    Ffv1,
 }
 
-/// Presets of x264.
-const X264_PRESETS: [&str; 10] = [
+/// Presets of x264, the encoder of both.
+pub(crate) const PRESETS: [&str; 10] = [
     "ultrafast",
     "superfast",
     "veryfast",
@@ -32,33 +29,14 @@ const X264_PRESETS: [&str; 10] = [
     "veryslow",
     "placebo",
 ];
-/// FFV1 has no presets.
-const NO_PRESETS: [&str; 1] = ["none"];
 
 impl VideoCodec {
     /// All codecs.
-    pub const ALL: [Self; 3] = [Self::H264, Self::H264Lossless, Self::Ffv1];
+    pub const ALL: [Self; 2] = [Self::H264, Self::H264Lossless];
 
     /// True if decoded images equal the input byte for byte.
     pub fn is_lossless(self) -> bool {
-        matches!(self, Self::H264Lossless | Self::Ffv1)
-    }
-
-    /// File extension, and FFmpeg's name of the format. FFmpeg does not write FFV1 to MP4; QuickTime, the ancestor of MP4, is the only
-    /// other format with exact timestamps (Matroska rounds them to milliseconds).
-    pub fn extension(self) -> &'static str {
-        match self {
-            Self::Ffv1 => "mov",
-            _ => "mp4",
-        }
-    }
-
-    /// The available presets.
-    pub(crate) fn presets(self) -> &'static [&'static str] {
-        match self {
-            Self::H264 | Self::H264Lossless => &X264_PRESETS,
-            Self::Ffv1 => &NO_PRESETS,
-        }
+        self == Self::H264Lossless
     }
 
     /// The default preset.
@@ -66,7 +44,6 @@ impl VideoCodec {
         match self {
             Self::H264 => "superfast",
             Self::H264Lossless => "ultrafast",
-            Self::Ffv1 => "none",
         }
     }
 
@@ -74,7 +51,7 @@ impl VideoCodec {
     pub(crate) fn default_crf(self) -> u32 {
         match self {
             Self::H264 => 12,
-            Self::H264Lossless | Self::Ffv1 => 0,
+            Self::H264Lossless => 0,
         }
     }
 
@@ -83,7 +60,6 @@ impl VideoCodec {
         match self {
             Self::H264 => "libx264",
             Self::H264Lossless => "libx264rgb",
-            Self::Ffv1 => "ffv1",
         }
     }
 
@@ -92,7 +68,6 @@ impl VideoCodec {
         match self {
             Self::H264 => Pixel::YUV420P,
             Self::H264Lossless => Pixel::RGB24,
-            Self::Ffv1 => Pixel::BGRZ,
         }
     }
 }

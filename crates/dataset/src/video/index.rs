@@ -12,17 +12,17 @@ use std::path::{Path, PathBuf};
 
 use ffmpeg_next::{Packet, encoder, format, media};
 
-use super::writer::{check_time_base, exact_timestamps};
+use super::writer::{CONTAINER, check_time_base, exact_timestamps};
 use super::{fault, ffmpeg_path, open_file};
 use crate::error::{Error, Result};
 
 /// Suffix of the plain file until it replaces the fragmented one.
 const UNFINISHED: &str = ".indexing";
 
-/// Adds the index to a finished recording of `pictures` images and makes it durable. `container`: FFmpeg's name of the format.
-pub(super) fn add(path: &Path, container: &str, pictures: u32) -> Result<()> {
+/// Adds the index to a finished recording of `pictures` images and makes it durable.
+pub(super) fn add(path: &Path, pictures: u32) -> Result<()> {
     let plain = beside(path);
-    let copied = copy(path, &plain, container)?;
+    let copied = copy(path, &plain)?;
     if copied != pictures {
         return Err(fault(
             path,
@@ -43,7 +43,7 @@ fn beside(path: &Path) -> PathBuf {
 }
 
 /// Copies all packets, and returns their number.
-fn copy(from: &Path, to: &Path, container: &str) -> Result<u32> {
+fn copy(from: &Path, to: &Path) -> Result<u32> {
     let mut input = open_file(from, || false)?;
     let recorded = input
         .streams()
@@ -51,7 +51,7 @@ fn copy(from: &Path, to: &Path, container: &str) -> Result<u32> {
         .ok_or_else(|| fault(from, "read it back", "there is no video stream in it"))?;
     let time_base = recorded.time_base();
     let mut output =
-        format::output_as(&ffmpeg_path(to)?, container).map_err(|e| fault(to, "create it", e))?;
+        format::output_as(&ffmpeg_path(to)?, CONTAINER).map_err(|e| fault(to, "create it", e))?;
     let mut stream = output
         .add_stream(encoder::find(ffmpeg_next::codec::Id::None))
         .map_err(|e| fault(to, "add the stream", e))?;

@@ -46,27 +46,27 @@ struct Framing {
 }
 
 impl PacketReader {
-    /// Opens a scenario's video; `None` if it is not H.264.
+    /// Opens a scenario's video.
     ///
     /// # Errors
-    /// It cannot be read, or has no video.
-    pub fn open(path: &Path, frame_rate: FrameRate) -> Result<Option<Self>> {
+    /// It cannot be read, has no video, or is not H.264.
+    pub fn open(path: &Path, frame_rate: FrameRate) -> Result<Self> {
         let (input, stream, time_base) = open_stream(path)?;
         let parameters = input.stream(stream).map(|stream| stream.parameters());
         let parameters = parameters.expect("the stream was found in the file");
         if parameters.id() != codec::Id::H264 {
-            return Ok(None);
+            return Err(fault(path, "read its packets", "it is not H.264"));
         }
         let framing = framing_of_avc(&header_of(&parameters))
             .ok_or_else(|| fault(path, "read its parameter sets", "the header is damaged"))?;
-        Ok(Some(Self {
+        Ok(Self {
             stream,
             time_base,
             unit: TimeBase::of_ticks(frame_rate),
             path: path.to_owned(),
             framing,
             input,
-        }))
+        })
     }
 
     /// The next image, or `None` after the last.

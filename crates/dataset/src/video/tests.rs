@@ -119,7 +119,7 @@ fn a_finer_unit_of_time_changes_neither_times_nor_coded_pictures() {
         let (_folder, path) = temporary();
         record(&path, &VideoSettings::default(), rate, 65);
         let of_ticks = |path: &Path| {
-            let mut packets = PacketReader::open(path, rate).unwrap().unwrap();
+            let mut packets = PacketReader::open(path, rate).unwrap();
             let mut all = Vec::new();
             while let Some(picture) = packets.next_picture().unwrap() {
                 all.push(picture);

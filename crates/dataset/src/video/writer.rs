@@ -19,6 +19,9 @@ use crate::numbers::frame_rate::FrameRate;
 /// Maximum distance between keyframes, in frames: a jump in a player decodes at most this many.
 pub const GROUP_OF_PICTURES: u32 = 60;
 
+/// FFmpeg's name of the format. Matroska rounds timestamps to milliseconds.
+pub(super) const CONTAINER: &str = "mp4";
+
 /// Brightness uses all 256 levels: limited range has a seventh fewer, which shifts small targets (`docs/video.md`).
 const FULL_RANGE: bool = true;
 
@@ -29,8 +32,6 @@ const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
 /// without its last images.
 pub struct VideoWriter {
     path: PathBuf,
-    /// FFmpeg's name of the format.
-    container: &'static str,
     output: format::context::Output,
     encoder: encoder::Video,
     /// The encoder's pixel format.
@@ -43,8 +44,7 @@ pub struct VideoWriter {
 }
 
 impl VideoWriter {
-    /// Starts a file in the format of the codec, MP4 except for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every
-    /// timestamp is exact.
+    /// Starts a file in MP4. Its time base is 1 / [`FrameRate::time_scale`], so that every timestamp is exact.
     pub fn create(
         path: &Path,
         settings: &VideoSettings,
@@ -84,7 +84,7 @@ impl VideoWriter {
             .map_err(|e| fault(path, "use its frame rate", e))?;
         let time_base = Rational(1, time_scale);
 
-        let mut output = format::output_as(&ffmpeg_path(path)?, codec.extension())
+        let mut output = format::output_as(&ffmpeg_path(path)?, CONTAINER)
             .map_err(|e| fault(path, "create it", e))?;
         let mut context = ffmpeg_next::codec::context::Context::new_with_codec(named);
         context.set_threading(slice_threads(settings.threads as usize));
@@ -107,11 +107,7 @@ impl VideoWriter {
         video.set_max_b_frames(0);
         // Quality is set by the rate factor alone.
         video.set_bit_rate(0);
-        video.set_gop(if codec == VideoCodec::Ffv1 {
-            1
-        } else {
-            GROUP_OF_PICTURES
-        });
+        video.set_gop(GROUP_OF_PICTURES);
         tag_colours(&mut video, pixel);
         let encoder = video
             .open_with(encoder_options(settings))
@@ -139,7 +135,6 @@ impl VideoWriter {
         };
         Ok(Self {
             path: path.to_owned(),
-            container: codec.extension(),
             output,
             encoder,
             coded: frame::Video::new(pixel, width_px, height_px),
@@ -189,9 +184,9 @@ impl VideoWriter {
         self.output
             .write_trailer()
             .map_err(|e| self.fault("write the index", e))?;
-        let (path, container, pictures) = (self.path.clone(), self.container, self.ticks);
+        let (path, pictures) = (self.path.clone(), self.ticks);
         drop(self);
-        index::add(&path, container, pictures)
+        index::add(&path, pictures)
     }
 
     fn write_ready_packets(&mut self) -> Result<()> {
@@ -257,7 +252,7 @@ pub(super) fn check_time_base(
 
 fn tag_colours(video: &mut encoder::video::Video, pixel: Pixel) {
     let (space, range) = match pixel {
-        Pixel::RGB24 | Pixel::BGRZ => (color::Space::RGB, color::Range::JPEG),
+        Pixel::RGB24 => (color::Space::RGB, color::Range::JPEG),
         _ => (color::Space::BT709, color::Range::JPEG),
     };
     video.set_colorspace(space);
@@ -280,10 +275,6 @@ fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
             options.set("preset", &settings.preset);
             options.set("qp", "0");
             options.set("tune", "zerolatency");
-        }
-        VideoCodec::Ffv1 => {
-            options.set("level", "3");
-            options.set("slicecrc", "1");
         }
     }
     options

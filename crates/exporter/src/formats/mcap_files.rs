@@ -27,7 +27,7 @@ use self::foxglove::{
     SCHEMAS, TextAnnotation, Timestamp, Vector3,
 };
 use crate::error::{Error, Result};
-use crate::file_format::{Export, FileFormat, Writing, Written};
+use crate::file_format::{FileFormat, Writing, Written};
 use crate::request::{Abilities, BoxSource};
 use crate::scenarios::{LabelledBox, Source};
 
@@ -65,24 +65,12 @@ impl FileFormat for Mcap {
         }
     }
 
-    /// Refuses videos whose images Foxglove has no name for.
-    fn check(&mut self, source: &Source<'_>, _: &Export<'_>) -> Result<()> {
-        for view in &source.selected.views {
-            // FFV1, the only one, is also the only codec in this container.
-            if source.scenario.video_name(view)?.ends_with(".mov") {
-                return Err(unsupported(source, view));
-            }
-        }
-        Ok(())
-    }
-
     fn write(&self, scenario: &Writing<'_>) -> Result<Value> {
         let source = &scenario.source;
         let path = scenario.folder.join(format!("{}.mcap", source.record.id));
         let mut views = Vec::new();
         for view in &source.selected.views {
             let packets = source.scenario.open_packets(view)?;
-            let packets = packets.ok_or_else(|| unsupported(source, view))?;
             let (index, camera) = source.view(view)?;
             views.push(View {
                 name: view,
@@ -141,13 +129,6 @@ impl FileFormat for Mcap {
     fn finish(&self, _: &Written<'_>) -> Result<()> {
         Ok(())
     }
-}
-
-fn unsupported(source: &Source<'_>, view: &str) -> Error {
-    Error::Request(format!(
-        "scenario {}, view {view}: the video is FFV1, which Foxglove's schema of videos does not know; expected H.264; choose another format, or leave the scenario out with --only",
-        source.record.id
-    ))
 }
 
 /// A view whose packets are read.

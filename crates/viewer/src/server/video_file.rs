@@ -29,12 +29,8 @@ pub(crate) fn answer(path: &Path, headers: &HeaderMap) -> Result<Response, Refus
         Some(range) => Asked::of(range, bytes),
         None => Asked::Whole,
     };
-    let kind = match path.extension() {
-        Some(extension) if extension == "mov" => "video/quicktime",
-        _ => "video/mp4",
-    };
     let all = [
-        (CONTENT_TYPE, kind.to_owned()),
+        (CONTENT_TYPE, "video/mp4".to_owned()),
         (ACCEPT_RANGES, "bytes".to_owned()),
     ];
     let (status, part) = match asked {

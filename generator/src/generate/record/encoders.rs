@@ -47,7 +47,7 @@ impl Encoders {
         let (give_back, written) = mpsc::unbounded_channel();
         let start = |(view, stream): (&str, Option<Stream>)| {
             let (pictures, inbox) = mpsc::unbounded_channel();
-            let path = folder.new_video_path(view, settings.codec);
+            let path = folder.video_path(view);
             let settings = settings.clone();
             let give_back = give_back.clone();
             let thread = spawn_blocking(move || {
