@@ -1,8 +1,7 @@
 //! Six flights of an independent flight model, and the tools to compare ours with them.
 //!
 //! Input: the folder `tests/data/flights`. Output: the recorded flights, and twins of them (same start, profile and wind, flown by
-//! the built-in model). `crates/flight-model/tests/recorded_flights.rs` compares them, and
-//! `cargo run --release -p flight-model --example compare_flights` plots them.
+//! the built-in model). `crates/flight-model/tests/recorded_flights.rs` compares them.
 
 use std::path::Path;
 
