@@ -3,6 +3,7 @@
 use std::fmt;
 
 use dataset::conditions::Clock;
+use dataset::numbers::units::SECONDS_PER_DAY;
 
 /// A local time of day, to the minute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -13,7 +14,6 @@ pub struct TimeOfDay {
     pub minute: u32,
 }
 
-pub(crate) const SECONDS_PER_DAY: f64 = 86_400.0;
 const DAYS_PER_YEAR: i64 = 365;
 
 impl TimeOfDay {

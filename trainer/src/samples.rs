@@ -52,11 +52,8 @@ use crate::samples::view_shift::ViewShift;
 pub use sample::{Candidate, Look};
 pub(crate) use sample::{CommonError, Observation, Sample};
 
-/// Maximum distance from a runway on Earth, half its circumference, in nautical miles.
-pub(crate) const FARTHEST_NM: f64 = 10_800.0;
-
-/// Maximum distance from a runway on Earth, metres.
-pub(crate) const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
+/// Maximum distance from a runway on Earth, half its circumference, metres.
+pub(crate) const FARTHEST_M: f64 = 10_800.0 * METERS_PER_NAUTICAL_MILE;
 pub(crate) const NO_SCENARIOS: &str = "has no complete scenario; record some with `dtd generate`";
 
 /// Range of distances to touchdown whose ticks become samples.

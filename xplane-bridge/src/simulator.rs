@@ -60,8 +60,8 @@ pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
 /// Timeout for freezing and releasing.
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
-/// Time until X-Plane's weather shows, if the plugin does not report it, seconds.
-const WEATHER_SETTLE_S: f32 = 15.0;
+/// Time until X-Plane's weather shows, if the plugin does not report it.
+pub const WEATHER_SETTLE: Duration = Duration::from_secs(15);
 /// Attempts at grabbing a frame off the screen, which may be replaced meanwhile.
 const MAX_GRABS: u32 = 5;
 /// Time reserved for opening the capture link once the simulator has answered.
@@ -270,7 +270,9 @@ impl Simulator {
                 weather_settle: if hello.replayed {
                     Duration::ZERO
                 } else {
-                    Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
+                    settle_s.map_or(WEATHER_SETTLE, |settle_s| {
+                        Duration::from_secs_f32(settle_s.clamp(0.0, 60.0))
+                    })
                 },
                 description: hello,
                 profile,

@@ -30,6 +30,7 @@ use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
 use tokio::time::sleep;
+use xplane_bridge::WEATHER_SETTLE;
 use xplane_bridge::datarefs::{self as names, Generation};
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
@@ -59,8 +60,6 @@ const CAPTURE_PORT_OFFSET: u16 = 10;
 
 /// Interval at which the main menu is looked at.
 const MENU_LOOK: Duration = Duration::from_millis(20);
-/// The settling time of weather that our plugin announces by default, seconds.
-const WEATHER_SETTLE_S: f64 = 15.0;
 
 /// Settings of the server.
 #[derive(Debug, Clone)]
@@ -429,7 +428,7 @@ impl Server {
         if matches!(options.link, LinkServer::BuiltIn) && !life.menu {
             let port = self.addresses.capture_link.port();
             world.set_own(names::CAPTURE_PORT, f64::from(port));
-            let settle_s = WEATHER_SETTLE_S * world.quirks.pace(options.clock_rate);
+            let settle_s = WEATHER_SETTLE.as_secs_f64() * world.quirks.pace(options.clock_rate);
             world.set_own(names::WEATHER_SETTLE_S, settle_s);
         }
         let version = world.version();

@@ -7,6 +7,7 @@
 
 use dataset::geometry::camera::Camera;
 use dataset::geometry::camera::camera_adjustment::{Adjustment, UNKNOWNS};
+use dataset::numbers::least_squares::HALF_WEIGHT;
 use dataset::numbers::spread::deviation_from_zero;
 use glam::{DVec2, DVec3};
 
@@ -42,8 +43,6 @@ const OF_INTERPOLATED: f64 = 1.1;
 const STEPS_SD_M: f64 = 1.0;
 /// Distance of an arrival from the middle of the image, in images, beyond which no box shows it.
 const MAX_OUTSIDE: f64 = 1.0;
-/// Residual with half the weight, in standard deviations.
-const HALF_WEIGHT: f64 = 2.0;
 /// Residual from which on a box shows something else, in standard deviations.
 pub(crate) const OTHER: f64 = 6.0;
 /// Maximum change of a time in one round, seconds.

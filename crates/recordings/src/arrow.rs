@@ -173,12 +173,13 @@ mod tests {
             let shared = [(0, (1.3 * x).cos()), (1, 0.1 * x)];
             let (value, weight) = ((2.1 * x).sin(), 1.0 + x);
             arrow.add(group, &own, &shared, value, weight);
-            let row = own.iter().map(|(i, a)| (first + i, *a));
-            let row: Terms = row.chain(shared.map(|(i, a)| (3 + i, a))).collect();
-            whole.add_sparse(&row, value, weight);
+            let mut row = [0.0; 5];
+            own.iter().for_each(|(i, a)| row[first + i] = *a);
+            shared.iter().for_each(|(i, a)| row[3 + i] = *a);
+            whole.add(&row, value, weight);
         }
         arrow.add_shared(&[(1, 1.0)], 0.5, 2.0);
-        whole.add_sparse(&[(4, 1.0)], 0.5, 2.0);
+        whole.add(&[0.0, 0.0, 0.0, 0.0, 1.0], 0.5, 2.0);
         let (solved, expected) = (arrow.solve().unwrap(), whole.solve().unwrap());
         let found = [solved.own.concat(), solved.shared.clone()].concat();
         for (found, expected) in found.iter().zip(&expected) {

@@ -22,7 +22,7 @@ use dataset::geometry::pose::{FlightState, Pose};
 use dataset::numbers::frame_rate::FrameRate;
 use dataset::numbers::limits;
 use dataset::numbers::spread::median_of;
-use dataset::numbers::units::{Degrees, SimTime};
+use dataset::numbers::units::{Degrees, SECONDS_PER_DAY, SimTime};
 use dataset::tables::frames::{Frames, TickRow};
 use glam::DVec3;
 use labeller::labels_of;
@@ -43,7 +43,6 @@ const BOXES: &str = "boxes";
 const RATE_STEPS: f64 = 1_000.0;
 /// Share of the arrivals, or days, on the test side; the validation side has as many.
 const TEST_SHARE: f64 = 0.2;
-const SECONDS_PER_DAY: f64 = 86_400.0;
 
 /// A camera and its boxes.
 pub(crate) struct Seen<'a> {

@@ -45,6 +45,8 @@ use sight::{BoxContent, DecodedPicture, look};
 /// Minimum transmission. With 50 grey levels of scene contrast this leaves 10, twice that of the noisiest background that counts as
 /// smooth.
 const MIN_TRANSMISSION: f64 = 0.2;
+/// Motion of a box between two images that pixels show in any case, pixels.
+const MIN_MOTION_PX: f64 = 1.0;
 /// Part of the silhouette that must be visible.
 const MIN_VISIBLE: f64 = 0.99;
 /// Minimum height over the target, metres: below it the aircraft is in front of ground, buildings and lights.

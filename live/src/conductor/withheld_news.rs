@@ -1,11 +1,9 @@
 //! Events about views that see an aircraft without a distance, and the reasons.
 
-use trainer::live::{Answer, Phase};
+use trainer::live::{Answer, MIN_WITHHELD_S, Phase};
 
 use crate::output::{Event, MAX_COASTING_S, Reason};
 
-/// Duration of a reason before it is reported, s: a view that sees an aircraft alone counts after ten seconds.
-const MIN_S: f64 = 12.0;
 /// Shortest time between two reports for a view, s.
 const EACH_S: f64 = 20.0;
 
@@ -95,7 +93,7 @@ impl WithheldNews {
         // A contradiction has lasted before it is one.
         let is_contradiction = matches!(reason, Reason::Contradicts(_));
         let is_due = is_contradiction
-            || time_s - since_s >= MIN_S
+            || time_s - since_s >= MIN_WITHHELD_S
                 && self.told_s.is_none_or(|told_s| time_s - told_s >= EACH_S);
         let is_due = is_due && !self.told.as_ref().is_some_and(is_same);
         is_due.then(|| {

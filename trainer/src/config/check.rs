@@ -3,9 +3,11 @@
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 
+use dataset::numbers::units::METERS_PER_NAUTICAL_MILE;
+
 use super::{Optimisation, TrainConfig};
 use crate::error::{Error, Result};
-use crate::samples::FARTHEST_NM;
+use crate::samples::FARTHEST_M;
 use crate::samples::sides::leave_out::LeftOut;
 
 /// Layer widths and depths: up to four times the paper's. With layers at these limits, a training on two views takes 2 GiB, plus 3.5 MB per
@@ -27,9 +29,10 @@ const UNITS_NM: RangeInclusive<f64> = 0.01..=10_000.0;
 impl TrainConfig {
     /// Checks all settings.
     pub fn check(&self) -> Result<()> {
-        number("min_dtd_nm", self.min_dtd_nm, 0.0..=FARTHEST_NM)?;
+        let distances_nm = 0.0..=FARTHEST_M / METERS_PER_NAUTICAL_MILE;
+        number("min_dtd_nm", self.min_dtd_nm, distances_nm.clone())?;
         if let Some(max) = self.max_dtd_nm {
-            number("max_dtd_nm", max, 0.0..=FARTHEST_NM)?;
+            number("max_dtd_nm", max, distances_nm)?;
             if max <= self.min_dtd_nm {
                 return Err(Error::setting(
                     "max_dtd_nm",

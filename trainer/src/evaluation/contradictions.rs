@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use dataset::work::watch::Watch;
 
 use crate::estimators::inverse_range::contradiction::{Evidence, Withheld};
+use crate::live::MIN_WITHHELD_S;
 use crate::samples::camera_health::first_of;
 use crate::samples::paired_views::STEP_S;
 use crate::samples::{Observation, Samples};
 
-/// Time that an aircraft must be in sight without a distance, s: as in live estimation.
-const MIN_SEEN_S: f64 = 12.0;
 
 /// Lines about flights, by evidence; `None`: no box of the flight is believed in the first place.
 #[derive(Default)]
@@ -34,7 +33,7 @@ impl Contradictions {
             self.0.entry(Some(cause.evidence)).or_default().push(line);
         }
         let seen_s = in_sight_s(seen);
-        if found.is_empty() && seen_s >= MIN_SEEN_S && !believed.iter().any(has_box) {
+        if found.is_empty() && seen_s >= MIN_WITHHELD_S && !believed.iter().any(has_box) {
             let line = format!(
                 "{id}: no distances, although an aircraft was in sight for {seen_s:.0} s: its boxes in the views do not match each other, or \
                  none is where the training had any; were cameras turned or exchanged?"

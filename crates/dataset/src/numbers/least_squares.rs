@@ -5,7 +5,7 @@ use crate::numbers::spread::deviation_from_zero;
 /// A pivot below this part of the diagonal element is pure rounding error: the unknown follows from the others.
 const SINGULAR: f64 = 1e-14;
 /// Residual with half the maximum weight in a robust fit, in standard deviations.
-const HALF_WEIGHT: f64 = 2.0;
+pub const HALF_WEIGHT: f64 = 2.0;
 
 /// The normal equations of `value = row . unknowns`, filled row by row.
 #[derive(Debug, Clone)]
@@ -36,17 +36,6 @@ impl NormalEquations {
             right[j] += weighted * value;
             for (i, b) in row.iter().enumerate().take(j + 1) {
                 matrix[i * unknowns + j] += weighted * b;
-            }
-        }
-    }
-
-    /// Adds an equation with few unknowns, by their numbers in rising order.
-    pub fn add_sparse(&mut self, row: &[(usize, f64)], value: f64, weight: f64) {
-        let unknowns = self.right.len();
-        for (at, (i, a)) in row.iter().enumerate() {
-            self.right[*i] += weight * a * value;
-            for (j, b) in &row[at..] {
-                self.matrix[i * unknowns + j] += weight * a * b;
             }
         }
     }

@@ -10,6 +10,8 @@ pub const METERS_PER_NAUTICAL_MILE: f64 = 1852.0;
 pub const METERS_PER_FOOT: f64 = 0.3048;
 /// Metres per second in one knot.
 pub const MPS_PER_KNOT: f64 = METERS_PER_NAUTICAL_MILE / 3600.0;
+/// Seconds in one day.
+pub const SECONDS_PER_DAY: f64 = 86_400.0;
 /// Nanoseconds in one second.
 pub(crate) const NANOS_PER_SECOND: i64 = 1_000_000_000;
 

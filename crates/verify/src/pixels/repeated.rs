@@ -1,13 +1,12 @@
 //! Images that repeat an earlier one though the aircraft moved.
 
+use super::MIN_MOTION_PX;
 use super::sight::{BoxContent, DecodedPicture, MIN_CONTRAST, change_between};
 use dataset::tables::pixel_box::PixelBox;
 
-/// An image equals an earlier one if the change where the aircraft is, is less than this part of the contrast ...
+/// An image equals an earlier one if the change where the aircraft is, is less than this part of the contrast, and is frozen if the
+/// aircraft has moved by [`MIN_MOTION_PX`].
 const MAX_CHANGE_OF_CONTRAST: f64 = 0.15;
-/// ... and is frozen if the aircraft moved this far, pixels.
-const MIN_MOTION_PX: f64 = 1.0;
-
 /// The image that the following ones are compared with, until the aircraft has moved by [`MIN_MOTION_PX`].
 #[derive(Default)]
 pub(super) struct Reference(Option<Anchor>);

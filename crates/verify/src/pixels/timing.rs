@@ -9,6 +9,7 @@ use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3};
 
+use super::MIN_MOTION_PX;
 use super::outline::ERROR_PX;
 use crate::faults::Faults;
 use dataset::numbers::least_squares::NormalEquations;
@@ -43,8 +44,6 @@ const OFFSET_ERROR: f64 = 0.01;
 /// tip comes into sight as the aircraft turns by half a degree, and moves the centre of brightness by 3 %; streaks of rain move a faint one
 /// as far.
 const OFFSET_ERROR_OF_LAMPS_AND_RAIN: f64 = 0.04;
-/// Images whose box moves by less in a tick are not decided, pixels.
-const MIN_MOTION_PX: f64 = 1.0;
 /// Number of places that are tried first for a lag's start.
 const TRIED_STARTS: usize = 128;
 /// Points on either side used to decide whether a point is out of line.

@@ -3,12 +3,12 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use chrono::{DateTime, Datelike, Timelike, Utc};
+use dataset::numbers::units::SECONDS_PER_DAY;
 use xplane_bridge::datarefs as names;
 
 use super::PAUSED;
 use crate::datarefs::Datarefs;
 
-pub(super) const SECONDS_PER_DAY: f64 = 86_400.0;
 pub(super) const DAYS_PER_YEAR: u32 = 365;
 
 /// Lets time pass.

@@ -2,8 +2,9 @@
 //! what exists on earth.
 
 use dataset::conditions::{Clock, CloudLayer, Weather};
+use dataset::numbers::units::SECONDS_PER_DAY;
 
-use super::clock::{DAYS_PER_YEAR, SECONDS_PER_DAY};
+use super::clock::DAYS_PER_YEAR;
 
 /// Densest fog to air without any haze, metres.
 const VISIBILITY_M: [f64; 2] = [1.0, 300_000.0];
