@@ -6,7 +6,7 @@
 //!
 //! The noise lies over the whole frame, aircraft included, is equal in the three colours and has a root mean square of 4 grey levels:
 //! streaks (white noise smoothed with a Gaussian of 40x3 px, as flat clouds look), smooth noise (2 px) and white noise. The same frame
-//! gets the same noise in every run. Below the table stands what a matched filter could find before the white noise.
+//! gets the same noise in every run.
 
 use std::error::Error;
 use std::path::Path;
@@ -18,7 +18,7 @@ use detector_training::evaluation::{Evaluation, Spread, judge};
 use detector_training::grid::ScoredBox;
 use detector_training::network::convolution::standard_normal;
 use detector_training::samples::corpus_samples::{JudgedFrame, read_frames, videos};
-use detector_training::samples::training_picture::{contrast, matched_filter_ratio};
+use detector_training::samples::training_picture::contrast;
 use labeller::detector::{Device, ModelFile, OrtDetector, OrtOptions, PictureView};
 use labeller::tiling::{TilingSettings, find_aircraft};
 use rand::{RngExt, SeedableRng};
@@ -26,8 +26,6 @@ use rand_chacha::ChaCha8Rng;
 
 const USUAL_FRAMES: usize = 240;
 const NOISE_LEVELS: f32 = 4.0;
-/// Ratios of signal to noise of a matched filter. Among the 2.5 million places of a frame, noise alone reaches 5 about once.
-const RATIOS: [f64; 3] = [5.0, 7.0, 10.0];
 /// Contrast from which an aircraft is plain to the eye, grey levels.
 const PLAIN_CONTRAST: f64 = 10.0;
 /// Name, and deviations of the Gaussian that smooths the noise, across and down, pixels.
@@ -84,7 +82,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
         undisturbed.get_or_insert(all);
     }
-    print_matched_filter(&frames);
     if let Some(evaluation) = undisturbed {
         print_errors(&evaluation);
     }
@@ -178,27 +175,6 @@ fn smooth(field: &mut [f32], start: usize, step: usize, length: usize, deviation
             .map(|(weight, value)| weight * value)
             .sum();
         field[start + at * step] = sum;
-    }
-}
-
-fn print_matched_filter(frames: &[JudgedFrame]) {
-    let ratio = |frame: &JudgedFrame| {
-        let truth = frame.picture.aircraft.filter(|truth| truth.visible)?;
-        let noise_levels = f64::from(NOISE_LEVELS);
-        Some(matched_filter_ratio(
-            &frame.picture,
-            &truth.pixel_box,
-            noise_levels,
-        ))
-    };
-    let ratios: Vec<f64> = frames.iter().filter_map(ratio).collect();
-    println!();
-    for least in RATIOS {
-        let above = ratios.iter().filter(|&&ratio| ratio >= least).count();
-        println!(
-            "white noise: {above} of {} aircraft have {least} or more times its deviation in a matched filter",
-            ratios.len()
-        );
     }
 }
 

@@ -78,23 +78,6 @@ pub fn contrast(frame: &TrainingPicture, pixel_box: &PixelBox) -> f64 {
     Strength::of(|x, y| frame.grey(x, y), size, pixel_box).contrast()
 }
 
-/// Signal-to-noise ratio in white noise with this many grey levels, for a filter matched to the aircraft's pixels and place: the filter's
-/// output in standard deviations (Turin, 1960). No linear filter does better. Departures of the surroundings from a plane are subtracted
-/// from the aircraft's energy.
-pub fn matched_filter_ratio(
-    frame: &TrainingPicture,
-    pixel_box: &PixelBox,
-    noise_levels: f64,
-) -> f64 {
-    let size_px = [frame.width_px, frame.height_px];
-    let Departures { inside, outside } =
-        Departures::of(|x, y| frame.grey(x, y), size_px, pixel_box);
-    let energy = |departures: &[f64]| departures.iter().map(|d| d * d).sum::<f64>();
-    let own = energy(&outside) / outside.len().max(1) as f64;
-    let aircraft = energy(&inside) - own * inside.len() as f64;
-    aircraft.max(0.0).sqrt() / noise_levels
-}
-
 /// Strength of an aircraft and its surroundings: mean distance of the strongest tenth of pixels from a plane through the surroundings, grey
 /// levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -263,17 +246,6 @@ mod tests {
         assert!(contrast(&sky, &truth.pixel_box) < 1.0);
         let (sky, truth) = sky_with_bar(20.0);
         assert!((contrast(&sky, &truth.pixel_box) - 20.0).abs() < 1.0);
-    }
-
-    #[test]
-    fn a_matched_filter_sums_the_squares_of_what_the_aircraft_adds() {
-        let (sky, truth) = sky_with_bar(6.0);
-        let pixels = truth.pixel_box.width_px * truth.pixel_box.height_px;
-        let ratio = matched_filter_ratio(&sky, &truth.pixel_box, 4.0);
-        let expected = 6.0 / 4.0 * pixels.sqrt();
-        assert!((ratio / expected - 1.0).abs() < 0.1, "{ratio} {expected}");
-        let (empty, truth) = sky_with_bar(0.0);
-        assert!(matched_filter_ratio(&empty, &truth.pixel_box, 4.0) < 1.0);
     }
 
     #[test]
