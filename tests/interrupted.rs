@@ -24,7 +24,6 @@ const MAX_ATTEMPTS: u32 = 300;
 const IS_STOPPING: &str = "stopping cleanly";
 
 const DETECTOR: &str = "
-judged_frames = 4
 [training]
 effort = { steps = 4 }
 ";

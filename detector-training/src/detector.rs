@@ -7,7 +7,6 @@ use burn::tensor::Device;
 use dataset::corpus::Corpus;
 use dataset::corpus::claim::Claim;
 use dataset::corpus::seal::{hash_bytes, hash_file};
-use dataset::corpus::splits::Side;
 use dataset::corpus::workshop::lock;
 use dataset::files::json_file::{read_json, write_atomically, write_json};
 use dataset::work::watch::Watch;
@@ -15,8 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::{Error, Result, in_range};
-use crate::evaluation::{Evaluation, evaluate};
+use crate::error::{Error, Result};
 use crate::export;
 use crate::samples::corpus_samples;
 use crate::training::checkpoint;
@@ -25,36 +23,14 @@ use crate::training::train;
 use crate::training::training_config::TrainingConfig;
 
 /// Settings for training a detector.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectorConfig {
     /// Training settings.
     pub training: TrainingConfig,
-    /// Approximate number of frames of the test trajectories that the evaluation uses.
-    pub judged_frames: usize,
-    /// Minimum detection score in the evaluation, 0 to 1.
-    pub threshold: f64,
 }
 
-impl Default for DetectorConfig {
-    fn default() -> Self {
-        Self {
-            training: TrainingConfig::default(),
-            judged_frames: 400,
-            threshold: 0.3,
-        }
-    }
-}
-
-impl DetectorConfig {
-    /// Checks that every setting is in its range.
-    pub fn check(&self) -> Result<()> {
-        self.training.check()?;
-        in_range("threshold", self.threshold, 0.0..=1.0)
-    }
-}
-
-/// The result and its accuracy; also written next to the model.
+/// The result; also written next to the model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DetectorReport {
     /// BLAKE3 hash of the model file.
@@ -75,15 +51,12 @@ pub struct DetectorReport {
     pub background_frames: usize,
     /// Settings.
     pub config: DetectorConfig,
-    /// Figures on held-out trajectories.
-    pub held_out: Evaluation,
 }
 
 /// Trains a detector on a corpus and writes the model to `out`, a report to `out` with the extension `.json`. Until it is done, the
 /// folder `out` with the extension `.checkpoint` contains what a stopped or killed training needs to resume.
 ///
-/// Trains on the scenarios of the training and validation sides (no decisions are made during training) and evaluates on the test
-/// side.
+/// Trains on the scenarios of the training and validation sides: no decisions are made during training.
 pub fn train_detector(
     corpus: &Corpus,
     out: &Path,
@@ -96,9 +69,8 @@ pub fn train_detector(
         // A wrong one is refused before the videos are read, which takes minutes.
         start_from(model, &Device::flex())?;
     }
-    let test = corpus_samples::videos(corpus, &[Side::Test])?;
-    let learned = corpus_samples::videos(corpus, &[Side::Train, Side::Validation])?;
-    let samples = corpus_samples::read_samples(&learned, watch)?;
+    let videos = corpus_samples::videos(corpus)?;
+    let samples = corpus_samples::read_samples(&videos, watch)?;
     if samples.aircraft_count() == 0 {
         return Err(Error::Input(format!(
             "corpus {}: shows no visible aircraft in its training scenarios; do the ground-truth boxes belong to these videos?",
@@ -106,9 +78,6 @@ pub fn train_detector(
         )));
     }
     let trained = train(&samples, &config.training, Some(&checkpoint), watch)?;
-
-    let frames = corpus_samples::read_frames(&test, config.judged_frames, watch)?;
-    let held_out = evaluate(&trained.network, &frames, config.threshold, watch)?;
 
     let model = export::onnx_bytes(&trained.network);
     let model_blake3 = hash_bytes(&model);
@@ -124,7 +93,6 @@ pub fn train_detector(
         pieces_with_aircraft: samples.aircraft_count(),
         background_frames: samples.backgrounds.len(),
         config: config.clone(),
-        held_out,
     };
     write_json(&beside(out, "json"), &report)?;
     checkpoint::clear(&checkpoint)?;

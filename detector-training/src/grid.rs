@@ -1,4 +1,4 @@
-//! The encoding of boxes in cells, and reading boxes from a whole map.
+//! The encoding of boxes in cells.
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel, so cell `i` of 8 px covers -0.5 + 8 i to 7.5 + 8 i and has its centre at 8 i +
 //! 3.5. This file and the graph that `export` writes implement the same formulas.
@@ -40,80 +40,83 @@ pub fn encode(pixel_box: &PixelBox, column: usize, row: usize) -> [f64; 4] {
     ]
 }
 
-/// The box that the cell (column, row) encodes.
-pub fn decode(numbers: [f64; 4], column: usize, row: usize) -> PixelBox {
-    let size =
-        |number: f64, anchor_px: f64| anchor_px * number.clamp(-MAX_LOG_SIZE, MAX_LOG_SIZE).exp();
-    PixelBox {
-        cx_px: cell_center_px(column) + numbers[0] * STRIDE_PX as f64,
-        cy_px: cell_center_px(row) + numbers[1] * STRIDE_PX as f64,
-        width_px: size(numbers[2], ANCHOR_PX[0]),
-        height_px: size(numbers[3], ANCHOR_PX[1]),
-    }
-}
-
-/// A box with its score.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ScoredBox {
-    /// The box, pixels of the network's input.
-    pub pixel_box: PixelBox,
-    /// Objectness, 0 to 1.
-    pub score: f64,
-}
-
-/// All peaks of a map with a score of at least `threshold`, best first. `cells` holds [`CELL_VALUES`] numbers per cell, row-major.
-///
-/// A peak is a cell that none of its eight neighbours exceeds. Its box is the mean of the boxes of the nine cells weighted by their
-/// scores: each of them saw the target at another phase of the grid, so their errors partly cancel.
-pub fn peaks(cells: &[f32], width: usize, height: usize, threshold: f64) -> Vec<ScoredBox> {
-    let score =
-        |column: usize, row: usize| sigmoid(f64::from(cells[(row * width + column) * CELL_VALUES]));
-    let mut found = Vec::new();
-    for row in 0..height {
-        for column in 0..width {
-            let peak = score(column, row);
-            let around = || {
-                let rows =
-                    row.saturating_sub(NEIGHBOURHOOD)..=(row + NEIGHBOURHOOD).min(height - 1);
-                rows.flat_map(move |r| {
-                    (column.saturating_sub(NEIGHBOURHOOD)..=(column + NEIGHBOURHOOD).min(width - 1))
-                        .map(move |c| (c, r))
-                })
-            };
-            if peak < threshold || around().any(|(c, r)| score(c, r) > peak) {
-                continue;
-            }
-            let mut sum = [0.0; 5];
-            for (c, r) in around() {
-                let numbers = &cells[(r * width + c) * CELL_VALUES + 1..][..4];
-                let one = decode([0, 1, 2, 3].map(|i| f64::from(numbers[i])), c, r);
-                let weight = score(c, r);
-                let terms = [one.cx_px, one.cy_px, one.width_px, one.height_px, 1.0];
-                sum = [0, 1, 2, 3, 4].map(|i| sum[i] + weight * terms[i]);
-            }
-            let [cx_px, cy_px, width_px, height_px] = [0, 1, 2, 3].map(|i| sum[i] / sum[4]);
-            found.push(ScoredBox {
-                pixel_box: PixelBox {
-                    cx_px,
-                    cy_px,
-                    width_px,
-                    height_px,
-                },
-                score: peak,
-            });
-        }
-    }
-    found.sort_by(|a, b| b.score.total_cmp(&a.score));
-    found
-}
-
-fn sigmoid(logit: f64) -> f64 {
-    1.0 / (1.0 + (-logit.clamp(-MAX_LOGIT, MAX_LOGIT)).exp())
-}
+#[cfg(test)]
+pub(crate) use tests::peaks;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The box that the cell (column, row) encodes.
+    fn decode(numbers: [f64; 4], column: usize, row: usize) -> PixelBox {
+        let size =
+            |number: f64, anchor_px: f64| anchor_px * number.clamp(-MAX_LOG_SIZE, MAX_LOG_SIZE).exp();
+        PixelBox {
+            cx_px: cell_center_px(column) + numbers[0] * STRIDE_PX as f64,
+            cy_px: cell_center_px(row) + numbers[1] * STRIDE_PX as f64,
+            width_px: size(numbers[2], ANCHOR_PX[0]),
+            height_px: size(numbers[3], ANCHOR_PX[1]),
+        }
+    }
+
+    /// A box with its score.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub(crate) struct ScoredBox {
+        /// The box, pixels of the network's input.
+        pub(crate) pixel_box: PixelBox,
+        /// Objectness, 0 to 1.
+        pub(crate) score: f64,
+    }
+
+    /// All peaks of a map with a score of at least `threshold`, best first. `cells` holds [`CELL_VALUES`] numbers per cell, row-major.
+    ///
+    /// A peak is a cell that none of its eight neighbours exceeds. Its box is the mean of the boxes of the nine cells weighted by their
+    /// scores: each of them saw the target at another phase of the grid, so their errors partly cancel.
+    pub(crate) fn peaks(cells: &[f32], width: usize, height: usize, threshold: f64) -> Vec<ScoredBox> {
+        let score =
+            |column: usize, row: usize| sigmoid(f64::from(cells[(row * width + column) * CELL_VALUES]));
+        let mut found = Vec::new();
+        for row in 0..height {
+            for column in 0..width {
+                let peak = score(column, row);
+                let around = || {
+                    let rows =
+                        row.saturating_sub(NEIGHBOURHOOD)..=(row + NEIGHBOURHOOD).min(height - 1);
+                    rows.flat_map(move |r| {
+                        (column.saturating_sub(NEIGHBOURHOOD)..=(column + NEIGHBOURHOOD).min(width - 1))
+                            .map(move |c| (c, r))
+                    })
+                };
+                if peak < threshold || around().any(|(c, r)| score(c, r) > peak) {
+                    continue;
+                }
+                let mut sum = [0.0; 5];
+                for (c, r) in around() {
+                    let numbers = &cells[(r * width + c) * CELL_VALUES + 1..][..4];
+                    let one = decode([0, 1, 2, 3].map(|i| f64::from(numbers[i])), c, r);
+                    let weight = score(c, r);
+                    let terms = [one.cx_px, one.cy_px, one.width_px, one.height_px, 1.0];
+                    sum = [0, 1, 2, 3, 4].map(|i| sum[i] + weight * terms[i]);
+                }
+                let [cx_px, cy_px, width_px, height_px] = [0, 1, 2, 3].map(|i| sum[i] / sum[4]);
+                found.push(ScoredBox {
+                    pixel_box: PixelBox {
+                        cx_px,
+                        cy_px,
+                        width_px,
+                        height_px,
+                    },
+                    score: peak,
+                });
+            }
+        }
+        found.sort_by(|a, b| b.score.total_cmp(&a.score));
+        found
+    }
+
+    fn sigmoid(logit: f64) -> f64 {
+        1.0 / (1.0 + (-logit.clamp(-MAX_LOGIT, MAX_LOGIT)).exp())
+    }
 
     fn sample() -> PixelBox {
         PixelBox {

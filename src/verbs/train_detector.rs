@@ -31,10 +31,7 @@ pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
             report.steps,
             report.crops
         );
-        println!(
-            "figures on held-out trajectories: {}",
-            args.out.with_extension("json").display()
-        );
+        println!("report: {}", args.out.with_extension("json").display());
     }
     Ok(ending)
 }
@@ -63,7 +60,7 @@ fn settings_in(path: &Path) -> Result<DetectorConfig, Failure> {
     let text = outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
     let file = TomlFile::new(path, &text);
     let config: DetectorConfig = file.parse().map_err(Failure::bad_input)?;
-    match config.check() {
+    match config.training.check() {
         Ok(()) => Ok(config),
         Err(ref error @ Error::Setting { ref setting, .. }) => {
             let shown = file.rejected(setting, &error.to_string());

@@ -1,7 +1,6 @@
 //! Images of a corpus: decoded from its videos, with its ground-truth boxes.
 //!
-//! Input: a labelled corpus. Output: samples for training, or whole frames for evaluation. Every pixel went through the codec, as
-//! it will when the detector is used.
+//! Input: a labelled corpus. Output: samples for training. Every pixel went through the codec, as it will when the detector is used.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -33,29 +32,16 @@ const DECODED_FRAMES: u64 = 12;
 
 /// Training memory besides the images: batches have the same size whatever the corpus. Measured: 190 MiB.
 const TRAINING_BYTES: u64 = 208 << 20;
-/// Memory per pixel for evaluating a frame, besides the frame. Measured: 95 bytes.
-const JUDGING_BYTES_PER_PIXEL: u64 = 104;
 
 /// A corpus video.
 #[derive(Debug, Clone)]
-pub struct Video {
+pub(crate) struct Video {
     scenario: Arc<OpenScenario>,
     view: String,
-    /// Name of the weather.
-    pub weather: String,
 }
 
-/// A whole frame with its truth.
-#[derive(Debug, Clone)]
-pub struct JudgedFrame {
-    /// The frame; its aircraft if the ground-truth boxes have one.
-    pub picture: TrainingPicture,
-    /// Name of the weather.
-    pub weather: String,
-}
-
-/// All videos on the given sides of the split.
-pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
+/// All videos of the training and validation sides.
+pub(crate) fn videos(corpus: &Corpus) -> Result<Vec<Video>> {
     // Checked before any table is read: when memory runs out, a decoder or thread may fail with an unrelated message, or silently.
     memory::check("training a detector", TRAINING_BYTES).map_err(dataset::Error::from)?;
     let splits = corpus.splits()?;
@@ -65,25 +51,20 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
         if splits
             .scenarios
             .get(&folder.id())
-            .is_some_and(|assignment| sides.contains(&assignment.side))
+            .is_some_and(|assignment| assignment.side != Side::Test)
         {
             let scenario = Arc::new(folder.open()?);
             planned.check(&scenario.id(), &scenario.seal().config_hash)?;
-            let record = scenario.record()?;
-            let weather = record.weather_name().to_owned();
-            videos.extend(record.views.into_iter().map(|view| Video {
+            videos.extend(scenario.record()?.views.into_iter().map(|view| Video {
                 scenario: scenario.clone(),
                 view,
-                weather: weather.clone(),
             }));
         }
     }
     if videos.is_empty() {
-        let sides: Vec<String> = sides.iter().map(Side::to_string).collect();
         return Err(Error::Input(format!(
-            "corpus {}: has no recorded scenario on the {} side of its split; generate and label it first",
-            corpus.root().display(),
-            sides.join(" or ")
+            "corpus {}: has no recorded scenario on the train or validation side of its split; generate and label it first",
+            corpus.root().display()
         )));
     }
     Ok(videos)
@@ -198,56 +179,18 @@ fn cover_of(
     Some(Cover::of(piece, &behind, &here))
 }
 
-fn largest_frame_bytes(videos: &[Video]) -> Result<u64> {
+/// Memory for decoding, on all threads together.
+fn decoding_bytes(videos: &[Video]) -> Result<u64> {
     let mut largest = 0;
     for video in videos {
         largest = largest.max(video.frame_bytes()?);
     }
-    Ok(largest)
-}
-
-/// Memory for decoding, on all threads together.
-fn decoding_bytes(videos: &[Video]) -> Result<u64> {
     let decoders = rayon::current_num_threads().min(videos.len()) as u64;
-    Ok(largest_frame_bytes(videos)? * DECODED_FRAMES * decoders)
+    Ok(largest * DECODED_FRAMES * decoders)
 }
 
 fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
     3 * width_px as u64 * height_px as u64
-}
-
-/// About `count` frames, evenly spread over the videos, for evaluation.
-///
-/// # Errors
-/// As [`read_samples`].
-pub fn read_frames(videos: &[Video], count: usize, watch: &dyn Watch) -> Result<Vec<JudgedFrame>> {
-    let per_video = count.div_ceil(videos.len().max(1)).max(1);
-    let judging = largest_frame_bytes(videos)? / 3 * JUDGING_BYTES_PER_PIXEL;
-    let mut needed_bytes = decoding_bytes(videos)?.max(judging);
-    for video in videos {
-        needed_bytes += per_video.min(video.frames()?) as u64 * video.frame_bytes()?;
-    }
-    memory::check("judging a detector on these frames", needed_bytes)
-        .map_err(dataset::Error::from)?;
-    let parts = videos
-        .par_iter()
-        .map(|video| {
-            let step = (video.frames()? / per_video).max(1);
-            let mut frames = Vec::new();
-            video.for_each_frame(|tick, frame| {
-                if tick % step == step / 2 {
-                    frames.push(JudgedFrame {
-                        picture: frame.clone(),
-                        weather: video.weather.clone(),
-                    });
-                }
-                frames.len() < per_video && !watch.is_stopped()
-            })?;
-            watch.check()?;
-            Ok(frames)
-        })
-        .collect::<Result<Vec<_>>>()?;
-    Ok(parts.into_iter().flatten().collect())
 }
 
 impl Video {

@@ -62,7 +62,7 @@ impl TrainingPicture {
 
 /// True if a ground-truth box's aircraft is visible in a frame. Atmospheric transmission is not a criterion: landing lights are visible
 /// through fog that hides the aircraft itself.
-pub(crate) fn is_visible(frame: &TrainingPicture, truth: &TruthBox) -> bool {
+pub fn is_visible(frame: &TrainingPicture, truth: &TruthBox) -> bool {
     may_be_visible(truth) && contrast(frame, &truth.pixel_box) >= MIN_CONTRAST
 }
 
