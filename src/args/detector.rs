@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use labeller::{DetectOptions, Device};
+use labeller::{DetectOptions, Device, Mode};
 
 use crate::args::folder;
+use crate::args::shared::choice::choice;
 use crate::args::shared::output::Output;
-use crate::args::shared::search::{SearchArgs, SearchMode};
+use crate::args::shared::search::{MODES, SearchArgs};
 use crate::args::shared::shard::ShardArg;
 
 #[derive(Debug, Args)]
@@ -22,8 +23,8 @@ pub(crate) struct DetectArgs {
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     /// Parts of the images to search
-    #[arg(long, value_enum, value_name = "MODE", default_value = "auto")]
-    pub(crate) mode: SearchMode,
+    #[arg(long, value_parser = choice(MODES), value_name = "MODE", default_value = "auto")]
+    pub(crate) mode: Mode,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
     #[command(flatten)]
@@ -84,12 +85,12 @@ pub(crate) struct EvaluateDetectorArgs {
     /// Parts of the images to search; all modes are compared
     #[arg(
         long,
-        value_enum,
+        value_parser = choice(MODES),
         value_name = "MODES",
         value_delimiter = ',',
         default_value = "full,scaled,tracked"
     )]
-    pub(crate) mode: Vec<SearchMode>,
+    pub(crate) mode: Vec<Mode>,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
     #[command(flatten)]

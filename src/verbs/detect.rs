@@ -44,7 +44,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         model.path(),
         DetectOptions {
             settings: args.search.settings(&corpus)?,
-            mode: args.mode.into(),
+            mode: args.mode,
             only,
             force: args.force,
             registration_of: args

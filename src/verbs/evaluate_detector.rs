@@ -32,7 +32,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
             only: args.search.scenarios(&corpus)?,
             ..args.runtime.options()
         },
-        modes: args.mode.iter().map(|mode| (*mode).into()).collect(),
+        modes: args.mode.clone(),
         out: args.out.clone(),
     };
     let Some(evaluation) = evaluate(&corpus, &options)? else {

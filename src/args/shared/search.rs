@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::str::FromStr;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use labeller::tiling::TilingSettings;
 use labeller::{Mode, RowBand, SearchBands};
 
+use super::choice::Choices;
 use crate::failure::Failure;
 use crate::verbs::output::listed;
 
@@ -32,28 +33,24 @@ pub(crate) struct SearchArgs {
 }
 
 /// Modes of searching images.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SearchMode {
-    /// Every image whole
-    Full,
-    /// Small windows around known aircraft; whole images from time to time, and if one is lost
-    Tracked,
-    /// Every image shrunk to the model's usual size, for comparison
-    Scaled,
-    /// Tracked, but an image whole if an aircraft moves by more than its length from one to the next
-    Auto,
-}
-
-impl From<SearchMode> for Mode {
-    fn from(mode: SearchMode) -> Self {
-        match mode {
-            SearchMode::Full => Self::Full,
-            SearchMode::Tracked => Self::Tracked,
-            SearchMode::Scaled => Self::Scaled,
-            SearchMode::Auto => Self::Auto,
-        }
-    }
-}
+pub(crate) const MODES: Choices<Mode, 4> = [
+    ("full", "Every image whole", Mode::Full),
+    (
+        "tracked",
+        "Small windows around known aircraft; whole images from time to time, and if one is lost",
+        Mode::Tracked,
+    ),
+    (
+        "scaled",
+        "Every image shrunk to the model's usual size, for comparison",
+        Mode::Scaled,
+    ),
+    (
+        "auto",
+        "Tracked, but an image whole if an aircraft moves by more than its length from one to the next",
+        Mode::Auto,
+    ),
+];
 
 /// A choice of rows.
 #[derive(Debug, Clone, Copy)]
