@@ -40,8 +40,8 @@ pub(crate) use in_sight::{InSight, JudgedAircraft};
 pub use phase::Phase;
 pub use seen_tick::{SeenTick, SeenView};
 
-/// Time for which an aircraft is in sight without a distance before that is reported, s: a view that sees an aircraft alone counts after ten
-/// seconds.
+/// Time for which an aircraft is in sight without a distance before that is reported, s: a view that sees an aircraft alone counts after
+/// ten seconds.
 pub const MIN_WITHHELD_S: f64 = 12.0;
 
 /// A trained run with the aircraft in sight.

@@ -2,9 +2,9 @@
 //!
 //! Images go in and come out as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and differs from the sky by a few
 //! grey levels, so the settings are chosen to preserve such targets (`docs/video.md`): at the usual qualities H.264 takes a fifth of their
-//! contrast. There are no B-frames and no look-ahead, because with them some players and editors shift every timestamp, and a killed process
-//! loses what waits in the encoder. While a video is written, every image is a fragment of the file that can be read at once; when it is
-//! finished, the fragments become a plain file with an index. Images are BT.709, full range, and tagged so.
+//! contrast. There are no B-frames and no look-ahead, because with them some players and editors shift every timestamp, and a killed
+//! process loses what waits in the encoder. While a video is written, every image is a fragment of the file that can be read at once; when
+//! it is finished, the fragments become a plain file with an index. Images are BT.709, full range, and tagged so.
 
 mod camera_stream;
 mod capture_devices;

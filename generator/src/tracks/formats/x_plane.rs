@@ -1,5 +1,5 @@
-//! `Data.txt`, X-Plane's data output to disk, with the simulator's exact states. It has columns between bars; a line with their names begins
-//! it, and follows each change of the columns.
+//! `Data.txt`, X-Plane's data output to disk, with the simulator's exact states. It has columns between bars; a line with their names
+//! begins it, and follows each change of the columns.
 
 use std::io::BufRead;
 
