@@ -49,8 +49,9 @@ mod tests {
 
     /// The box that the cell (column, row) encodes.
     fn decode(numbers: [f64; 4], column: usize, row: usize) -> PixelBox {
-        let size =
-            |number: f64, anchor_px: f64| anchor_px * number.clamp(-MAX_LOG_SIZE, MAX_LOG_SIZE).exp();
+        let size = |number: f64, anchor_px: f64| {
+            anchor_px * number.clamp(-MAX_LOG_SIZE, MAX_LOG_SIZE).exp()
+        };
         PixelBox {
             cx_px: cell_center_px(column) + numbers[0] * STRIDE_PX as f64,
             cy_px: cell_center_px(row) + numbers[1] * STRIDE_PX as f64,
@@ -72,9 +73,15 @@ mod tests {
     ///
     /// A peak is a cell that none of its eight neighbours exceeds. Its box is the mean of the boxes of the nine cells weighted by their
     /// scores: each of them saw the target at another phase of the grid, so their errors partly cancel.
-    pub(crate) fn peaks(cells: &[f32], width: usize, height: usize, threshold: f64) -> Vec<ScoredBox> {
-        let score =
-            |column: usize, row: usize| sigmoid(f64::from(cells[(row * width + column) * CELL_VALUES]));
+    pub(crate) fn peaks(
+        cells: &[f32],
+        width: usize,
+        height: usize,
+        threshold: f64,
+    ) -> Vec<ScoredBox> {
+        let score = |column: usize, row: usize| {
+            sigmoid(f64::from(cells[(row * width + column) * CELL_VALUES]))
+        };
         let mut found = Vec::new();
         for row in 0..height {
             for column in 0..width {
@@ -83,7 +90,8 @@ mod tests {
                     let rows =
                         row.saturating_sub(NEIGHBOURHOOD)..=(row + NEIGHBOURHOOD).min(height - 1);
                     rows.flat_map(move |r| {
-                        (column.saturating_sub(NEIGHBOURHOOD)..=(column + NEIGHBOURHOOD).min(width - 1))
+                        (column.saturating_sub(NEIGHBOURHOOD)
+                            ..=(column + NEIGHBOURHOOD).min(width - 1))
                             .map(move |c| (c, r))
                     })
                 };

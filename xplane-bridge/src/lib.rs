@@ -19,8 +19,8 @@ mod simulator;
 pub mod udp;
 pub mod web_api;
 
-pub use error::{BridgeError, Silence};
 pub use error::causes::with_causes;
+pub use error::{BridgeError, Silence};
 pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{

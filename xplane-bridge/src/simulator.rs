@@ -44,10 +44,10 @@ pub use block::{
     BlockOfTicks, BlockRecording, BlockReport, BlockTrial, KnownBlocks, block_bytes,
     pictures_waiting,
 };
+use connect_options::main_menu::{self, Left};
 pub use connect_options::{
     BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };
-use connect_options::main_menu::{self, Left};
 use link_client::{LinkClient, wrong};
 use pictures::DrawnOn;
 use settings_watch::SettingsWatch;

@@ -134,7 +134,9 @@ async fn a_main_menu_that_refuses_a_flight_is_asked_again_with_growing_pauses() 
     assert!(matches!(error, BridgeError::NoPlugin { .. }), "{error}");
     // After 1 and 3 seconds, and not in each of them.
     let requests = requests.lock().unwrap();
-    let starts = requests.iter().filter(|(request, _)| request.starts_with("POST"));
+    let starts = requests
+        .iter()
+        .filter(|(request, _)| request.starts_with("POST"));
     assert_eq!(starts.count(), 2, "{requests:?}");
 }
 

@@ -461,7 +461,9 @@ mod tests {
             let mut writer =
                 VideoWriter::create(&path, &settings, width_px, height_px, rate).unwrap();
             for _ in 0..images {
-                writer.write(&vec![90; (width_px * height_px * 3) as usize]).unwrap();
+                writer
+                    .write(&vec![90; (width_px * height_px * 3) as usize])
+                    .unwrap();
             }
             writer.finish().unwrap();
         };

@@ -314,9 +314,7 @@ fn is_beside_localizers(table: &Line<'_>, lines: &[Line<'_>]) -> bool {
         .iter()
         .filter(|line| differences(table, line, "").is_empty());
     // It agrees with itself.
-    table.localizer_m.is_some()
-        && lines.iter().all(misses)
-        && agreeing.count() == 1
+    table.localizer_m.is_some() && lines.iter().all(misses) && agreeing.count() == 1
 }
 
 /// Height of the threshold, and its source.

@@ -10,7 +10,6 @@ use crate::samples::camera_health::first_of;
 use crate::samples::paired_views::STEP_S;
 use crate::samples::{Observation, Samples};
 
-
 /// Lines about flights, by evidence; `None`: no box of the flight is believed in the first place.
 #[derive(Default)]
 pub(crate) struct Contradictions(BTreeMap<Option<Evidence>, Vec<String>>);

@@ -374,7 +374,9 @@ async fn silent(
     };
     let mut found = match silence {
         Silence::Refused => format!("no program listens on {address}: its computer says so"),
-        Silence::Nothing | Silence::Ended => format!("nothing from {address} within {:.1?}", options.wait),
+        Silence::Nothing | Silence::Ended => {
+            format!("nothing from {address} within {:.1?}", options.wait)
+        }
     };
     let hint = match (refusing, heard) {
         (Some(place), _) => {
@@ -426,7 +428,10 @@ fn plugin(description: &Hello) -> Check {
             "Look for dtd's reason in XPPython3Log.txt, and let the simulator draw on a screen that the plugin can name (docs/x-plane.md)",
         );
     }
-    Check::ok("plugin", format!("{found}; images come by {}", kinds.join(", ")))
+    Check::ok(
+        "plugin",
+        format!("{found}; images come by {}", kinds.join(", ")),
+    )
 }
 
 fn release(released: Result<(), BridgeError>) -> Check {
