@@ -60,7 +60,7 @@ fn each_scenario_has_the_type_that_it_draws_in_its_images_and_its_boxes() {
             .iter()
             .map(|corner| corner.to_array())
             .collect();
-        let value = json!({ "flap_ratio": 0.75, "gear_ratio": 1.0, "corners_m": corners });
+        let value = json!([{ "flap_ratio": 0.75, "gear_ratio": 1.0, "corners_m": corners }]);
         (of.name.clone(), value)
     };
     let all: BTreeMap<String, Value> = AircraftType::all().iter().map(mesh).collect();

@@ -50,6 +50,7 @@ impl<'a> Searched<'a> {
         let searched = |picture: &'a Picture| {
             let key = (picture.tick, views[picture.view].as_str());
             let mut boxes = boxes.remove(&key).unwrap_or_default();
+            boxes.retain(|found| !picture.is_of_others(&found.pixel_box));
             boxes.sort_by(|a, b| {
                 let confirmed = b.confirmed.cmp(&a.confirmed);
                 confirmed.then(b.score.total_cmp(&a.score))
@@ -137,6 +138,20 @@ mod tests {
             outcomes,
             ["101", "elsewhere", "loose", "lost", "not expected"]
         );
+    }
+
+    #[test]
+    fn a_box_of_another_aircraft_is_neither_found_nor_false() {
+        let mut busy = picture(0, 0, 5.0);
+        busy.others = vec![picture(0, 0, 5.0).truth.unwrap().pixel_box];
+        busy.others[0].cx_px = 300.0;
+        let pictures = [busy];
+        let boxes = vec![seen(0, "left", 301.0, 0.9), seen(0, "left", 700.0, 0.8)];
+        let detections = boxes.into();
+        let searched = Searched::all(&pictures, &views(), &detections);
+        assert_eq!(searched[0].outcome(), Some(Outcome::Missed(ELSEWHERE)));
+        let false_boxes: Vec<_> = searched[0].false_boxes().map(|of| of.score).collect();
+        assert_eq!(false_boxes, [0.8]);
     }
 
     #[test]

@@ -29,7 +29,10 @@ pub(crate) fn picture(tick: u32, view: usize, distance_nm: f64) -> Picture {
             visible_fraction: 1.0,
             truncation: 0.0,
             transmission: 0.5,
+            aircraft_number: None,
+            occluded_fraction: None,
         }),
+        others: Vec::new(),
         sight: Sight::Open,
     }
 }

@@ -13,6 +13,7 @@ mod rigs;
 mod runways;
 mod schema;
 mod start;
+mod traffic;
 mod weather;
 
 use std::collections::BTreeMap;
@@ -39,6 +40,7 @@ pub(crate) use runways::AirportTable;
 pub use schema::schema;
 pub use start::recorded::{RecordedFlights, RecordedRule};
 pub use start::{Fly, Start};
+pub use traffic::Traffic;
 pub use weather::{CloudTable, WeatherTable};
 
 /// Reasons why a sweep cannot be used.
@@ -93,6 +95,8 @@ pub struct Sweep {
     pub weathers: BTreeMap<String, WeatherTable>,
     /// All flight profiles, built-in ones too.
     pub profiles: BTreeMap<String, ApproachProfile>,
+    /// Other aircraft.
+    pub traffic: Traffic,
     /// Rules for the scenarios that fly recordings.
     pub recorded: Vec<RecordedFlights>,
     /// For each combination the rule of [`Sweep::recorded`] that applies, if one matches.

@@ -10,8 +10,15 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::numbers::limits::{Check, FieldOutOfLimits, MAX_APPROACH_S};
 
 pub(crate) use inbound::{Approaches, Inbound, last_approach};
+pub use separation::{Named, TrafficFault};
+pub(crate) use straight_in::straight_in;
+pub(crate) use traffic::{Approach, Placed};
 
+mod ground_path;
 mod inbound;
+mod separation;
+mod straight_in;
+mod traffic;
 
 /// States may be this far apart, seconds: over longer gaps an aircraft turns too much for a cubic.
 pub(crate) const MAX_GAP_S: f64 = 2.0;
@@ -180,6 +187,16 @@ impl Trajectory {
             }
         }
         Ok(Self { states })
+    }
+
+    /// The first state.
+    pub(crate) fn first(&self) -> FlightState {
+        self.states[0]
+    }
+
+    /// The last state.
+    pub(crate) fn last(&self) -> FlightState {
+        self.states[self.states.len() - 1]
     }
 
     /// The state at a time, seconds; before the first and after the last state that state is held.

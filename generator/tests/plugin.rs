@@ -232,23 +232,30 @@ async fn a_profile_learns_from_the_first_scenario_of_a_run_how_long_recording_ta
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_no_scenario_can_have_here_ends_the_run_at_once_with_what_to_change() {
-    let target = stand_in(plugin::link((96, 64))).await;
-    let folder = tempfile::tempdir().unwrap();
-    let text = sweep_toml().replace("repeats = 1", "repeats = 3")
-        + "\n[imaging]\nrefraction_coefficient = 0.13\n";
-    let data = repository().join("tests/data");
-    let sweep = Sweep::parse(Path::new("test.toml"), &data, text).unwrap();
-    let mut attempts = 0;
-    let options = small_corpus::options(target, &[]);
-    let outcome = small_corpus::run_until(&sweep, folder.path(), &options, |event| {
-        attempts += usize::from(matches!(event, Event::Started { .. }));
-        false
-    });
-    let outcome = outcome.await.unwrap();
-    assert!(
-        matches!(&outcome.stopped, Some(Stopped::Setup { reason }) if reason.contains("take [imaging]")),
-        "{outcome:?}"
-    );
-    assert_eq!((attempts, outcome.not_made.len()), (1, 3));
-    assert!(outcome.failed.is_empty() && !folder.path().join("failed").exists());
+    for (table, words) in [
+        ("[imaging]\nrefraction_coefficient = 0.13", "take [imaging]"),
+        (
+            "[[traffic]]\nrole = \"parked\"",
+            "X-Plane does not report where it drew one, so that no box could be proven. Take [[traffic]] out",
+        ),
+    ] {
+        let target = stand_in(plugin::link((96, 64))).await;
+        let folder = tempfile::tempdir().unwrap();
+        let text = sweep_toml().replace("repeats = 1", "repeats = 3") + "\n" + table + "\n";
+        let data = repository().join("tests/data");
+        let sweep = Sweep::parse(Path::new("test.toml"), &data, text).unwrap();
+        let mut attempts = 0;
+        let options = small_corpus::options(target, &[]);
+        let outcome = small_corpus::run_until(&sweep, folder.path(), &options, |event| {
+            attempts += usize::from(matches!(event, Event::Started { .. }));
+            false
+        });
+        let outcome = outcome.await.unwrap();
+        assert!(
+            matches!(&outcome.stopped, Some(Stopped::Setup { reason }) if reason.contains(words)),
+            "{outcome:?}"
+        );
+        assert_eq!((attempts, outcome.not_made.len()), (1, 3));
+        assert!(outcome.failed.is_empty() && !folder.path().join("failed").exists());
+    }
 }

@@ -444,12 +444,16 @@ fn truth_in_sight(scenario: &OpenScenario) -> Result<Option<Vec<TruthInSight>>> 
     };
     let clouds = CloudBase::of(scenario.record()?.weather());
     let rows = scenario.frames()?.rows;
-    let altitudes_msl_m: HashMap<_, _> = rows
+    let first = rows
         .iter()
-        .map(|row| (row.tick, row.pose.altitude_msl_m))
-        .collect();
+        .map(|row| ((row.tick, 0), row.pose.altitude_msl_m));
+    let mut altitudes_msl_m: HashMap<_, _> = first.collect();
+    for row in scenario.aircraft()?.into_iter().flatten() {
+        let key = (row.tick, row.aircraft_number);
+        altitudes_msl_m.insert(key, row.pose.altitude_msl_m);
+    }
     let in_sight = |truth: TruthBox| {
-        let altitude_msl_m = *altitudes_msl_m.get(&truth.tick)?;
+        let altitude_msl_m = *altitudes_msl_m.get(&(truth.tick, truth.number()))?;
         let sight = clouds.sight(altitude_msl_m, truth.transmission);
         Some(TruthInSight { truth, sight })
     };

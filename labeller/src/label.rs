@@ -1,20 +1,20 @@
-//! Labels a corpus: distances in `frames.parquet`, projected boxes in `boxes_truth.parquet`.
+//! Labels a corpus: distances in `frames.parquet` and `aircraft.parquet`, projected boxes in `boxes_truth.parquet`.
 //!
 //! Labels follow from the poses of the ticks, the touchdown target and the calibrated cameras. A scenario's tables change together or not
 //! at all, and correct labels stay untouched.
 
+mod boxes;
 mod track;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use airframe::{AircraftType, Configuration};
-use dataset::conditions::transmission;
+use airframe::AircraftType;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::scenario::ScenarioRecord;
 use dataset::corpus::seal::{Seal, is_unsettled, replace_files, settle};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::geometry::camera::Camera;
-use dataset::geometry::pose::Controls;
+use dataset::tables::aircraft::AircraftRow;
 use dataset::tables::frames::Frames;
 use dataset::tables::image_rows::ImageRow;
 use dataset::tables::pixel_box::TruthBox;
@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::{Error, Failure, Result};
-use crate::truth_box::project;
+use boxes::truth_boxes;
 pub use track::labels_of;
 
 /// Class of every ground-truth box.
@@ -117,19 +117,16 @@ fn label_scenario(folder: &ScenarioFolder) -> Result<Labelled> {
         labels = Labels::of(folder)?;
     }
     if !labels.are_there {
-        replace_files(
-            &claim,
-            folder.root(),
-            if labels.boxes.is_some() {
-                &[ScenarioFolder::FRAMES, ScenarioFolder::TRUTH_BOXES]
-            } else {
-                &[ScenarioFolder::FRAMES]
-            },
-            |name, path| match name {
-                ScenarioFolder::FRAMES => labels.frames.write(path),
-                _ => TruthBox::write(labels.boxes.as_deref().unwrap_or_default(), path),
-            },
-        )?;
+        let mut names = vec![ScenarioFolder::FRAMES];
+        names.extend(labels.boxes.as_ref().map(|_| ScenarioFolder::TRUTH_BOXES));
+        names.extend(labels.aircraft.as_ref().map(|_| ScenarioFolder::AIRCRAFT));
+        replace_files(&claim, folder.root(), &names, |name, path| match name {
+            ScenarioFolder::FRAMES => labels.frames.write(path),
+            ScenarioFolder::AIRCRAFT => {
+                AircraftRow::write(labels.aircraft.as_deref().unwrap_or_default(), path)
+            }
+            _ => TruthBox::write(labels.boxes.as_deref().unwrap_or_default(), path),
+        })?;
     }
     Ok(Labelled {
         is_new: !labels.are_there,
@@ -145,6 +142,8 @@ struct Labels {
     views: Vec<String>,
     /// `None` of a recorded scenario.
     boxes: Option<Vec<TruthBox>>,
+    /// `None` of a scenario without traffic.
+    aircraft: Option<Vec<AircraftRow>>,
     /// True if the scenario already has them.
     are_there: bool,
 }
@@ -155,14 +154,18 @@ impl Labels {
         let record = scenario.record()?;
         let mut frames = scenario.frames()?;
         // The attitude of a recorded aircraft, and often its type, are not known well enough for ground-truth boxes.
-        let boxes = if record.recorded.is_some() {
-            None
-        } else {
-            let aircraft = check(&record, &frames)?;
-            let cameras = cameras(&scenario, &record)?;
-            Some(truth_boxes(&record, aircraft, &frames, &cameras))
+        let rows = scenario.aircraft()?;
+        let boxes = match record.weather() {
+            Some(weather) if record.recorded.is_none() => {
+                let types = check(&record, &frames)?;
+                let cameras = cameras(&scenario, &record)?;
+                let flown = (&frames, rows.as_deref());
+                Some(truth_boxes(&record, weather, &types, flown, &cameras))
+            }
+            _ => None,
         };
-        let mut are_there = true;
+        let aircraft = rows.clone().map(|rows| with_distances(&record, rows));
+        let mut are_there = aircraft == rows;
         let labels = labels_of(
             &frames.rows,
             record.touchdown,
@@ -178,6 +181,7 @@ impl Labels {
             frames,
             views: record.views,
             boxes,
+            aircraft,
             are_there,
         })
     }
@@ -191,11 +195,14 @@ impl Labels {
     }
 }
 
-/// The type of the scenario's aircraft, if the scenario can be labelled.
-fn check(record: &ScenarioRecord, frames: &Frames) -> Result<&'static AircraftType> {
+/// The types of the scenario's aircraft, the first one's first, if the scenario can be labelled.
+fn check(record: &ScenarioRecord, frames: &Frames) -> Result<Vec<&'static AircraftType>> {
     let fault = |message: String| Err(Error::scenario(&record.id, message));
-    let aircraft = match AircraftType::named(&record.aircraft) {
-        Ok(aircraft) => aircraft,
+    let others = record.traffic.iter().map(|other| &other.aircraft);
+    let types = std::iter::once(&record.aircraft).chain(others);
+    let types = types.map(|name| AircraftType::named(name));
+    let types = match types.collect::<std::result::Result<Vec<_>, _>>() {
+        Ok(types) => types,
         Err(unknown) => return fault(format!("its shape is unknown: {unknown}")),
     };
     if let Some(geoid) = &record.geoid {
@@ -210,7 +217,7 @@ fn check(record: &ScenarioRecord, frames: &Frames) -> Result<&'static AircraftTy
             record.ticks
         ));
     }
-    Ok(aircraft)
+    Ok(types)
 }
 
 /// The cameras of the scenario's views, in their order.
@@ -236,45 +243,14 @@ pub(crate) fn cameras(scenario: &OpenScenario, record: &ScenarioRecord) -> Resul
     record.views.iter().map(camera_of).collect()
 }
 
-fn truth_boxes(
-    record: &ScenarioRecord,
-    aircraft: &AircraftType,
-    frames: &Frames,
-    cameras: &[Camera],
-) -> Vec<TruthBox> {
-    let mut boxes = Vec::new();
-    let Some(weather) = record.weather() else {
-        return boxes;
-    };
-    // Flaps and gear move during only a few ticks of a flight.
-    for rows in frames.rows.chunk_by(|a, b| a.controls == b.controls) {
-        let Controls {
-            flap_ratio,
-            gear_ratio,
-        } = rows[0].controls;
-        let mesh = aircraft.mesh(Configuration {
-            flap_ratio,
-            gear_ratio,
-        });
-        for row in rows {
-            for (view, camera) in record.views.iter().zip(cameras) {
-                let Some(seen) = project(&mesh, &row.pose, camera, record.touchdown.altitude_msl_m)
-                else {
-                    continue;
-                };
-                boxes.push(TruthBox {
-                    tick: row.tick,
-                    view: view.clone(),
-                    class: AIRCRAFT_CLASS.into(),
-                    pixel_box: seen.pixel_box,
-                    visible_fraction: seen.visible_fraction,
-                    truncation: seen.truncation,
-                    transmission: transmission(seen.range_m, weather.visibility_m),
-                });
-            }
-        }
+/// The rows with the distances of those that land.
+fn with_distances(record: &ScenarioRecord, mut rows: Vec<AircraftRow>) -> Vec<AircraftRow> {
+    for row in &mut rows {
+        let from = row.pose.position().lat_lon();
+        let lands = record.lands(row.aircraft_number);
+        row.dtd_m = lands.then(|| record.touchdown.lat_lon().distance_m(from));
     }
-    boxes
+    rows
 }
 
 #[cfg(test)]
@@ -282,6 +258,7 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
+    use dataset::conditions::transmission;
     use dataset::corpus::seal::seal_folder;
     use dataset::work::watch::Silent;
     use testkit::short_corpus;

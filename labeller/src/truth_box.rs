@@ -1,4 +1,4 @@
-//! The ground-truth box of the aircraft in an image: its mesh at its pose, seen by a calibrated camera.
+//! The ground-truth box of an aircraft in an image: its mesh at its pose, seen by a calibrated camera, and what others hide of it.
 //!
 //! The box spans the projected vertices in continuous pixel coordinates (pixel centres at whole numbers): its centre is the
 //! midpoint of their extremes, its edges touch the outermost ones.
@@ -29,36 +29,43 @@ pub(crate) struct Projection {
     pub range_m: f64,
 }
 
-/// Projects the aircraft; `None` if it is not visible in the image. The ground is level at `ground_msl_m`: lower parts of the mesh are
-/// hidden, as the camera stands above.
-pub(crate) fn project(
-    mesh: &Mesh,
-    pose: &Pose,
-    camera: &Camera,
-    ground_msl_m: f64,
-) -> Option<Projection> {
-    let body = BodyInCamera::new(mesh, pose, camera, ground_msl_m);
-    let outline = body.outline(camera)?;
-    let inside = outline.clipped_to(camera.width_px, camera.height_px)?;
-    let is_inside = is_inside(&outline, camera);
-    // The areas of the same rectangle, computed in two ways, differ in the last digit.
-    let truncation = if is_inside {
-        0.0
-    } else {
-        1.0 - inside.area() / outline.area()
-    };
-    let whole = is_inside && body.is_above_ground();
-    let visible_fraction = if whole {
-        1.0
-    } else {
-        body.visible_fraction(&outline, camera)
-    };
-    (visible_fraction > 0.0).then_some(Projection {
-        pixel_box: inside,
-        visible_fraction,
-        truncation: truncation.max(0.0),
-        range_m: body.range_m,
-    })
+/// A visible aircraft in an image.
+pub(crate) struct Sighting<'a> {
+    body: BodyInCamera<'a>,
+    /// Its box.
+    pub(crate) projection: Projection,
+}
+
+impl<'a> Sighting<'a> {
+    /// Projects an aircraft; `None` if it is not visible in the image. The ground is level at `ground_msl_m`: lower parts of the mesh are
+    /// hidden, as the camera stands above.
+    pub(crate) fn of(
+        mesh: &'a Mesh,
+        pose: &Pose,
+        camera: &Camera,
+        ground_msl_m: f64,
+    ) -> Option<Self> {
+        let body = BodyInCamera::new(mesh, pose, camera, ground_msl_m);
+        let projection = body.projected(camera)?;
+        Some(Self { body, projection })
+    }
+
+    /// Part of its visible silhouette that nearer ones of `all` hide.
+    pub(crate) fn occluded_fraction(&self, all: &[Option<Self>], camera: &Camera) -> f64 {
+        let own = &self.projection;
+        let nearer: Vec<&BodyInCamera<'_>> = (all.iter().flatten())
+            .filter(|other| {
+                let overlap = other.projection.pixel_box.intersection(&own.pixel_box);
+                other.projection.range_m < own.range_m && overlap > 0.0
+            })
+            .map(|other| &other.body)
+            .collect();
+        if nearer.is_empty() {
+            0.0
+        } else {
+            self.body.occluded_fraction(&own.pixel_box, &nearer, camera)
+        }
+    }
 }
 
 /// The mesh in camera axes, metres.
@@ -104,6 +111,30 @@ impl<'a> BodyInCamera<'a> {
         }
     }
 
+    fn projected(&self, camera: &Camera) -> Option<Projection> {
+        let outline = self.outline(camera)?;
+        let inside = outline.clipped_to(camera.width_px, camera.height_px)?;
+        let is_inside = is_inside(&outline, camera);
+        // The areas of the same rectangle, computed in two ways, differ in the last digit.
+        let truncation = if is_inside {
+            0.0
+        } else {
+            1.0 - inside.area() / outline.area()
+        };
+        let whole = is_inside && self.is_above_ground();
+        let visible_fraction = if whole {
+            1.0
+        } else {
+            self.visible_fraction(&outline, camera)
+        };
+        (visible_fraction > 0.0).then_some(Projection {
+            pixel_box: inside,
+            visible_fraction,
+            truncation: truncation.max(0.0),
+            range_m: self.range_m,
+        })
+    }
+
     fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> {
         self.mesh
             .triangles
@@ -135,11 +166,8 @@ impl<'a> BodyInCamera<'a> {
             .all(|point| self.above_ground.height_m(point) >= 0.0)
     }
 
-    fn visible_fraction(&self, outline: &PixelBox, camera: &Camera) -> f64 {
-        const WHOLE: u8 = 1;
-        const ABOVE_GROUND: u8 = 2;
-        let [left, top, right, bottom] = outline.edges();
-        let mut grid = SampleGrid::over(DVec2::new(left, top), DVec2::new(right, bottom), SAMPLES);
+    /// Adds the silhouette to a grid, once as a whole and once above the ground.
+    fn fill(&self, grid: &mut SampleGrid, camera: &Camera, [whole, above_ground]: [u8; 2]) {
         for triangle in self.triangles() {
             let front = IN_FRONT.clip(&triangle);
             let pixels = |polygon: &[DVec3]| {
@@ -148,9 +176,16 @@ impl<'a> BodyInCamera<'a> {
                     .map(|point| camera.pixel_of(*point))
                     .collect::<Vec<_>>()
             };
-            grid.fill(&pixels(&front), WHOLE);
-            grid.fill(&pixels(&self.above_ground.clip(&front)), ABOVE_GROUND);
+            grid.fill(&pixels(&front), whole);
+            grid.fill(&pixels(&self.above_ground.clip(&front)), above_ground);
         }
+    }
+
+    fn visible_fraction(&self, outline: &PixelBox, camera: &Camera) -> f64 {
+        const WHOLE: u8 = 1;
+        const ABOVE_GROUND: u8 = 2;
+        let mut grid = grid_over(outline);
+        self.fill(&mut grid, camera, [WHOLE, ABOVE_GROUND]);
         let (right, bottom) = (
             f64::from(camera.width_px) - 0.5,
             f64::from(camera.height_px) - 0.5,
@@ -165,6 +200,25 @@ impl<'a> BodyInCamera<'a> {
             (seen as f64 / whole as f64).min(1.0)
         }
     }
+
+    /// Part of the silhouette within its box, which is clipped to the image, that nearer ones hide.
+    fn occluded_fraction(&self, within: &PixelBox, nearer: &[&Self], camera: &Camera) -> f64 {
+        const OWN: u8 = 1;
+        const NEARER: u8 = 2;
+        let mut grid = grid_over(within);
+        self.fill(&mut grid, camera, [0, OWN]);
+        for other in nearer {
+            other.fill(&mut grid, camera, [0, NEARER]);
+        }
+        let own = grid.count(|_, mark| mark & OWN != 0);
+        let hidden = grid.count(|_, mark| mark & (OWN | NEARER) == OWN | NEARER);
+        hidden as f64 / own.max(1) as f64
+    }
+}
+
+fn grid_over(outline: &PixelBox) -> SampleGrid {
+    let [left, top, right, bottom] = outline.edges();
+    SampleGrid::over(DVec2::new(left, top), DVec2::new(right, bottom), SAMPLES)
 }
 
 fn is_inside(outline: &PixelBox, camera: &Camera) -> bool {

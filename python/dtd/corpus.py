@@ -144,13 +144,22 @@ class Corpus:
         return path, table, by_view
 
     def boxes(self) -> pl.DataFrame:
-        """The ground-truth boxes, after `dtd label`: one row per scenario, tick and view that shows the aircraft."""
+        """The ground-truth boxes, after `dtd label`: one row per scenario, tick and view that shows the aircraft.
+
+        Scenarios with traffic have a row per aircraft as well, with its `aircraft_number`, which is 0 or null for the first one.
+        """
         name = "boxes_truth.parquet"
         # One that is missing although it is sealed must not pass for a scenario without labels.
         labelled = {scenario: folder for scenario, folder in self._scenarios.items() if is_sealed(folder, name)}
         if not labelled:
             raise CorpusError(f"{self.path} has no ground-truth boxes: run `dtd label` on it first")
         return _with_scenario({scenario: sealed_table(folder, name) for scenario, folder in labelled.items()})
+
+    def aircraft(self) -> pl.DataFrame:
+        """All aircraft of scenarios with traffic: one row per scenario, tick and aircraft; empty without traffic."""
+        name = "aircraft.parquet"
+        busy = {scenario: folder for scenario, folder in self._scenarios.items() if is_sealed(folder, name)}
+        return _with_scenario({scenario: sealed_table(folder, name) for scenario, folder in busy.items()})
 
     def detections(self, model: str | None = None) -> pl.DataFrame:
         """What a detector found, after `dtd detect`. `model`: its file name or the start of its hash, if the corpus has several."""

@@ -117,6 +117,9 @@ class TickDataset(_Dataset):
             ticks = ticks.with_columns(dtd_m=pl.lit(None, pl.Float64))
         rows = ticks.filter(pl.col("scenario").is_in(ids), pl.col("tick") % every == 0)
         table = corpus.boxes() if boxes is None else boxes
+        if "aircraft_number" in table.columns:
+            # Distances belong to the first aircraft.
+            table = table.filter(pl.col("aircraft_number").fill_null(0) == 0)
         for view in self.views:
             names = {name: f"{view} {name}" for name in _BOX}
             of_view = table.filter(view=view).select("scenario", "tick", pl.col(_BOX).fill_nan(None)).rename(names)

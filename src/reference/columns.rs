@@ -1,6 +1,7 @@
 //! The columns of a scenario's tables: names, types and limits from empty tables, meanings from the comments of the rows that fill them.
 
 use dataset::corpus::detections::{Detection, Miss, Row};
+use dataset::tables::aircraft::AircraftRow;
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::columns::TableWriter;
 use dataset::tables::frames::{Frames, TickRow};
@@ -37,8 +38,13 @@ pub(super) fn sections() -> String {
         ),
         (
             "boxes_truth.parquet",
-            TruthBox::columns(&[]),
+            TruthBox::columns_with_traffic(&[]),
             json!(schema_for!(TruthBox)),
+        ),
+        (
+            "aircraft.parquet",
+            AircraftRow::columns(&[]),
+            json!(schema_for!(AircraftRow)),
         ),
         (
             "detections/&lt;model&gt;.parquet",

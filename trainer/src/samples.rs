@@ -46,7 +46,7 @@ use crate::samples::camera_health::late_images::{Pair, put_in_time};
 use crate::samples::camera_health::{CameraHealth, Corrections};
 use crate::samples::rig::Rig;
 use crate::samples::sample::image_times::move_to_ticks;
-use crate::samples::trusted_boxes::is_whole;
+use crate::samples::trusted_boxes::{is_whole, retain_first_aircraft};
 use crate::samples::view_shift::ViewShift;
 
 pub use sample::{Candidate, Look};
@@ -383,7 +383,7 @@ impl Samples {
             let look = view.and_then(|view| looks.get(&(tick, view)));
             look.copied().unwrap_or(Look::Placed)
         };
-        let detections: Vec<_> = match moment {
+        let mut detections: Vec<_> = match moment {
             Moment::Hindsight => detections.into_confirmed().collect(),
             Moment::Live => counting_live(detections, look).ok_or_else(|| {
                 let fault = "its detections do not say which boxes counted at each moment, because an earlier version made them; run \
@@ -398,6 +398,10 @@ impl Samples {
             let fault =
                 format!("has detections of view {view}, which calibration.json does not list");
             return Err(Error::corpus(folder.root(), fault));
+        }
+        if side == Side::Train && !record.traffic.is_empty() {
+            let truth = scenario.truth_boxes_if_labelled()?.unwrap_or_default();
+            retain_first_aircraft(&mut detections, &truth);
         }
         let frames = scenario.frames()?;
         let mut detections = whole_boxes(detections, &cameras);

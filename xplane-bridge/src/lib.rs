@@ -25,7 +25,7 @@ pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{
     BadWebApiPlace, BlockOfTicks, BlockRecording, BlockReport, BlockTrial, CONNECT_TIMEOUT,
-    ConnectOptions, KnownBlocks, LINK_TOKEN_VARIABLE, Simulator, WEATHER_SETTLE, WEB_API_VARIABLE,
-    WebApiPlace, block_bytes, pictures_waiting, somebody_answers,
+    ConnectOptions, KnownBlocks, LINK_TOKEN_VARIABLE, Simulator, TrafficPath, WEATHER_SETTLE,
+    WEB_API_VARIABLE, WebApiPlace, block_bytes, pictures_waiting, somebody_answers,
 };
 pub use udp::socket::{LocalUdp, PortNote};

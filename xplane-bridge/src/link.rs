@@ -12,6 +12,7 @@ mod picture_bytes;
 mod screen;
 mod soundness;
 mod token;
+mod traffic;
 mod wire;
 
 pub use capture::{BadCapture, CaptureRequest, CapturedFrame, Deliver, FrameHeader};
@@ -23,6 +24,8 @@ pub use picture_bytes::{PictureBytes, PooledPicture};
 pub use screen::{ScreenAnswer, ScreenOffer, ScreenRequest};
 pub use soundness::UnsoundRequest;
 pub use token::LinkToken;
+pub(crate) use traffic::STATES_PER_REQUEST;
+pub use traffic::{TrafficPart, TrafficState};
 pub use wire::{
     LINK_VERSION, LinkError, MAGIC, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings,
     not_the_link, read_header, read_lengths, read_payload, read_request, read_request_length,

@@ -13,6 +13,7 @@ mod link_client;
 mod pictures;
 mod profile;
 mod settings_watch;
+mod traffic;
 mod udp;
 
 use std::collections::{BTreeSet, VecDeque};
@@ -51,6 +52,7 @@ pub use connect_options::{
 use link_client::{LinkClient, wrong};
 use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
+pub use traffic::TrafficPath;
 pub(crate) use udp::running_since;
 pub use udp::somebody_answers;
 

@@ -304,6 +304,11 @@ impl ScenarioFolder {
         self.current_path(Self::TRUTH_BOXES)
     }
 
+    /// Path of `aircraft.parquet`.
+    pub fn aircraft_path(&self) -> PathBuf {
+        self.current_path(Self::AIRCRAFT)
+    }
+
     /// Path of the view's video, sealed or not.
     pub fn video_path(&self, view: &str) -> PathBuf {
         self.root.join("views").join(format!("{view}.mp4"))
@@ -317,13 +322,15 @@ impl ScenarioFolder {
     }
 
     /// A scenario's files except videos, detections with their tables, and seal.
-    pub const FILES: [&str; 4] = corpus_names::FILES;
+    pub const FILES: [&str; 5] = corpus_names::FILES;
     /// Name of the record.
     pub const RECORD: &str = corpus_names::RECORD;
     /// Name of the table of ticks.
     pub const FRAMES: &str = corpus_names::FRAMES;
     /// Name of the table of ground-truth boxes.
     pub const TRUTH_BOXES: &str = corpus_names::TRUTH_BOXES;
+    /// Name of the table of all aircraft, which scenarios with traffic have.
+    pub const AIRCRAFT: &str = corpus_names::AIRCRAFT;
 
     /// The folder's seal, if it is complete.
     pub fn seal(&self) -> Result<Option<Seal>> {

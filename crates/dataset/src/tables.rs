@@ -1,5 +1,6 @@
 //! A scenario's Parquet tables.
 
+pub mod aircraft;
 pub mod backgrounds;
 pub mod columns;
 pub mod frames;

@@ -1,9 +1,9 @@
-//! The renderer: sky, clouds, ground, runway and one aircraft, drawn in software.
+//! The renderer: sky, clouds, ground, runway and aircraft, drawn in software.
 //!
 //! Input: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Output: 8-bit sRGB images.
-//! Everything behind the aircraft is computed once per [`Scene`] and copied, clouds as often as they drift; the aircraft's patch is
-//! drawn with many samples per pixel and composited in linear light. The same inputs give the same bytes, whatever the number of
-//! threads.
+//! Everything behind the aircraft is computed once per [`Scene`] and copied, clouds as often as they drift; each aircraft's patch is
+//! drawn with many samples per pixel and composited in linear light, the farthest first. The same inputs give the same bytes, whatever the
+//! number of threads.
 //!
 //! Distortion and refraction belong to the camera: rays and projections include them, so no image is drawn first and warped
 //! afterwards. Blur, seeing, sway and noise are a [`Degradation`], and have no cost when absent.
@@ -36,7 +36,7 @@ use aircraft::raster::{Patch, Scratch};
 use aircraft::{Placed, lamps_of};
 use backdrop::clouds::{CloudLight, Clouds};
 use backdrop::ground::Ground;
-use backdrop::{Backdrop, SkyGrid, Surroundings};
+use backdrop::{Backdrop, Surroundings};
 use imaging::blur::Blur;
 use imaging::seeing::Turbulence;
 use imaging::sensor::SensorNoise;
@@ -205,6 +205,18 @@ impl Scene {
         &self,
         pose: &Pose,
         controls: &Controls,
+        instants: Instants,
+        with_lamps: bool,
+        rgb: &mut [u8],
+    ) {
+        self.draw_aircraft((pose, controls), &[], instants, with_lamps, rgb);
+    }
+
+    /// [`Self::draw_frame`] with other aircraft: type, pose and configuration of each.
+    pub(crate) fn draw_aircraft(
+        &self,
+        (pose, controls): (&Pose, &Controls),
+        others: &[(&'static AircraftType, &Pose, &Controls)],
         Instants { lamps_s, weather_s }: Instants,
         with_lamps: bool,
         rgb: &mut [u8],
@@ -218,14 +230,21 @@ impl Scene {
             size.1
         );
         let sky = self.backdrop.paint(&self.world, weather_s, rgb);
-        let placed = Placed::new(&self.world.view, pose, controls);
-        if placed.is_ahead() {
-            let clouds = CloudsBefore::new(&self.world, &placed, weather_s);
+        let first = [(self.aircraft, pose, controls)];
+        let mut all: Vec<_> = (first.iter().chain(others))
+            .map(|(of, pose, controls)| (*of, Placed::new(&self.world.view, pose, controls)))
+            .filter(|(_, placed)| placed.is_ahead())
+            .collect();
+        // A nearer one hides what is behind it.
+        all.sort_by(|(_, a), (_, b)| b.distance_m().total_cmp(&a.distance_m()));
+        let mut drawn: Vec<Canvas> = Vec::with_capacity(all.len());
+        for (aircraft, placed) in &all {
+            let clouds = CloudsBefore::new(&self.world, placed, weather_s);
             let distance_m = placed.distance_m();
             let shift_px = self.spoiled.shift_px(distance_m, weather_s);
-            let patch = self.draw_airframe(&placed, shift_px);
+            let patch = self.draw_airframe(aircraft, placed, shift_px);
             let mut lamps = if with_lamps {
-                self.visible_lamps(&placed, &clouds, lamps_s)
+                self.visible_lamps(aircraft, placed, &clouds, lamps_s)
             } else {
                 vec![]
             };
@@ -233,9 +252,14 @@ impl Scene {
                 lamps.iter_mut().for_each(|lamp| lamp.pixel += shift_px);
             }
             let blur = self.spoiled.blur(distance_m);
-            let canvas = self.composite(patch.as_ref(), &lamps, &clouds, &sky, blur.as_ref());
+            let behind = |x: usize, y: usize| {
+                let farther = drawn.iter().rev().find_map(|canvas| canvas.at(x, y));
+                farther.unwrap_or_else(|| self.backdrop.light(&sky, x, y))
+            };
+            let canvas = self.composite(patch.as_ref(), &lamps, &clouds, behind, blur.as_ref());
             if let Some(canvas) = canvas {
                 canvas.write(rgb, size.0);
+                drawn.push(canvas);
             }
         }
         if let Some(mast) = &self.spoiled.mast {
@@ -264,10 +288,15 @@ impl Scene {
         )
     }
 
-    fn draw_airframe(&self, placed: &Placed, shift_px: Option<DVec2>) -> Option<Patch> {
+    fn draw_airframe(
+        &self,
+        aircraft: &AircraftType,
+        placed: &Placed,
+        shift_px: Option<DVec2>,
+    ) -> Option<Patch> {
         let world = &self.world;
         let mut triangles = placed.triangles(
-            &placed.mesh(self.aircraft),
+            &placed.mesh(aircraft),
             &world.view,
             &world.air,
             &self.light,
@@ -293,9 +322,15 @@ impl Scene {
         patch
     }
 
-    fn visible_lamps(&self, placed: &Placed, clouds: &CloudsBefore, time_s: f64) -> Vec<Spot> {
+    fn visible_lamps(
+        &self,
+        aircraft: &AircraftType,
+        placed: &Placed,
+        clouds: &CloudsBefore,
+        time_s: f64,
+    ) -> Vec<Spot> {
         let mut lamps = placed.lamps(
-            &lamps_of(&self.aircraft.lamp_places()),
+            &lamps_of(&aircraft.lamp_places()),
             &self.world.view,
             &self.world.air,
             &self.world.tone,
@@ -307,13 +342,13 @@ impl Scene {
         lamps
     }
 
-    /// Composites airframe and lamps over the backdrop, in linear light. `None` if neither is inside the image.
+    /// Composites airframe and lamps over the light `behind` them, in linear light. `None` if neither is inside the image.
     fn composite(
         &self,
         patch: Option<&Patch>,
         lamps: &[Spot],
         clouds: &CloudsBefore,
-        sky: &SkyGrid,
+        behind: impl Fn(usize, usize) -> Vec3,
         blur: Option<&Blur>,
     ) -> Option<Canvas> {
         let margin_px = blur.map_or(0, Blur::reach_px);
@@ -338,7 +373,7 @@ impl Scene {
             if !canvas.touched[index] && blur.is_none() {
                 continue;
             }
-            let behind = self.backdrop.light(sky, x, y);
+            let behind = behind(x, y);
             let mut light = behind;
             if let Some((coverage, sum)) = covered {
                 let airlight = self
@@ -354,7 +389,7 @@ impl Scene {
             canvas.light[index] = light + glow;
         }
         if let Some(blur) = blur {
-            canvas.blur(blur, |x, y| self.backdrop.light(sky, x, y));
+            canvas.blur(blur, behind);
         }
         Some(canvas)
     }
@@ -410,6 +445,14 @@ impl Canvas {
                 touched: vec![false; columns * rows],
             }
         })
+    }
+
+    /// Light of an image pixel, if it differs from what is behind.
+    fn at(&self, x: usize, y: usize) -> Option<Vec3> {
+        let (column, row) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
+        let index = row * self.width + column;
+        let is_inside = column < self.width && index < self.light.len();
+        (is_inside && self.touched[index]).then(|| self.light[index])
     }
 
     /// Blurs what aircraft and lamps change; the backdrop has been blurred before.

@@ -36,7 +36,7 @@ use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_tape::TapeError;
 
-pub use engine::{BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting};
+pub use engine::{BuiltIn, Engine, Instants, NotFlown, OtherAircraft, SceneRenderer, SceneSetting};
 pub use faults::{
     AimChange, CameraFault, CameraFaultKind, CodeFaults, Faults, FaultsError, LifeFaults, Moment,
     Outage, OutageKind, Swing,

@@ -409,6 +409,7 @@ impl Scenario {
                 .aircraft
                 .clone()
                 .unwrap_or_else(|| UNKNOWN.to_owned()),
+            traffic: Vec::new(),
             frame_rate: self.frame_rate,
             ticks: self.frames.rows.len() as u32,
             runway: described.runway.clone(),

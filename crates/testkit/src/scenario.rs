@@ -33,6 +33,7 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
         plan_hash: Some("plan".into()),
         config_hash: "config".into(),
         aircraft: "B737-800".into(),
+        traffic: Vec::new(),
         frame_rate,
         ticks,
         touchdown: runway.touchdown_target(),

@@ -104,9 +104,11 @@ fn lengths_m(tick: &TickRow) -> Option<[f64; 4]> {
 }
 
 fn compare_boxes(found: &[TruthBox], expected: &[TruthBox], faults: &mut Faults) {
-    let by_image = |boxes: &[TruthBox]| -> BTreeMap<(u32, String), TruthBox> {
+    let by_image = |boxes: &[TruthBox]| -> BTreeMap<(u32, String, u32), TruthBox> {
         let boxes = boxes.iter().cloned();
-        boxes.map(|of| ((of.tick, of.view.clone()), of)).collect()
+        boxes
+            .map(|of| ((of.tick, of.view.clone(), of.number()), of))
+            .collect()
     };
     let (found, expected) = (by_image(found), by_image(expected));
     let images: BTreeSet<_> = found.keys().chain(expected.keys()).collect();
@@ -122,7 +124,7 @@ fn compare_boxes(found: &[TruthBox], expected: &[TruthBox], faults: &mut Faults)
                 })
             };
             let message = format!("is {}, expected {}", shown(found), shown(expected));
-            let (tick, view) = image;
+            let (tick, view, _) = image;
             faults.view_row(
                 view,
                 ScenarioFolder::TRUTH_BOXES,
@@ -149,7 +151,12 @@ fn numbers_px(of: &TruthBox) -> [f64; 4] {
     [of.cx_px, of.cy_px, of.width_px, of.height_px]
 }
 
-/// Visible part, part outside the image, and contrast.
-fn ratios(of: &TruthBox) -> [f64; 3] {
-    [of.visible_fraction, of.truncation, of.transmission]
+/// Visible part, part outside the image, contrast, and part behind other aircraft.
+fn ratios(of: &TruthBox) -> [f64; 4] {
+    [
+        of.visible_fraction,
+        of.truncation,
+        of.transmission,
+        of.occluded_fraction.unwrap_or(0.0),
+    ]
 }

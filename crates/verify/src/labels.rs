@@ -10,8 +10,10 @@ use dataset::conditions::transmission;
 use dataset::corpus::ScenarioFolder;
 use dataset::corpus::calibration::Calibration;
 use dataset::corpus::scenario::ScenarioRecord;
+use dataset::geometry::pose::Pose;
 use dataset::geometry::runway::RunwayCoordinates;
 use dataset::numbers::limits;
+use dataset::tables::aircraft::AircraftRow;
 use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::image_rows::ImageRow;
 use dataset::tables::pixel_box::TruthBox;
@@ -39,7 +41,7 @@ fn is_labelled(frames: &Frames) -> bool {
 pub(super) fn read_boxes(
     folder: &ScenarioFolder,
     frames: Option<&Frames>,
-    pictures: Option<u64>,
+    most_boxes: Option<u64>,
     faults: &mut Faults,
 ) -> Option<Vec<TruthBox>> {
     let path = folder.truth_boxes_path();
@@ -56,8 +58,8 @@ pub(super) fn read_boxes(
         };
         faults.file(ScenarioFolder::TRUTH_BOXES, fault);
     }
-    let pictures = pictures.unwrap_or(limits::MAX_PICTURES);
-    let boxes = boxes_exist.then(|| TruthBox::read_with_faults(&path, pictures))?;
+    let most_boxes = most_boxes.unwrap_or(limits::MAX_PICTURES);
+    let boxes = boxes_exist.then(|| TruthBox::read_with_faults(&path, most_boxes))?;
     faults.keep_table(ScenarioFolder::TRUTH_BOXES, boxes)
 }
 
@@ -150,12 +152,25 @@ fn check_approach(frames: &Frames, faults: &mut Faults) {
 /// Every box is inside its image and contains the aircraft's centre of gravity, and every centre of gravity in an image has one.
 pub(super) fn check_boxes(
     record: &ScenarioRecord,
-    frames: &Frames,
+    (frames, rows): (&Frames, Option<&[AircraftRow]>),
     boxes: &[TruthBox],
     calibration: &Calibration,
     faults: &mut Faults,
 ) {
     const FILE: &str = ScenarioFolder::TRUTH_BOXES;
+    // Without its table, other aircraft cannot be checked.
+    let count = rows.map_or(1, |_| record.aircraft_count());
+    let pose_of = |tick: usize, number: u32| -> Option<Pose> {
+        match (number, rows) {
+            (0, _) => Some(frames.rows.get(tick)?.pose),
+            (_, Some(rows)) if number < count => {
+                let row = rows.get(tick * count as usize + number as usize)?;
+                Some(row.pose)
+            }
+            _ => None,
+        }
+    };
+    let has_traffic = !record.traffic.is_empty();
     let mut boxed = BTreeSet::new();
     for (row, truth) in boxes.iter().enumerate() {
         let view = truth.view.as_str();
@@ -164,19 +179,33 @@ pub(super) fn check_boxes(
             faults.row(FILE, row, "view", message);
             continue;
         };
-        let Some(frame) = frames.rows.get(truth.tick as usize) else {
+        if truth.tick as usize >= frames.rows.len() {
             let last = frames.rows.len().saturating_sub(1);
             let message = format!("is {}, but the last one is {last}", truth.tick);
             faults.view_row(view, FILE, row, "tick", message);
             continue;
-        };
-        if !boxed.insert((truth.tick, view)) {
+        }
+        let number = truth.number();
+        if number >= record.aircraft_count() || truth.aircraft_number.is_some() != has_traffic {
+            let found = truth.aircraft_number;
+            let message = format!(
+                "is {}, but scenario.json lists {} other aircraft",
+                found.map_or("missing".into(), |number| number.to_string()),
+                record.traffic.len()
+            );
+            faults.view_row(view, FILE, row, "aircraft_number", message);
+            continue;
+        }
+        if !boxed.insert((truth.tick, view, number)) {
             let message = format!("is {}, which has a box already", truth.tick);
             faults.view_row(view, FILE, row, "tick", message);
         }
         check_box(row, truth, (camera.width_px, camera.height_px), faults);
         let camera = camera.camera();
-        let centre_ecef_m = frame.pose.position().to_ecef();
+        let Some(pose) = pose_of(truth.tick as usize, number) else {
+            continue;
+        };
+        let centre_ecef_m = pose.position().to_ecef();
         let range_m = centre_ecef_m.distance(camera.center_ecef_m);
         let Some(weather) = record.weather() else {
             continue;
@@ -206,19 +235,27 @@ pub(super) fn check_boxes(
             faults.view_row(view, FILE, row, "box", message);
         }
     }
-    for (tick, frame) in frames.rows.iter().enumerate() {
+    let ticks = 0..frames.rows.len();
+    let all = ticks.flat_map(|tick| (0..count).map(move |number| (tick, number)));
+    for (tick, number) in all {
+        let Some(pose) = pose_of(tick, number) else {
+            continue;
+        };
         for (view, camera) in &calibration.cameras {
             let camera = camera.camera();
-            let seen = camera
-                .project(frame.pose.position().to_ecef())
-                .is_some_and(|at| {
-                    at.x >= 0.0
-                        && at.y >= 0.0
-                        && at.x <= f64::from(camera.width_px - 1)
-                        && at.y <= f64::from(camera.height_px - 1)
-                });
-            if seen && !boxed.contains(&(tick as u32, view.as_str())) {
-                let message = format!("tick {tick} has the aircraft in the image, but no box");
+            let seen = camera.project(pose.position().to_ecef()).is_some_and(|at| {
+                at.x >= 0.0
+                    && at.y >= 0.0
+                    && at.x <= f64::from(camera.width_px - 1)
+                    && at.y <= f64::from(camera.height_px - 1)
+            });
+            if seen && !boxed.contains(&(tick as u32, view.as_str(), number)) {
+                let which = if number == 0 {
+                    "the aircraft".to_owned()
+                } else {
+                    format!("aircraft {number}")
+                };
+                let message = format!("tick {tick} has {which} in the image, but no box");
                 faults.view(FILE, view, message);
             }
         }

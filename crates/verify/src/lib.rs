@@ -9,6 +9,7 @@
 //! whether an image was doubled while the aircraft moved by less than a pixel.
 
 mod against;
+mod aircraft;
 mod corpus_files;
 mod detections;
 mod faults;
@@ -243,8 +244,8 @@ fn verify_scenario(
     let record = record::read(folder, faults);
     let calibration = record::read_calibration(folder, faults);
     let frames = frames::read(folder, faults);
-    let pictures = record.as_ref().map(ScenarioRecord::pictures);
-    let boxes = labels::read_boxes(folder, frames.as_ref(), pictures, faults);
+    let most_boxes = record.as_ref().map(ScenarioRecord::max_truth_boxes);
+    let boxes = labels::read_boxes(folder, frames.as_ref(), most_boxes, faults);
     report.ticks += frames.as_ref().map_or(0, |frames| frames.rows.len() as u64);
     if let (Some(frames), Some(calibration)) = (&frames, &calibration) {
         frames::check_cameras(frames, calibration, faults);
@@ -255,13 +256,18 @@ fn verify_scenario(
     if let Some(calibration) = &calibration {
         record::check_calibration(&record, calibration, faults);
     }
+    let rows = aircraft::read(folder, &record, faults);
     if let Some(frames) = &frames {
         frames::check(&record, frames, faults);
+        if let Some(rows) = &rows {
+            aircraft::check(&record, frames, rows, faults);
+        }
         if labels::check(&record, frames, faults) {
             report.labelled += 1;
         }
         if let (Some(boxes), Some(calibration)) = (&boxes, &calibration) {
-            labels::check_boxes(&record, frames, boxes, calibration, faults);
+            let flown = (frames, rows.as_deref());
+            labels::check_boxes(&record, flown, boxes, calibration, faults);
         }
     }
     if record.recorded.is_some() {

@@ -13,6 +13,8 @@
 //! - **The same scene**: outside the aircraft an image equals the view's others, and no image is noise ([`scene`]).
 //! - **Before a sky**: behind an aircraft in the air the background is smooth. If it is rough in most places, the images show no sky.
 //!
+//! With traffic, the boxes of the first aircraft are examined, except where another one is near.
+//!
 //! A box is clear enough if it is complete, above the ground, below all clouds, before a smooth background, and has at least a transmission
 //! of [`MIN_TRANSMISSION`]: there an aircraft is visible in any weather. A view without clear boxes proves little; the report lists it.
 
@@ -73,6 +75,41 @@ pub(super) struct Scenario<'a> {
 }
 
 impl Scenario<'_> {
+    /// Places of other aircraft and of boxes that are not examined, by tick.
+    fn traffic(&self, view: &str) -> Vec<Vec<PixelBox>> {
+        let mut by_tick = vec![Vec::new(); self.record.ticks as usize];
+        for truth in self.boxes {
+            let is_other = !truth.is_of_first() || self.is_near_another(truth);
+            if truth.view == view
+                && is_other
+                && let Some(places) = by_tick.get_mut(truth.tick as usize)
+            {
+                places.push(truth.pixel_box);
+            }
+        }
+        by_tick
+    }
+
+    /// True if another aircraft is in the surroundings of a box, or in front of it.
+    fn is_near_another(&self, truth: &TruthBox) -> bool {
+        if self.record.traffic.is_empty() {
+            return false;
+        }
+        let longer_px = truth.pixel_box.width_px.max(truth.pixel_box.height_px);
+        let around = PixelBox {
+            width_px: truth.pixel_box.width_px + 2.0 * longer_px,
+            height_px: truth.pixel_box.height_px + 2.0 * longer_px,
+            ..truth.pixel_box
+        };
+        let of_tick = self.boxes.partition_point(|of| of.tick < truth.tick);
+        let of_tick = self.boxes[of_tick..]
+            .iter()
+            .take_while(|of| of.tick == truth.tick);
+        let mut others =
+            of_tick.filter(|of| of.view == truth.view && of.number() != truth.number());
+        others.any(|other| other.pixel_box.intersection(&around) > 0.0)
+    }
+
     fn motion_of(&self, view: &str) -> Option<MovingImage> {
         MovingImage::of(self.calibration?.cameras.get(view)?)
     }
@@ -113,6 +150,8 @@ pub(super) struct Watcher<'a> {
     boxes: Vec<Option<(usize, &'a TruthBox)>>,
     /// Places of the boxes in the images, which air and mast may move, by tick.
     places: Vec<Option<PixelBox>>,
+    /// Places of other aircraft, by tick.
+    traffic: Vec<Vec<PixelBox>>,
     /// Places in the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
     seen: Vec<ImageSighting>,
@@ -148,6 +187,8 @@ impl<'a> Watcher<'a> {
             let mut by_tick = vec![None; scenario.record.ticks as usize];
             for (row, truth) in scenario.boxes.iter().enumerate() {
                 if truth.view == view
+                    && truth.is_of_first()
+                    && !scenario.is_near_another(truth)
                     && let Some(place) = by_tick.get_mut(truth.tick as usize)
                 {
                     *place = Some((row, truth));
@@ -172,6 +213,7 @@ impl<'a> Watcher<'a> {
             view,
             scenario,
             places: places(view, &boxes),
+            traffic: scenario.traffic(view),
             boxes,
             others: scenario
                 .record
@@ -198,7 +240,10 @@ impl<'a> Watcher<'a> {
         let picture = DecodedPicture::new(rgb, width_px, height_px);
         let own = self.places.get(tick).copied().flatten();
         let mut seen = ImageSighting::default();
-        self.coarse.push(CoarsePicture::of(&picture, own.as_ref()));
+        let all: Vec<PixelBox> = (self.traffic.get(tick).into_iter().flatten().copied())
+            .chain(own)
+            .collect();
+        self.coarse.push(CoarsePicture::of(&picture, &all));
         if let Some(own) = own {
             seen.sight = look(&picture, &own);
             let would_be_seen = self.would_be_seen(tick);

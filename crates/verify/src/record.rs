@@ -7,7 +7,7 @@ use dataset::corpus::ScenarioFolder;
 use dataset::corpus::calibration::{Calibration, CameraEntry};
 use dataset::corpus::scenario::{
     MARKED_SCHEMA_VERSION, PINHOLE_SCHEMA_VERSION, RECORDED_SCHEMA_VERSION, SCHEMA_VERSION,
-    ScenarioRecord,
+    ScenarioRecord, TRAFFIC_SCHEMA_VERSION,
 };
 use dataset::corpus::seal;
 use dataset::geometry::runway::RunwayCoordinates;
@@ -77,12 +77,17 @@ pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &m
             format!("schema version is {found}, but the scenario is recorded; expected {RECORDED_SCHEMA_VERSION}"),
         );
     } else if record.required_version(PINHOLE_SCHEMA_VERSION) > record.schema_version {
-        let (found, expected) = (record.schema_version, MARKED_SCHEMA_VERSION);
+        let found = record.schema_version;
+        let (expected, why) = if record.traffic.is_empty() {
+            let why = "the weather at the aircraft differs from the planned one";
+            (MARKED_SCHEMA_VERSION, why)
+        } else {
+            (TRAFFIC_SCHEMA_VERSION, "the scenario has several aircraft")
+        };
         faults.file(
             RECORD,
             format!(
-                "schema version is {found}, but the weather at the aircraft differs from the planned one, which readers of {found} would \
-                 overlook; expected {expected}"
+                "schema version is {found}, but {why}, which readers of {found} would overlook; expected {expected}"
             ),
         );
     }

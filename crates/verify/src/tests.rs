@@ -149,6 +149,7 @@ fn record(id: &str) -> ScenarioRecord {
         plan_hash: Some("plan".into()),
         config_hash: "config".into(),
         aircraft: "B737-800".into(),
+        traffic: Vec::new(),
         frame_rate: RATE,
         ticks: TICKS,
         runway: runway(),
@@ -344,6 +345,8 @@ fn truth_boxes() -> Vec<TruthBox> {
                 visible_fraction: 1.0,
                 truncation,
                 transmission: (-3.912 * range_m / 40_000.0).exp(),
+                aircraft_number: None,
+                occluded_fraction: None,
             });
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! Input: a labelled corpus. Output: samples for training. Every pixel went through the codec, as it will when the detector is used.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -214,19 +214,28 @@ impl Video {
         ))
     }
 
-    /// The ground-truth boxes of the view.
+    /// The first aircraft's ground-truth boxes of the view.
     fn boxes(&self) -> Result<impl Iterator<Item = TruthBox>> {
         let boxes = self.scenario.truth_boxes()?.into_iter();
-        Ok(boxes.filter(|truth| truth.view == self.view))
+        Ok(boxes.filter(|truth| truth.is_of_first() && truth.view == self.view))
     }
 
-    /// Decodes the video and passes on every frame with its tick and its aircraft, until the receiver returns `false`.
+    /// Ticks at which the view shows other aircraft.
+    fn with_others(&self) -> Result<HashSet<u32>> {
+        let boxes = self.scenario.truth_boxes()?.into_iter();
+        let others = boxes.filter(|truth| !truth.is_of_first() && truth.view == self.view);
+        Ok(others.map(|truth| truth.tick).collect())
+    }
+
+    /// Decodes the video and passes on every frame with its tick and its aircraft, until the receiver returns `false`. Frames with other
+    /// aircraft are left out: a network would learn these as background.
     fn for_each_frame(
         &self,
         mut receive: impl FnMut(usize, &TrainingPicture) -> bool,
     ) -> Result<()> {
         let boxes: HashMap<u32, TruthBox> =
             self.boxes()?.map(|truth| (truth.tick, truth)).collect();
+        let with_others = self.with_others()?;
         let mut reader = self.scenario.open_video(&self.view)?;
         let (width_px, height_px) = (reader.width() as usize, reader.height() as usize);
         let mut frame = TrainingPicture {
@@ -238,6 +247,10 @@ impl Video {
         };
         let mut tick = 0;
         while reader.next_frame(&mut frame.rgb)?.is_some() {
+            if with_others.contains(&(tick as u32)) {
+                tick += 1;
+                continue;
+            }
             frame.aircraft = boxes.get(&(tick as u32)).map(|truth| CropTruth {
                 pixel_box: truth.pixel_box,
                 visible: is_visible(&frame, truth),

@@ -223,6 +223,8 @@ mod tests {
             visible_fraction: 1.0,
             truncation: 0.0,
             transmission: 0.5,
+            aircraft_number: None,
+            occluded_fraction: None,
         };
         let aircraft = Some(CropTruth {
             pixel_box,

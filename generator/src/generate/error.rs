@@ -12,7 +12,7 @@ use xplane_bridge::BridgeError;
 
 use super::space;
 use crate::generate::stand_in::StandInError;
-use crate::trajectory::BadFlight;
+use crate::trajectory::{BadFlight, TrafficFault};
 
 /// The simulator must keep a frame's pose and its time together; this is the user's remedy when it does not.
 const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulator hitched (scenery that loads, another program), let it \
@@ -164,6 +164,9 @@ pub enum ScenarioError {
     /// The simulator flew something that is not a flight.
     #[error("the flight {0} {WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT}")]
     LiveFlight(BadFlight),
+    /// The other aircraft of the plan cannot be in the scenario.
+    #[error(transparent)]
+    Traffic(#[from] TrafficFault),
     /// The plan has a flight that the sweep cannot give.
     #[error("the plan does not match the sweep: {0}")]
     NoFlight(String),
@@ -267,6 +270,7 @@ impl ScenarioError {
                 | Self::Flight(_)
                 | Self::NoFlight(_)
                 | Self::NotLanded(_)
+                | Self::Traffic(_)
                 | Self::Corpus(dataset::Error::Corpus { .. })
                 | Self::Bridge(
                     BridgeError::BadConditions(_)

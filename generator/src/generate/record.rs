@@ -4,6 +4,7 @@ mod blocks;
 mod encoders;
 pub(crate) mod image_source;
 mod lockstep;
+mod other_aircraft;
 mod steps;
 mod workplace;
 
@@ -22,7 +23,9 @@ use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::geometry::imaging::{Imaging, Stream};
 use dataset::geometry::pose::FlightState;
 use dataset::plan::{Common, Picture, Plan, PlannedScenario};
+use dataset::tables::aircraft::AircraftRow;
 use dataset::tables::frames::{Frames, TickRow, ViewStamp};
+use dataset::tables::image_rows::ImageRow;
 use tokio::task::spawn_blocking;
 use xplane_bridge::fly::FlightStart;
 use xplane_bridge::link::{FrameHeader, LINK_VERSION, PictureSize};
@@ -40,6 +43,7 @@ use crate::trajectory::Trajectory;
 use blocks::{capture_blocks, do_without_blocks, may_use_blocks};
 use encoders::Encoders;
 use lockstep::capture;
+use other_aircraft::{OthersFlown, aircraft_rows};
 use steps::{Steps, Stopwatch};
 use workplace::Workplace;
 
@@ -162,6 +166,9 @@ async fn record_into(
     let mut simulator = attempt.unless_cancelled(session.connect()).await?;
     let planned = work.plan.scenarios.iter();
     simulator.check_aircraft_types(planned.map(|of| of.parameters.aircraft(common)))?;
+    let others = work.plan.scenarios.iter();
+    let most_others = others.map(|of| of.parameters.traffic.len()).max();
+    simulator.check_traffic(most_others.unwrap_or(0))?;
     simulator.set_aircraft(parameters.aircraft(common));
     let (start, live) = start(work, scenario);
     attempt
@@ -201,6 +208,7 @@ async fn record_into(
         recording: Duration::ZERO,
     };
     let states = trajectory.resample(window, picture.frame_rate);
+    let others = OthersFlown::beside(&trajectory, window, common, parameters, states.len())?;
     attempt.reporter.tell(Event::Flown {
         id: attempt.id,
         ticks: states.len() as u32,
@@ -219,6 +227,9 @@ async fn record_into(
     }
     attempt
         .unless_cancelled(simulator.freeze_with_imaging(&common.runway, &imaging))
+        .await?;
+    attempt
+        .unless_cancelled(simulator.show_traffic(&others.paths))
         .await?;
     let ids: Vec<String> = views.iter().map(|(id, _)| id.clone()).collect();
     let flight = (&states[..], &views[..], picture);
@@ -271,6 +282,10 @@ async fn record_into(
 
     let graphics = graphics(&mut simulator, work, scenario, session, attempt).await;
     frames(ids.clone(), &states, &drawn, &pts, picture).write(&folder.frames_path())?;
+    if !parameters.traffic.is_empty() {
+        let rows = aircraft_rows(&states, &others);
+        AircraftRow::write(&rows, &folder.aircraft_path())?;
+    }
     let calibration = Calibration {
         conventions: Conventions::default(),
         cameras: views.into_iter().collect(),
@@ -449,6 +464,7 @@ fn scenario_record(
         plan_hash: Some(plan.plan_hash.clone()),
         config_hash: scenario.config_hash.clone(),
         aircraft: parameters.aircraft(common).to_owned(),
+        traffic: parameters.traffic.clone(),
         frame_rate: common.picture.frame_rate,
         ticks: ticks as u32,
         runway: common.runway.clone(),

@@ -47,9 +47,10 @@ pub fn expand(sweep: &Sweep) -> Plan {
         .combinations
         .iter()
         .zip(sweep.recording_of_each())
-        .map(|(combination, place)| {
+        .enumerate()
+        .map(|(index, (combination, place))| {
             let flown = place.map(|(rule, index)| &flown[rule][index]);
-            decide(sweep, combination, flown, &hasher)
+            decide(sweep, (index, combination), flown, &hasher)
         })
         .collect();
     Plan::new(sweep.corpus.name.clone(), &sweep.text, common, scenarios)
@@ -85,7 +86,7 @@ struct Flown<'a> {
 
 fn decide(
     sweep: &Sweep,
-    combination: &Combination,
+    (index, combination): (usize, &Combination),
     flown: Option<&Flown<'_>>,
     hasher: &ConfigHasher,
 ) -> PlannedScenario {
@@ -139,6 +140,7 @@ fn decide(
             Some(_) => None,
             None => Some(sweep.aircraft.drawn(seed).name.clone()),
         },
+        traffic: sweep.traffic.drawn(index, seed),
         aim: sweep.aim.as_ref().and_then(|aim| aim.draw(seed)),
         jitter: jitter(sweep, seed),
         imaging: imaging(sweep, seed),

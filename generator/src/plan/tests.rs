@@ -590,3 +590,34 @@ fn one_type_is_common_to_all_scenarios_and_several_are_drawn_by_each() {
         assert_eq!(before.seed, usual.seed);
     }
 }
+
+#[test]
+fn traffic_is_drawn_from_generators_of_its_own_and_is_part_of_the_hash() {
+    let plain = expand(&sweep_of(&rich()));
+    let rules = "\n[[traffic]]\nrole = \"arrival\"\nspacing_nm = { min = 3, max = 5 }\n\n[[traffic]]\nrole = \"parked\"\ntype = \"A359\"\nweathers = [\"foggy\"]\n";
+    let busy = expand(&sweep_of(&(rich() + rules)));
+    assert_ne!(plain.plan_hash, busy.plan_hash);
+    let mut spacings = BTreeSet::new();
+    for (before, after) in plain.scenarios.iter().zip(&busy.scenarios) {
+        assert_eq!((&before.id, before.seed), (&after.id, after.seed));
+        let traffic = &after.parameters.traffic;
+        let without = Parameters {
+            traffic: Vec::new(),
+            ..after.parameters.clone()
+        };
+        assert_eq!(before.parameters, without);
+        let expected = 1 + usize::from(after.weather == "foggy");
+        assert_eq!(traffic.len(), expected, "{}", after.id);
+        let spacing_nm = traffic[0].spacing_nm.unwrap();
+        assert!((3.0..5.0).contains(&spacing_nm));
+        spacings.insert(spacing_nm.to_bits());
+        assert_eq!(traffic[0].aircraft, "B737-800");
+        if let Some(parked) = traffic.get(1) {
+            assert_eq!((parked.aircraft_number, &*parked.aircraft), (2, "A350-900"));
+        }
+    }
+    assert_eq!(spacings.len(), plain.scenarios.len());
+    let text = serde_json::to_string(&busy).unwrap();
+    assert_eq!(serde_json::from_str::<Plan>(&text).unwrap(), busy);
+    assert!(!serde_json::to_string(&plain).unwrap().contains("traffic"));
+}

@@ -47,6 +47,17 @@ fn known_type(schema: &mut Schema) {
     schema.insert("enum".into(), serde_json::json!(names));
 }
 
+fn of_name(name: &str, key: impl Into<String>) -> Checked<&'static AircraftType> {
+    AircraftType::named(name).or_else(|unknown| fault(key, unknown.to_string()))
+}
+
+impl TypeName {
+    /// This type alone.
+    pub(super) fn only(&self, key: String) -> Checked<AircraftTypes> {
+        Ok(AircraftTypes(vec![of_name(&self.0, key)?]))
+    }
+}
+
 impl AircraftTable {
     /// The types, all different.
     pub(super) fn checked(&self) -> Checked<AircraftTypes> {
@@ -56,10 +67,7 @@ impl AircraftTable {
         };
         let mut types = Vec::new();
         for TypeName(name) in names {
-            match AircraftType::named(name) {
-                Ok(of) => types.push(of),
-                Err(unknown) => return fault(KEY, unknown.to_string()),
-            }
+            types.push(of_name(name, KEY)?);
         }
         let different: BTreeSet<&str> = types.iter().map(|of| of.name.as_str()).collect();
         if different.len() < types.len() || types.is_empty() {
@@ -95,7 +103,12 @@ impl AircraftTypes {
 
     /// The type that a scenario draws. One that is added to the list is drawn by some scenarios and changes no other.
     pub(crate) fn drawn(&self, scenario_seed: u64) -> &'static AircraftType {
-        let order = |of: &&&AircraftType| shuffle_key(scenario_seed, "aircraft", &of.name);
+        self.drawn_as("aircraft", scenario_seed)
+    }
+
+    /// A type that a scenario draws for a purpose.
+    pub(crate) fn drawn_as(&self, purpose: &str, scenario_seed: u64) -> &'static AircraftType {
+        let order = |of: &&&AircraftType| shuffle_key(scenario_seed, purpose, &of.name);
         self.0
             .iter()
             .max_by_key(order)

@@ -15,7 +15,7 @@ use super::grid::times::LocalDay;
 use super::grid::{Names, combinations};
 use super::schema::schema_with_limits;
 use super::start::{profiles, recorded};
-use super::{Sweep, rigs, runways};
+use super::{Sweep, rigs, runways, traffic as other_aircraft};
 use fault::{Checked, distinct_names, fault};
 
 /// The schema, with the limits of each number.
@@ -45,6 +45,7 @@ pub(super) fn check(
         profile,
         airport,
         recorded,
+        traffic,
         aim,
         jitter,
         imaging,
@@ -101,6 +102,7 @@ pub(super) fn check(
     let (nearest_nm, longest_nm) = start.dtd_nm.range();
     let (recorded, rule_of) =
         recorded::read(recorded, &combinations, folder, &runway, longest_nm, &day)?;
+    let traffic = other_aircraft::read(&traffic, &combinations, &day, &aircraft)?;
     let flown_by_profile = combinations
         .iter()
         .zip(&rule_of)
@@ -116,7 +118,7 @@ pub(super) fn check(
         let from = (nearest_nm * METERS_PER_NAUTICAL_MILE, above_m);
         profiles::check_descent(name, &profile[name], from, &runway)?;
     }
-    Ok(Sweep {
+    let sweep = Sweep {
         corpus,
         runway,
         aircraft,
@@ -137,7 +139,10 @@ pub(super) fn check(
         weathers: weather,
         profiles: profile,
         recorded,
+        traffic,
         rule_of,
         text: text.to_owned(),
-    })
+    };
+    other_aircraft::check_separations(&sweep)?;
+    Ok(sweep)
 }

@@ -19,6 +19,7 @@ use super::runways::AirportTable;
 use super::start::Start;
 use super::start::profiles::ProfileTable;
 use super::start::recorded::RecordedRule;
+use super::traffic::TrafficTable;
 use super::weather::WeatherTable;
 
 /// A sweep: which scenarios a corpus contains. `docs/reference/sweep-settings.md` lists every key.
@@ -57,6 +58,8 @@ pub(super) struct Document {
     pub(super) airport: BTreeMap<String, AirportTable>,
     #[serde(default)]
     pub(super) recorded: Vec<RecordedRule>,
+    #[serde(default)]
+    pub(super) traffic: Vec<TrafficTable>,
     #[serde(default)]
     pub(super) aim: Option<AimTable>,
     #[serde(default)]

@@ -1,4 +1,4 @@
-//! Confirmed boxes that are not the aircraft, by scenario and view, for a warning after the search of a labelled corpus.
+//! Confirmed boxes that are no aircraft, by scenario and view, for a warning after the search of a labelled corpus.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::matching::Match;
 use crate::matching::statistics::TruthInSight;
 
-/// A view's confirmed boxes that do not touch the image's ground-truth box.
+/// A view's confirmed boxes that do not touch a ground-truth box of the image.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FalseBoxes {
     /// The scenario.
@@ -36,13 +36,15 @@ impl FalseBoxes {
         detections: &[Detection],
         truth: &[TruthInSight],
     ) -> Vec<Self> {
-        let truth: HashMap<(u32, &str), &PixelBox> = truth
-            .iter()
-            .map(|TruthInSight { truth, .. }| ((truth.tick, truth.view.as_str()), &truth.pixel_box))
-            .collect();
+        let mut of_image: HashMap<(u32, &str), Vec<&PixelBox>> = HashMap::new();
+        for TruthInSight { truth, .. } in truth {
+            let key = (truth.tick, truth.view.as_str());
+            of_image.entry(key).or_default().push(&truth.pixel_box);
+        }
         let is_false = |found: &&Detection| {
-            let real = truth.get(&(found.tick, found.view.as_str()));
-            real.is_none_or(|real| Match::of(&found.pixel_box, real) == Match::Elsewhere)
+            let real = of_image.get(&(found.tick, found.view.as_str()));
+            let mut real = real.into_iter().flatten();
+            real.all(|real| Match::of(&found.pixel_box, real) == Match::Elsewhere)
         };
         let mut views: BTreeMap<&str, BTreeMap<Option<u32>, Vec<&Detection>>> = BTreeMap::new();
         for found in detections.iter().filter(|found| found.confirmed) {

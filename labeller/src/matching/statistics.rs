@@ -30,7 +30,8 @@ pub(crate) struct TruthInSight {
 /// Counts over images with labels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct TruthCounts {
-    /// Images with more than half of the aircraft, in sight: neither haze nor a cloud hides it.
+    /// Images with more than half of the aircraft, in sight: neither haze nor a cloud hides it. With several aircraft, an image counts for
+    /// each of them, here and below.
     pub expected: u64,
     /// Other images with more than half of the aircraft: it is beyond the visibility.
     pub hidden_by_haze: u64,
@@ -83,20 +84,19 @@ impl TruthCounts {
         let of_tick = |tick: u32| {
             let first = detections.partition_point(|detection| detection.tick < tick);
             let end = detections.partition_point(|detection| detection.tick <= tick);
-            &detections[first..end]
+            first..end
         };
-        let mut touching_some = 0;
+        // One box may touch several aircraft.
+        let mut touches_some = vec![false; detections.len()];
         for TruthInSight { truth: real, sight } in truth {
             let here = || {
-                of_tick(real.tick)
-                    .iter()
-                    .copied()
-                    .filter(|detection| pictured(detection, real))
+                let of_tick = of_tick(real.tick).map(|index| (index, detections[index]));
+                of_tick.filter(|(_, detection)| pictured(detection, real))
             };
-            let compared =
-                |detection: &&Detection| Match::of(&detection.pixel_box, &real.pixel_box);
-            let touching = here().filter(|found| compared(found) != Match::Elsewhere);
-            touching_some += touching.count() as u64;
+            let compared = |detection: &Detection| Match::of(&detection.pixel_box, &real.pixel_box);
+            for (index, found) in here() {
+                touches_some[index] |= compared(found) != Match::Elsewhere;
+            }
             if !real.is_expected() {
                 continue;
             }
@@ -108,7 +108,8 @@ impl TruthCounts {
             if *sight != Sight::Open {
                 continue;
             }
-            let hits = here().filter(|found| compared(found) == Match::Hit);
+            let hits = here().map(|(_, found)| found);
+            let hits = hits.filter(|found| compared(found) == Match::Hit);
             if let Some(best) = hits.max_by(|a, b| a.score.total_cmp(&b.score)) {
                 let offset = [
                     best.pixel_box.cx_px - real.pixel_box.cx_px,
@@ -120,7 +121,7 @@ impl TruthCounts {
                 counts.sum_center_offset_px[1] += offset[1];
             }
         }
-        counts.false_detections = detections.len() as u64 - touching_some;
+        counts.false_detections = touches_some.iter().filter(|touches| !**touches).count() as u64;
         counts
     }
 

@@ -38,6 +38,8 @@ fn real(tick: u32, view: &str, visible_fraction: f64) -> TruthInSight {
         visible_fraction,
         truncation: 0.0,
         transmission: 1.0,
+        aircraft_number: None,
+        occluded_fraction: None,
     };
     TruthInSight {
         truth,
@@ -77,6 +79,36 @@ fn found_missed_and_false_are_counted_by_view_and_tick() {
     );
     assert_eq!(truth.sum_center_offset_px, [3.0, 0.0]);
     assert_eq!(truth.detection_rate(), Some(2.0 / 3.0));
+}
+
+#[test]
+fn each_aircraft_of_an_image_counts_and_a_box_between_two_is_false_to_neither() {
+    let of = |number: u32, cx_px: f64, occluded: f64| {
+        let mut one = real(0, "left", 1.0);
+        one.truth.pixel_box = at(cx_px);
+        one.truth.aircraft_number = Some(number);
+        one.truth.occluded_fraction = Some(occluded);
+        one
+    };
+    let truth = [
+        of(0, 100.0, 0.0),
+        of(1, 112.0, 0.0),
+        of(2, 300.0, 0.0),
+        of(3, 500.0, 0.7),
+    ];
+    let detections = [
+        seen(0, "left", 106.0, 0.9), // hits both
+        seen(0, "left", 700.0, 0.9), // false
+    ];
+    let counts = DetectionCounts::of(1, &detections, Some(&truth));
+    let counts = counts.against_truth.unwrap();
+    // The fourth is behind another one.
+    assert_eq!(
+        (counts.expected, counts.found, counts.false_detections),
+        (3, 2, 1)
+    );
+    let found = FalseBoxes::of("0001-a", &detections, &truth);
+    assert_eq!((found[0].boxes, found[0].cx_px), (1, 700.0));
 }
 
 #[test]

@@ -194,6 +194,8 @@ mod tests {
                     visible_fraction: 1.0,
                     truncation,
                     transmission: 1.0,
+                    aircraft_number: None,
+                    occluded_fraction: None,
                 });
             }
             seen.bands().map(|bands| {

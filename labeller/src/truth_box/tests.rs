@@ -7,6 +7,10 @@ use super::*;
 
 const GROUND_MSL_M: f64 = 6.71;
 
+fn project(mesh: &Mesh, pose: &Pose, camera: &Camera, ground_msl_m: f64) -> Option<Projection> {
+    Sighting::of(mesh, pose, camera, ground_msl_m).map(|seen| seen.projection)
+}
+
 /// A camera 10 m over the ground that looks along `heading_true_deg`, level, with a focal length of 1000 px.
 fn level_camera(heading_true_deg: f64) -> (CameraPose, Camera) {
     let placed = CameraPose {
@@ -250,4 +254,27 @@ fn a_whole_aircraft_is_cut_off_by_exactly_nothing() {
         }
     }
     assert!(whole > 100, "{whole} whole ones");
+}
+
+#[test]
+fn a_board_behind_a_post_is_hidden_as_far_as_computed_by_hand_and_the_post_is_not() {
+    let (placed, camera) = level_camera(0.0);
+    // 20 px wide and 4 px high; a post of half the distance on the same ray covers 4 px of the width and all of the height.
+    let far = facing(&placed, DVec3::new(1_000.0, 50.0, -30.0));
+    let near = facing(&placed, DVec3::new(500.0, 25.0, -15.0));
+    let wide = board(DVec2::new(-10.0, -2.0), DVec2::new(10.0, 2.0));
+    let post = board(DVec2::new(-1.0, -5.0), DVec2::new(1.0, 5.0));
+    let sighting = |mesh, pose| Sighting::of(mesh, pose, &camera, GROUND_MSL_M);
+    let all = [
+        sighting(&wide, &far),
+        sighting(&post, &near),
+        sighting(&post, &near),
+    ];
+    let hidden = |at: usize| all[at].as_ref().unwrap().occluded_fraction(&all, &camera);
+    assert!((hidden(0) - 0.2).abs() < 0.005, "{}", hidden(0));
+    assert_eq!((hidden(1), hidden(2)), (0.0, 0.0));
+    let beside = facing(&placed, DVec3::new(500.0, 32.0, -15.0));
+    let apart = [sighting(&wide, &far), sighting(&post, &beside)];
+    let first = apart[0].as_ref().unwrap();
+    assert_eq!(first.occluded_fraction(&apart, &camera), 0.0);
 }

@@ -53,7 +53,8 @@ impl Shown {
             let scenario = folder.open()?;
             let rows = scenario.frames()?.rows;
             let Some(row) = nearest(&rows) else { continue };
-            let is_whole = |of: &&TruthBox| of.tick == row.tick && of.truncation == 0.0;
+            let is_whole =
+                |of: &&TruthBox| of.is_of_first() && of.tick == row.tick && of.truncation == 0.0;
             let boxes = scenario.truth_boxes()?;
             let Some(truth) = boxes.iter().find(is_whole) else {
                 continue;

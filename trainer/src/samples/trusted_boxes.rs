@@ -2,18 +2,23 @@
 //!
 //! A detector also reports other objects, and parts of aircraft that leave the image. A few such boxes in thousands ruin a
 //! least-squares fit: they are wrong by hundreds of percent, correct ones by one percent. Two rules exclude them, and every consumer of
-//! samples gets them from [`crate::samples`]:
+//! samples gets them from [`crate::samples`] (a third one is for scenarios with traffic):
 //!
 //! - **Whole** needs no ground truth and applies to all sides: a box at the image's edge is cut off there, so its centre and size are
 //!   wrong.
 //! - **Contains the aircraft** needs ground truth, so it applies to the training side only: to the formulas and the ranges of
 //!   [`crate::networks::normalisation`], and to the networks only on request, because the paper's networks learn from all detections. The
 //!   boxes of all training flights determine the aircraft's image position ([`crate::samples::training_cameras`]), not `calibration.json`.
+//! - **Of the first aircraft** needs ground truth as well, and applies to the training side of scenarios with traffic: a box that is
+//!   another aircraft's would be learned with the wrong distance. Other sides see what a live estimator sees.
 //!
 //! A tick without any remaining box has no estimate.
 
+use std::collections::HashMap;
+
+use dataset::corpus::detections::Detection;
 use dataset::geometry::camera::Camera;
-use dataset::tables::pixel_box::PixelBox;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use glam::DVec2;
 
 /// Distance from the image's edge within which a box counts as cut off, pixels: detectors place an invisible edge to within one or two
@@ -27,6 +32,25 @@ pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
         && top > EDGE_PX - 0.5
         && right < f64::from(camera.width_px) - 0.5 - EDGE_PX
         && bottom < f64::from(camera.height_px) - 0.5 - EDGE_PX
+}
+
+/// Drops boxes that overlap another aircraft more than the first one.
+pub(crate) fn retain_first_aircraft(detections: &mut Vec<Detection>, truth: &[TruthBox]) {
+    let mut of_image: HashMap<(u32, &str), Vec<&TruthBox>> = HashMap::new();
+    for real in truth {
+        let key = (real.tick, real.view.as_str());
+        of_image.entry(key).or_default().push(real);
+    }
+    detections.retain(|found| {
+        let here = of_image.get(&(found.tick, found.view.as_str()));
+        let overlap = |of_first: bool| {
+            let here = here.into_iter().flatten();
+            here.filter(|real| real.is_of_first() == of_first)
+                .map(|real| real.pixel_box.iou(&found.pixel_box))
+                .fold(0.0, f64::max)
+        };
+        overlap(true) >= overlap(false)
+    });
 }
 
 /// True if a box contains the aircraft: its centre is within its own size of `place_px`.
@@ -81,6 +105,44 @@ mod tests {
                 };
                 assert!(!is_at(&elsewhere, place_px));
             }
+        }
+    }
+
+    #[test]
+    fn a_box_of_another_aircraft_is_dropped_and_a_false_one_stays() {
+        let real = |aircraft_number, cx_px| TruthBox {
+            tick: 3,
+            view: "left".into(),
+            class: "aircraft".into(),
+            pixel_box: at(cx_px),
+            visible_fraction: 1.0,
+            truncation: 0.0,
+            transmission: 1.0,
+            aircraft_number: Some(aircraft_number),
+            occluded_fraction: Some(0.0),
+        };
+        let truth = [real(0, 100.0), real(1, 140.0)];
+        let seen = |tick, cx_px| Detection::untracked(tick, "left", at(cx_px), 0.9, 0);
+        let mut found = vec![
+            seen(3, 104.0),
+            seen(3, 137.0),
+            seen(3, 300.0),
+            seen(4, 140.0),
+        ];
+        retain_first_aircraft(&mut found, &truth);
+        let kept: Vec<_> = found
+            .iter()
+            .map(|of| (of.tick, of.pixel_box.cx_px))
+            .collect();
+        assert_eq!(kept, [(3, 104.0), (3, 300.0), (4, 140.0)]);
+    }
+
+    fn at(cx_px: f64) -> PixelBox {
+        PixelBox {
+            cx_px,
+            cy_px: 50.0,
+            width_px: 30.0,
+            height_px: 10.0,
         }
     }
 }

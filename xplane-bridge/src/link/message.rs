@@ -8,7 +8,9 @@ use dataset::geometry::runway::Runway;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, ScreenOffer, SimulatorWindow};
+use super::{
+    CaptureRequest, FrameHeader, PictureSize, PixelKind, ScreenOffer, SimulatorWindow, TrafficPart,
+};
 use crate::fly::{FlightStart, FlyRequest};
 
 /// A client's message to the simulator, without a payload.
@@ -41,6 +43,9 @@ pub enum Request {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         margins_px: Option<[u32; 2]>,
     },
+    /// Draw another aircraft as well, on this path, until the next [`Request::Freeze`]. Only while frozen, and only for simulators that
+    /// announce support in [`Answer::Hello`].
+    Traffic(TrafficPart),
     /// Start a flight there, unless it has started, and hold the aircraft there once the scenery has loaded. For plugins only.
     Travel {
         /// Start position.
@@ -103,6 +108,9 @@ pub struct Hello {
     /// True if it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub imaging: bool,
+    /// Maximum number of other aircraft that it can draw; X-Plane does not report where it drew any.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub traffic: u32,
     /// True if it can draw the check pattern under its own windows.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub patterns_under: bool,
@@ -139,6 +147,8 @@ pub enum Answer {
     Hello(Hello),
     /// Answer to [`Request::Freeze`].
     Frozen,
+    /// Answer to [`Request::Traffic`].
+    TrafficKept,
     /// Answer to [`Request::Travel`].
     Arrived,
     /// Answer to [`Request::CheckPattern`].
@@ -192,6 +202,10 @@ pub struct Installation {
     pub plugins: Vec<String>,
 }
 
+fn is_none(count: &u32) -> bool {
+    *count == 0
+}
+
 fn known_kinds<'de, D: Deserializer<'de>>(source: D) -> Result<Vec<PixelKind>, D::Error> {
     let names = Vec::<String>::deserialize(source)?;
     let known = |name: &String| PixelKind::ALL.into_iter().find(|kind| kind.name() == name);
@@ -220,6 +234,7 @@ impl Answer {
         match self {
             Self::Hello(_) => "hello",
             Self::Frozen => "frozen",
+            Self::TrafficKept => "traffic_kept",
             Self::Arrived => "arrived",
             Self::CheckPatternShown { .. } => "check_pattern_shown",
             Self::Commanded => "commanded",

@@ -1,11 +1,12 @@
 //! Range checks of requests: a server runs them before it flies or draws anything.
 
+use dataset::corpus::scenario::MAX_TRAFFIC;
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::runway::Runway;
 use dataset::numbers::limits;
 
-use super::Request;
+use super::{Request, TrafficPart};
 use crate::fly::{FlightStart, FlyRequest};
 
 /// Altitudes of aircraft and ground, metres.
@@ -29,6 +30,7 @@ impl Request {
         match self {
             Self::Freeze { runway, .. } => check_runway(runway),
             Self::Travel { start, .. } => check_start(start),
+            Self::Traffic(part) => check_traffic(part),
             Self::Fly(request) => check_flight(request),
             Self::KeepProfile { profile } => match profile.to_string().len() {
                 bytes if bytes > MAX_PROFILE_BYTES => Err(UnsoundRequest(format!(
@@ -88,6 +90,19 @@ fn check_start(start: &FlightStart) -> Result<(), UnsoundRequest> {
     check_place(&start.position)?;
     within("heading_true_deg", start.heading_true_deg, ANGLES_DEG)?;
     within("speed_mps", start.speed_mps, [30.0, 400.0])
+}
+
+fn check_traffic(part: &TrafficPart) -> Result<(), UnsoundRequest> {
+    within("number", f64::from(part.number), [1.0, MAX_TRAFFIC as f64])?;
+    for state in &part.states {
+        check_place(&state.pose.position())?;
+        within("heading_true_deg", state.pose.heading_true_deg, ANGLES_DEG)?;
+        within("pitch_deg", state.pose.pitch_deg, ANGLES_DEG)?;
+        within("roll_deg", state.pose.roll_deg, ANGLES_DEG)?;
+        within("flap_ratio", state.controls.flap_ratio, [0.0, 1.0])?;
+        within("gear_ratio", state.controls.gear_ratio, [0.0, 1.0])?;
+    }
+    Ok(())
 }
 
 fn check_flight(request: &FlyRequest) -> Result<(), UnsoundRequest> {

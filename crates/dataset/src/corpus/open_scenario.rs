@@ -20,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::files::corpus_names::{CALIBRATION, FILES, RECORD};
 use crate::files::json_file::parse_json;
 use crate::files::outside_file::FileKind;
+use crate::tables::aircraft::AircraftRow;
 use crate::tables::backgrounds::ViewBackground;
 use crate::tables::frames::Frames;
 use crate::tables::health::ViewHealth;
@@ -161,13 +162,33 @@ impl OpenScenario {
         Frames::parse(content.to_vec(), &self.folder.frames_path())
     }
 
-    /// `boxes_truth.parquet`, if the scenario was labelled.
+    /// `aircraft.parquet`: a row for each tick and, within it, each aircraft by number; `None` if the scenario has no traffic.
+    pub fn aircraft(&self) -> Result<Option<Vec<AircraftRow>>> {
+        let record = self.record()?;
+        if record.traffic.is_empty() {
+            return Ok(None);
+        }
+        let count = record.aircraft_count();
+        let content = self.content(ScenarioFolder::AIRCRAFT)?.to_vec();
+        let path = self.folder.aircraft_path();
+        let expected = u64::from(record.ticks) * u64::from(count);
+        let rows = AircraftRow::parse(content, &path, expected)?;
+        match AircraftRow::out_of_place(&rows, record.ticks, count) {
+            None => Ok(Some(rows)),
+            Some(fault) => Err(Error::corpus(
+                &path,
+                format!("{fault}; generate the scenario again"),
+            )),
+        }
+    }
+
+    /// `boxes_truth.parquet`, if the scenario was labelled: with traffic, the boxes of all aircraft.
     pub fn truth_boxes_if_labelled(&self) -> Result<Option<Vec<TruthBox>>> {
-        let pictures = self.record()?.pictures();
+        let most = self.record()?.max_truth_boxes();
         let path = self.folder.truth_boxes_path();
         let content = self.contents.get(ScenarioFolder::TRUTH_BOXES);
         content
-            .map(|content| TruthBox::parse(content.clone(), &path, pictures))
+            .map(|content| TruthBox::parse(content.clone(), &path, most))
             .transpose()
     }
 

@@ -2,6 +2,7 @@
 
 pub mod other_flight;
 mod recorded;
+pub(crate) mod traffic;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -19,9 +20,10 @@ use crate::numbers::frame_rate::FrameRate;
 use crate::numbers::limits::{self, Check, FieldOutOfLimits};
 
 pub use recorded::{CameraClock, DelayedTrack, Origin, Recorded, SourceFile};
+pub use traffic::{MAX_TRAFFIC, OtherAircraft, Role};
 
 /// Latest version of the file format. Readers reject a larger one.
-pub const SCHEMA_VERSION: u32 = RECORDED_SCHEMA_VERSION;
+pub const SCHEMA_VERSION: u32 = TRAFFIC_SCHEMA_VERSION;
 /// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
 /// [`crate::corpus::calibration::Calibration::schema_version`] returns a scenario's version.
 pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
@@ -31,6 +33,8 @@ pub(crate) const LENS_SCHEMA_VERSION: u32 = 2;
 pub const MARKED_SCHEMA_VERSION: u32 = 3;
 /// The version of scenarios that no simulator made: images may be missing, and have their own times.
 pub const RECORDED_SCHEMA_VERSION: u32 = 4;
+/// The version of scenarios with several aircraft, whose other boxes readers of version 4 would take for the first one's.
+pub const TRAFFIC_SCHEMA_VERSION: u32 = 5;
 
 /// Word for a weather, a time of day or an aircraft type that a recording does not name.
 pub const UNKNOWN: &str = "unknown";
@@ -85,6 +89,9 @@ pub struct ScenarioRecord {
     pub config_hash: String,
     /// Aircraft type; [`UNKNOWN`] if a recording does not name it.
     pub aircraft: String,
+    /// Other aircraft, by number; missing if there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub traffic: Vec<OtherAircraft>,
     /// Rate of the ticks.
     pub frame_rate: FrameRate,
     /// Number of ticks, which is also the number of frames in each video.
@@ -205,6 +212,23 @@ impl ScenarioRecord {
         u64::from(self.ticks) * self.views.len() as u64
     }
 
+    /// Number of aircraft: the first one and the others.
+    pub fn aircraft_count(&self) -> u32 {
+        1 + self.traffic.len() as u32
+    }
+
+    /// Maximum number of ground-truth boxes: one per image and aircraft.
+    pub fn max_truth_boxes(&self) -> u64 {
+        self.pictures() * u64::from(self.aircraft_count())
+    }
+
+    /// True if the aircraft with this number lands, so that it has a distance to touchdown.
+    pub fn lands(&self, aircraft_number: u32) -> bool {
+        let mut traffic = self.traffic.iter();
+        aircraft_number == 0
+            || traffic.any(|of| of.aircraft_number == aircraft_number && of.role == Role::Arrival)
+    }
+
     /// Planned weather; `None` in a recorded scenario.
     pub fn weather(&self) -> Option<&Weather> {
         self.conditions.as_ref().map(|planned| &planned.weather)
@@ -236,7 +260,9 @@ impl ScenarioRecord {
 
     /// The version of the file format that this record needs: `of_cameras` is what its cameras need.
     pub fn required_version(&self, of_cameras: u32) -> u32 {
-        if self.recorded.is_some() {
+        if !self.traffic.is_empty() {
+            TRAFFIC_SCHEMA_VERSION
+        } else if self.recorded.is_some() {
             RECORDED_SCHEMA_VERSION
         } else if self.is_marked() {
             MARKED_SCHEMA_VERSION
@@ -327,6 +353,11 @@ impl ScenarioRecord {
         if let Some(effective) = &self.effective_weather {
             check.part("effective_weather", |check| effective.check(check));
         }
+        for other in &self.traffic {
+            check.part(format_args!("traffic.{}", other.aircraft_number), |check| {
+                other.check(check);
+            });
+        }
         check.into_found()
     }
 
@@ -353,6 +384,9 @@ impl ScenarioRecord {
                 "has {views} views, expected 1 to {}",
                 limits::MAX_VIEWS
             ));
+        }
+        if let Some(fault) = traffic::fault(&self.traffic) {
+            return Some(fault);
         }
         let bad = self
             .views

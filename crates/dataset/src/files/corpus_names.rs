@@ -15,8 +15,10 @@ pub const CALIBRATION: &str = "calibration.json";
 pub const FRAMES: &str = "frames.parquet";
 /// The ground-truth boxes of a scenario.
 pub const TRUTH_BOXES: &str = "boxes_truth.parquet";
+/// All aircraft of a scenario with traffic.
+pub const AIRCRAFT: &str = "aircraft.parquet";
 /// The files of a scenario except videos, detections with their tables, and seal.
-pub const FILES: [&str; 4] = [RECORD, CALIBRATION, FRAMES, TRUTH_BOXES];
+pub const FILES: [&str; 5] = [RECORD, CALIBRATION, FRAMES, TRUTH_BOXES, AIRCRAFT];
 
 /// Folder of the detections within a scenario.
 pub const DETECTIONS: &str = "detections";

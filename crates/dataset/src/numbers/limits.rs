@@ -214,6 +214,10 @@ pub const START_HEADING_OFFSET_DEG: Limits = Limits::new(-60.0, 60.0, "an angle 
 pub const START_SPEED_MPS: Limits = Limits::new(55.0, 150.0, "an airspeed in m/s");
 /// Distance from the threshold where a stepped descent continues.
 pub const STEP_FROM_THRESHOLD_M: Limits = Limits::new(500.0, 60_000.0, "a distance in metres");
+/// Time by which another aircraft is behind the first one.
+pub const TRAFFIC_AFTER_S: Limits = Limits::new(-900.0, 900.0, "a time in seconds");
+/// Distance by which another aircraft is behind the first one.
+pub const TRAFFIC_SPACING_NM: Limits = Limits::new(-20.0, 20.0, "a distance in nautical miles");
 /// Share of a side of the split.
 pub const SPLIT_PART: Limits = Limits::new(0.0, 1.0, "a part");
 
@@ -326,7 +330,7 @@ pub const ZULU_TIME_S: Limits = Limits::new(0.0, 86_400.0, "a time of day in sec
 /// Three times the longest approach: 40 NM at the slowest speed.
 pub const MAX_APPROACH_S: f64 = 4_000.0;
 /// Ticks per scenario: an approach at 240 per second.
-pub(crate) const MAX_TICKS: u32 = 1_000_000;
+pub const MAX_TICKS: u32 = 1_000_000;
 /// See [`MAX_TICKS`].
 pub const TICKS: Limits = Limits::new(1.0, MAX_TICKS as f64, "a number of ticks");
 /// Views per scenario.

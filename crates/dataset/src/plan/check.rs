@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Common, Plan, PlannedScenario};
+use crate::corpus::scenario::traffic;
 use crate::files::file_name;
 use crate::numbers::limits::{self, Check};
 
@@ -33,6 +34,8 @@ pub(super) fn fault(plan: &Plan) -> Option<String> {
             Some(format!(
                 "scenario {id} names no aircraft, and neither does `common`"
             ))
+        } else if let Some(fault) = traffic::fault(&scenario.parameters.traffic) {
+            Some(format!("scenario {id} {fault}"))
         } else if !ids.insert(id) {
             Some(format!("has two scenarios {id}"))
         } else if !scenario.is_named_after_its_conditions() {

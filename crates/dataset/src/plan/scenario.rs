@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Aim, Common, Jitter, PlannedCamera};
 use crate::conditions::Conditions;
 use crate::corpus::calibration::CameraEntry;
-use crate::corpus::scenario::Flight;
+use crate::corpus::scenario::{Flight, OtherAircraft};
 use crate::geometry::approach_profile::ApproachProfile;
 use crate::geometry::imaging::Imaging;
 use crate::numbers::limits::{self, Check, check_fields};
@@ -49,6 +49,9 @@ pub struct Parameters {
     /// Aircraft type; absent if all scenarios have the same one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aircraft: Option<String>,
+    /// Other aircraft, by number; absent if there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub traffic: Vec<OtherAircraft>,
     /// Aim of the cameras; absent if as in the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
@@ -123,6 +126,11 @@ impl Parameters {
         check.number("start_dtd_m", self.start_dtd_m, limits::START_DTD_M);
         if let Some(live) = &self.live {
             check.part("live", |check| live.check(check));
+        }
+        for other in &self.traffic {
+            check.part(format_args!("traffic.{}", other.aircraft_number), |check| {
+                other.check(check);
+            });
         }
         for (camera, imaging) in &self.imaging {
             check.part(format_args!("imaging.{camera}"), |check| {

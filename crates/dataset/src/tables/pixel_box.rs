@@ -112,8 +112,13 @@ pub struct TruthBox {
     pub truncation: f64,
     /// Share of contrast that remains over this distance: `exp(-3.912 * range / visibility)`.
     pub transmission: f64,
+    /// Only in scenarios with traffic: number of the aircraft, 0 the first.
+    pub aircraft_number: Option<u32>,
+    /// Only in scenarios with traffic: part of the visible silhouette that nearer aircraft hide.
+    pub occluded_fraction: Option<f64>,
 }
 
+const OCCLUDED: &str = "occluded_fraction";
 const RATIOS: [NumberColumn; 3] = [
     ("visible_fraction", limits::RATIO),
     ("truncation", limits::RATIO),
@@ -121,17 +126,31 @@ const RATIOS: [NumberColumn; 3] = [
 ];
 
 impl TruthBox {
-    /// True if a detector is expected to find this aircraft: most is in the image.
+    /// True if a detector is expected to find this aircraft: most is in the image, and not behind other aircraft.
     pub fn is_expected(&self) -> bool {
-        self.visible_fraction > EXPECTED_VISIBLE_FRACTION
+        let shown = 1.0 - self.occluded_fraction.unwrap_or(0.0);
+        self.visible_fraction * shown > EXPECTED_VISIBLE_FRACTION
     }
-}
 
-/// The table `boxes_truth.parquet`.
-impl ImageRow for TruthBox {
-    const NAME: &'static str = "boxes";
+    /// Number of the aircraft: 0, the first one, without traffic.
+    pub fn number(&self) -> u32 {
+        self.aircraft_number.unwrap_or(0)
+    }
 
-    fn columns(boxes: &[Self]) -> TableWriter {
+    /// True if it is the box of the first aircraft, whose distance the scenario is about.
+    pub fn is_of_first(&self) -> bool {
+        self.number() == 0
+    }
+
+    /// The table with all its columns, also those that only scenarios with traffic have.
+    pub fn columns_with_traffic(boxes: &[Self]) -> TableWriter {
+        let occluded = boxes.iter().map(|b| b.occluded_fraction.unwrap_or(0.0));
+        Self::columns_of_one(boxes)
+            .u32("aircraft_number", boxes.iter().map(Self::number))
+            .f64_within(OCCLUDED, limits::RATIO, occluded)
+    }
+
+    fn columns_of_one(boxes: &[Self]) -> TableWriter {
         let boxes = boxes.iter();
         let ratios = |b: &Self| [b.visible_fraction, b.truncation, b.transmission];
         TableWriter::new()
@@ -144,11 +163,30 @@ impl ImageRow for TruthBox {
             )
             .numbers(RATIOS, boxes.map(ratios))
     }
+}
+
+/// The table `boxes_truth.parquet`.
+impl ImageRow for TruthBox {
+    const NAME: &'static str = "boxes";
+
+    fn columns(boxes: &[Self]) -> TableWriter {
+        if boxes.iter().any(|b| b.aircraft_number.is_some()) {
+            Self::columns_with_traffic(boxes)
+        } else {
+            Self::columns_of_one(boxes)
+        }
+    }
 
     fn of_table(table: &mut Table) -> Result<Vec<Self>> {
         let tick = table.u32("tick")?;
         let boxes = table.numbers(PixelBox::COLUMNS)?;
         let ratios = table.numbers(RATIOS)?;
+        let numbers = if table.has("aircraft_number") {
+            let occluded = table.f64_within(OCCLUDED, limits::RATIO)?;
+            Some((table.u32("aircraft_number")?, occluded))
+        } else {
+            None
+        };
         let words = table.text("view")?.into_iter().zip(table.text("class")?);
         Ok(words
             .enumerate()
@@ -162,6 +200,8 @@ impl ImageRow for TruthBox {
                     visible_fraction,
                     truncation,
                     transmission,
+                    aircraft_number: numbers.as_ref().map(|(number, _)| number[row]),
+                    occluded_fraction: numbers.as_ref().map(|(_, occluded)| occluded[row]),
                 }
             })
             .collect())
@@ -226,9 +266,27 @@ mod tests {
             visible_fraction: 0.5,
             truncation: 0.25,
             transmission: 0.9,
+            aircraft_number: None,
+            occluded_fraction: None,
         }];
         TruthBox::write(&truth, &path).unwrap();
         let read = TruthBox::read_with_faults(&path, 1).unwrap();
-        assert_eq!(read, (truth, vec![]));
+        assert_eq!(read, (truth.clone(), vec![]));
+
+        let numbered = vec![TruthBox {
+            aircraft_number: Some(2),
+            occluded_fraction: Some(0.25),
+            visible_fraction: 0.8,
+            ..truth[0].clone()
+        }];
+        TruthBox::write(&numbered, &path).unwrap();
+        let read = TruthBox::read_with_faults(&path, 1).unwrap();
+        assert_eq!(read, (numbered.clone(), vec![]));
+        assert!(numbered[0].is_expected() && !numbered[0].is_of_first());
+        let hidden = TruthBox {
+            occluded_fraction: Some(0.5),
+            ..numbered[0].clone()
+        };
+        assert!(!hidden.is_expected());
     }
 }

@@ -29,6 +29,7 @@ pub(crate) struct Source<'a> {
     pub(crate) model: Option<String>,
     pub(crate) calibration: Calibration,
     cloud_base: CloudBase,
+    altitudes_msl_m: Altitudes,
     /// Every n-th tick is requested.
     every: u32,
     /// True if its ground truth is among the boxes.
@@ -66,13 +67,18 @@ impl<'a> Source<'a> {
             detections.retain(|found| found.confirmed);
         }
         let cloud_base = CloudBase::of(record.weather());
+        let altitudes_msl_m = altitudes(&scenario, &frames)?;
         let mut left_out = BTreeSet::new();
         let mut has_truth = request.boxes == BoxSource::Truth;
         let (boxes, beside) = match request.boxes {
             BoxSource::Truth => {
                 let mut boxes = Vec::new();
                 for real in scenario.truth_boxes()? {
-                    let sight = sight_of(&real, &frames, cloud_base);
+                    // A crop belongs to the first aircraft's distance.
+                    if boxes_used == BoxUse::Crops && !real.is_of_first() {
+                        continue;
+                    }
+                    let sight = sight_of(&real, &altitudes_msl_m, cloud_base);
                     // A label file has no word for a box that is neither right nor wrong.
                     match (boxes_used, sight) {
                         (BoxUse::Certain, Sight::Haze) => {}
@@ -94,7 +100,7 @@ impl<'a> Source<'a> {
                 };
                 has_truth = truth.is_some();
                 let truth = truth.into_iter().flatten().map(|real| {
-                    let sight = sight_of(&real, &frames, cloud_base);
+                    let sight = sight_of(&real, &altitudes_msl_m, cloud_base);
                     of_truth(real, sight)
                 });
                 (by_picture(confirmed.map(of_detection)), by_picture(truth))
@@ -109,6 +115,7 @@ impl<'a> Source<'a> {
             frames,
             calibration: scenario.calibration()?,
             cloud_base,
+            altitudes_msl_m,
             model,
             record,
             has_truth,
@@ -147,7 +154,7 @@ impl<'a> Source<'a> {
 
     /// Sight of a ground-truth box's aircraft.
     pub(crate) fn sight_of(&self, real: &TruthBox) -> Sight {
-        sight_of(real, &self.frames, self.cloud_base)
+        sight_of(real, &self.altitudes_msl_m, self.cloud_base)
     }
 
     pub(crate) fn is_left_out(&self, view: &str, tick: u32) -> bool {
@@ -214,9 +221,20 @@ fn without_crops(
     left_out
 }
 
-fn sight_of(real: &TruthBox, frames: &Frames, cloud_base: CloudBase) -> Sight {
-    let altitude_m = frames.rows[real.tick as usize].pose.altitude_msl_m;
-    cloud_base.sight(altitude_m, real.transmission)
+/// Altitudes by tick and number of the aircraft, metres.
+type Altitudes = BTreeMap<(u32, u32), f64>;
+
+fn altitudes(scenario: &OpenScenario, frames: &Frames) -> Result<Altitudes> {
+    let first = frames.rows.iter();
+    let first = first.map(|row| ((row.tick, 0), row.pose.altitude_msl_m));
+    let others = scenario.aircraft()?.into_iter().flatten();
+    let others = others.map(|row| ((row.tick, row.aircraft_number), row.pose.altitude_msl_m));
+    Ok(first.chain(others).collect())
+}
+
+fn sight_of(real: &TruthBox, altitudes_msl_m: &Altitudes, cloud_base: CloudBase) -> Sight {
+    let altitude_m = altitudes_msl_m.get(&(real.tick, real.number()));
+    cloud_base.sight(altitude_m.copied().unwrap_or_default(), real.transmission)
 }
 
 type OfPicture = ((String, u32), LabelledBox);

@@ -93,10 +93,16 @@ pub(crate) fn scene(distance_m: f64, weather: &Weather) -> Scene {
 fn contrast(scene: &Scene, pose: &Pose) -> Vec<(DVec2, f64)> {
     let placed = Placed::new(&scene.world.view, pose, &LANDING);
     let clouds = CloudsBefore::new(&scene.world, &placed, 0.0);
-    let patch = scene.draw_airframe(&placed, None);
+    let patch = scene.draw_airframe(scene.aircraft, &placed, None);
     let sky = &scene.backdrop.still_sky();
     let canvas = scene
-        .composite(patch.as_ref(), &[], &clouds, sky, None)
+        .composite(
+            patch.as_ref(),
+            &[],
+            &clouds,
+            |x, y| scene.backdrop.light(sky, x, y),
+            None,
+        )
         .expect("the aircraft is in the image");
     canvas
         .light
@@ -315,7 +321,7 @@ fn an_aircraft_moved_by_a_quarter_of_a_pixel_moves_its_centre_by_a_quarter_of_a_
         let centre = |right_m: f64| {
             let pose = on_glide_path(distance_nm * NM_M, right_m);
             let placed = Placed::new(&scene.world.view, &pose, &LANDING);
-            let patch = scene.draw_airframe(&placed, None).unwrap();
+            let patch = scene.draw_airframe(scene.aircraft, &placed, None).unwrap();
             (
                 covered_centre(&patch),
                 scene
@@ -477,11 +483,17 @@ fn moments(scene: &Scene, pose: &Pose, time_s: f64) -> (f64, DVec2, f64) {
     let placed = Placed::new(&scene.world.view, pose, &LANDING);
     let clouds = CloudsBefore::new(&scene.world, &placed, time_s);
     let shift_px = scene.spoiled.shift_px(placed.distance_m(), time_s);
-    let patch = scene.draw_airframe(&placed, shift_px);
+    let patch = scene.draw_airframe(scene.aircraft, &placed, shift_px);
     let blur = scene.spoiled.blur(placed.distance_m());
     let sky = &scene.backdrop.still_sky();
     let canvas = scene
-        .composite(patch.as_ref(), &[], &clouds, sky, blur.as_ref())
+        .composite(
+            patch.as_ref(),
+            &[],
+            &clouds,
+            |x, y| scene.backdrop.light(sky, x, y),
+            blur.as_ref(),
+        )
         .expect("the aircraft is in the image");
     let changes: Vec<(DVec2, f64)> = (0..canvas.light.len())
         .filter(|&i| canvas.touched[i])
@@ -556,7 +568,8 @@ fn seeing_moves_the_aircraft_by_what_the_turbulence_says_and_not_the_backdrop() 
     let centre_at = |scene: &Scene, time_s: f64| {
         let placed = Placed::new(&scene.world.view, &pose, &LANDING);
         let shift_px = scene.spoiled.shift_px(placed.distance_m(), time_s);
-        covered_centre(&scene.draw_airframe(&placed, shift_px).unwrap())
+        let patch = scene.draw_airframe(scene.aircraft, &placed, shift_px);
+        covered_centre(&patch.unwrap())
     };
     let centre = centre_at(&still, 0.0);
     let range_m = Placed::new(&still.world.view, &pose, &LANDING).distance_m();
@@ -654,7 +667,7 @@ fn lamps_do_not_shine_through_a_closed_layer_in_poor_visibility() {
     let placed = Placed::new(&scene.world.view, &pose, &LANDING);
     let clouds = CloudsBefore::new(&scene.world, &placed, 0.0);
     let brightest = scene
-        .visible_lamps(&placed, &clouds, 0.3)
+        .visible_lamps(scene.aircraft, &placed, &clouds, 0.3)
         .iter()
         .map(|spot| spot.energy.max_element())
         .fold(0.0, f32::max);
@@ -680,4 +693,35 @@ fn landing_lights_are_brighter_than_the_twilight_around_them() {
         *brightest > 240 && corner < 130,
         "brightest {brightest}, sky {corner}"
     );
+}
+
+#[test]
+fn a_nearer_aircraft_hides_a_farther_one_whichever_is_the_first_and_both_are_drawn_beside_each_other()
+ {
+    let scene = scene(2.0 * NM_M, &clear());
+    let small = AircraftType::named("C750").unwrap();
+    let drawn = |first: &Pose, others: &[(&'static AircraftType, &Pose, &Controls)]| {
+        let (width, height) = scene.size();
+        let mut rgb = vec![0; width * height * 3];
+        let instants = Instants::all(0.3);
+        scene.draw_aircraft((first, &LANDING), others, instants, false, &mut rgb);
+        rgb
+    };
+    let (near, far) = (
+        on_central_ray(&scene, 2_000.0),
+        on_central_ray(&scene, 12_000.0),
+    );
+    let alone = drawn(&near, &[]);
+    // The business jet is six times as far, behind the middle of the 737's fuselage.
+    assert!(drawn(&near, &[(small, &far, &LANDING)]) == alone);
+
+    let aside = on_central_ray(&scene, 4_000.0);
+    let beside = scene.world.view.camera.ecef_from_camera * DVec3::new(0.0, -22.0, 0.0);
+    let above = Geodetic::from_ecef(aside.position().to_ecef() + beside);
+    let aside = aside.moved_to(above);
+    let type_of_scene = scene.aircraft;
+    let both = drawn(&near, &[(type_of_scene, &aside, &LANDING)]);
+    assert!(both == drawn(&aside, &[(type_of_scene, &near, &LANDING)]));
+    let changed = |other: &[u8]| both.iter().zip(other).filter(|(a, b)| a != b).count();
+    assert!(changed(&alone) > 100 && changed(&drawn(&aside, &[])) > 100);
 }

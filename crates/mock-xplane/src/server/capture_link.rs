@@ -27,11 +27,12 @@ use xplane_bridge::link::{
 };
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
-use super::engine::{Engine, Instants};
+use super::engine::{Engine, Instants, OtherAircraft};
 use super::faults::cameras::{Drawn, FaultyCameras};
 use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
 use super::seat::{Activity, LinkPatience, Seat};
+use super::world::traffic::MAX_DRAWN;
 use super::{MockError, Shared};
 use crate::render::displace;
 use crate::render::overlay::Canvas;
@@ -281,6 +282,7 @@ impl CaptureService {
                     pixels,
                     window,
                     imaging: true,
+                    traffic: MAX_DRAWN,
                     profile: lock(&self.profile).clone(),
                     ..Hello::default()
                 }))
@@ -302,6 +304,18 @@ impl CaptureService {
                 world.freeze(runway);
                 world.imaging = imaging;
                 ready(Answer::Frozen)
+            }
+            Request::Traffic(part) => {
+                let mut world = self.world.lock();
+                if world.frozen.is_none() {
+                    return refusal(
+                        "other aircraft need a frozen simulator: send freeze first".into(),
+                    );
+                }
+                match world.traffic.add(part) {
+                    Ok(()) => ready(Answer::TrafficKept),
+                    Err(text) => ready(Answer::lasting_refusal(text)),
+                }
             }
             Request::CheckPattern { code, .. } => self.check_pattern(code).await,
             Request::Travel { .. } => {
@@ -385,7 +399,7 @@ impl CaptureService {
             self.camera_known.notify_all();
             cameras.drawn_for(&request)
         };
-        let (key, frame) = {
+        let (key, frame, others) = {
             let mut world = self.world.lock();
             let Some(runway) = world.frozen.clone() else {
                 return refusal("a capture needs a frozen simulator: send freeze first".into());
@@ -415,14 +429,16 @@ impl CaptureService {
                 number: world.pose_for_frame(request.pose, request.controls),
                 alert: world.shows_alert,
             };
-            (key, frame)
+            // As late as the rest of the image, if the camera is.
+            let others = world.traffic.at(drawn.request.time_ns);
+            (key, frame, others)
         };
         let permit = self.painters.clone().acquire_owned().await;
         let service = self.clone();
         let work = activity.work();
         let drawing = spawn_blocking(move || {
             let _in_work = (permit, work);
-            service.draw((&request, &drawn), key, frame)
+            service.draw((&request, &drawn), key, frame, &others)
         });
         if request.deliver != Deliver::Drawn {
             return Pending::Drawing(drawing);
@@ -490,6 +506,7 @@ impl CaptureService {
         (request, drawn): (&CaptureRequest, &Drawn),
         key: SceneKey,
         frame: Frame,
+        others: &[OtherAircraft],
     ) -> Reply {
         let Some(camera) = self.camera_of(drawn) else {
             return (
@@ -508,7 +525,8 @@ impl CaptureService {
         let content = &drawn.request;
         let instants = Instants::all(SimTime(content.time_ns).seconds());
         self.scenes.with(self.engine.as_ref(), &key, |picture| {
-            picture.draw(&content.pose, &content.controls, instants, &mut rgb);
+            let first = (&content.pose, &content.controls);
+            picture.draw_with(first, others, instants, &mut rgb);
         });
         let (width_px, height_px) = (key.width_px as usize, key.height_px as usize);
         if drawn.shift_px != DVec2::ZERO {

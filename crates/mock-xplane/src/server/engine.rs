@@ -57,10 +57,32 @@ pub struct SceneSetting<'a> {
     pub degradation: Option<&'a Degradation>,
 }
 
+/// Another aircraft in an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OtherAircraft {
+    /// Its type.
+    pub aircraft: &'static AircraftType,
+    /// Its pose.
+    pub pose: Pose,
+    /// Flaps and gear.
+    pub controls: Controls,
+}
+
 /// Images from a prepared camera, weather and time, with the aircraft anywhere.
 pub trait SceneRenderer: Send + Sync {
     /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
     fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]);
+
+    /// [`Self::draw`] with other aircraft. An engine that draws no aircraft need not implement it.
+    fn draw_with(
+        &self,
+        (pose, controls): (&Pose, &Controls),
+        _others: &[OtherAircraft],
+        instants: Instants,
+        rgb: &mut [u8],
+    ) {
+        self.draw(pose, controls, instants, rgb);
+    }
 }
 
 /// The built-in flight model and the renderer of this crate.
@@ -95,5 +117,19 @@ impl Engine for BuiltIn {
 impl SceneRenderer for Scene {
     fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]) {
         self.draw_frame(pose, controls, instants, true, rgb);
+    }
+
+    fn draw_with(
+        &self,
+        first: (&Pose, &Controls),
+        others: &[OtherAircraft],
+        instants: Instants,
+        rgb: &mut [u8],
+    ) {
+        let others: Vec<_> = others
+            .iter()
+            .map(|of| (of.aircraft, &of.pose, &of.controls))
+            .collect();
+        self.draw_aircraft(first, &others, instants, true, rgb);
     }
 }

@@ -12,6 +12,7 @@ mod possible;
 pub(super) mod scenery;
 mod sky;
 mod throttle;
+pub(super) mod traffic;
 mod view;
 
 use std::collections::BTreeSet;
@@ -30,6 +31,7 @@ use self::airport::{ON_THRESHOLD, far_away};
 use self::scenery::Scenery;
 use self::scenery::local_frame::LocalFrame;
 use self::sky::Sky;
+use self::traffic::Traffic;
 use crate::datarefs::{Complaint, Datarefs, FOREIGN_NAMES, Ignored};
 use crate::quirks::{Quirk, Quirks};
 
@@ -50,6 +52,8 @@ pub(super) struct World {
     pub(super) frozen: Option<Runway>,
     /// Lens, air and sensor of each view while frozen; further views are ideal.
     pub(super) imaging: Vec<Imaging>,
+    /// Other aircraft that images show while frozen.
+    pub(super) traffic: Traffic,
     drawn_frames: u64,
     /// Code of the check pattern while it is shown.
     pub(super) check_pattern: Option<u32>,
@@ -112,6 +116,7 @@ impl World {
             },
             frozen: None,
             imaging: vec![],
+            traffic: Traffic::default(),
             drawn_frames: 0,
             check_pattern: None,
             flight_loaded,
@@ -372,6 +377,7 @@ impl World {
         self.state.datarefs.set(names::OVERRIDE_FLIGHT_MODEL, 1.0);
         self.frozen = Some(runway);
         self.imaging.clear();
+        self.traffic.clear();
     }
 
     pub(super) fn imaging(&self, view: u32) -> Imaging {

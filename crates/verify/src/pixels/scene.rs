@@ -50,8 +50,8 @@ pub(super) struct CoarsePicture {
 }
 
 impl CoarsePicture {
-    /// Reduces an image. `aircraft`: its ground-truth box.
-    pub(super) fn of(picture: &DecodedPicture, aircraft: Option<&PixelBox>) -> Self {
+    /// Reduces an image. `aircraft`: the ground-truth boxes.
+    pub(super) fn of(picture: &DecodedPicture, aircraft: &[PixelBox]) -> Self {
         let [width_px, height_px] = picture.size_px().map(|size_px| size_px as usize);
         let (mut sums, mut counts) = ([0.0; BLOCKS], [0.0; BLOCKS]);
         let (mut change, mut squares) = (0.0, 0.0);
@@ -68,7 +68,8 @@ impl CoarsePicture {
         let mut blocks = [f32::NAN; BLOCKS];
         for (block, value) in blocks.iter_mut().enumerate() {
             let has_aircraft = aircraft
-                .is_some_and(|place| is_near(block, place, width_px as f64, height_px as f64));
+                .iter()
+                .any(|place| is_near(block, place, width_px as f64, height_px as f64));
             if !has_aircraft && counts[block] > 0.0 {
                 *value = (sums[block] / counts[block]) as f32;
             }
@@ -346,7 +347,7 @@ mod tests {
         };
         let dark = [0; 3 * 120 * 80];
         let picture = DecodedPicture::new(&dark, 120, 80);
-        let coarse = CoarsePicture::of(&picture, Some(&place));
+        let coarse = CoarsePicture::of(&picture, &[place]);
         let hidden = coarse.blocks.iter().filter(|block| block.is_nan());
         assert_eq!(hidden.count(), 4 * 4);
     }

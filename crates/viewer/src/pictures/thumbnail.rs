@@ -147,7 +147,8 @@ fn moment(opened: &Opened, models: &[String]) -> Result<Moment, Refusal> {
             let clouds = CloudBase::of(opened.record.weather());
             let rows = files.frames()?.rows;
             let altitudes: BTreeMap<u32, f64> = rows.iter().map(altitude).collect();
-            let candidates = boxes.iter().map(|real| {
+            let first = boxes.iter().filter(|real| real.is_of_first());
+            let candidates = first.map(|real| {
                 let altitude_msl_m = altitudes.get(&real.tick).copied().unwrap_or_default();
                 let sight = clouds.sight(altitude_msl_m, real.transmission);
                 let is_clear = real.visible_fraction >= WHOLE && sight == Sight::Open;

@@ -143,7 +143,8 @@ pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
     let table = TableWriter::new()
         .text("scenario", boxes().map(|_| &source.record.id))
         .text("view", boxes().map(|real| &real.view))
-        .u32("tick", boxes().map(|real| real.tick));
+        .u32("tick", boxes().map(|real| real.tick))
+        .u32("aircraft_number", boxes().map(TruthBox::number));
     Ok(with_boxes(table, || boxes().map(|real| real.pixel_box))
         .f64(
             "visible_fraction",
