@@ -235,7 +235,7 @@ impl Scene {
             .map(|(of, pose, controls)| (*of, Placed::new(&self.world.view, pose, controls)))
             .filter(|(_, placed)| placed.is_ahead())
             .collect();
-        // A nearer one hides what is behind it.
+        // Nearer ones hide farther ones.
         all.sort_by(|(_, a), (_, b)| b.distance_m().total_cmp(&a.distance_m()));
         let mut drawn: Vec<Canvas> = Vec::with_capacity(all.len());
         for (aircraft, placed) in &all {
@@ -447,7 +447,7 @@ impl Canvas {
         })
     }
 
-    /// Light of an image pixel, if it differs from what is behind.
+    /// Light of an image pixel, if it differs from the background.
     fn at(&self, x: usize, y: usize) -> Option<Vec3> {
         let (column, row) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
         let index = row * self.width + column;

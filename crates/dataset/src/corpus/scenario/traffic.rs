@@ -47,7 +47,7 @@ pub struct OtherAircraft {
     pub aircraft_number: u32,
     /// Aircraft type.
     pub aircraft: String,
-    /// What it does.
+    /// Its role.
     pub role: Role,
     /// Time by which it is behind the first aircraft, seconds; negative ahead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
