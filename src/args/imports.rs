@@ -68,7 +68,7 @@ pub(crate) struct ImportArgs {
     #[arg(value_name = "RECORDING.toml")]
     pub(crate) recording: PathBuf,
     /// New folder for the corpus
-    #[arg(long, value_name = "CORPUS", value_parser = Output::Folder.parser())]
+    #[arg(long, value_name = "CORPUS", value_parser = Output::Corpus.parser())]
     pub(crate) out: PathBuf,
     /// The detector, an ONNX file [default: the bundled one]
     ///

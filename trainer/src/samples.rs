@@ -19,7 +19,7 @@ pub(crate) mod trusted_boxes;
 pub(crate) mod truth;
 pub(crate) mod view_shift;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 
 use dataset::conditions::{Weather, transmission};
@@ -399,9 +399,10 @@ impl Samples {
                 format!("has detections of view {view}, which calibration.json does not list");
             return Err(Error::corpus(folder.root(), fault));
         }
+        let mut of_others = HashSet::new();
         if side == Side::Train && !record.traffic.is_empty() {
             let truth = scenario.truth_boxes_if_labelled()?.unwrap_or_default();
-            retain_first_aircraft(&mut detections, &truth);
+            of_others = retain_first_aircraft(&mut detections, &truth);
         }
         let frames = scenario.frames()?;
         let mut detections = whole_boxes(detections, &cameras);
@@ -411,6 +412,12 @@ impl Samples {
             .unwrap_or_default();
         let mut registrations: BTreeMap<(u32, String), Registration> = registrations
             .into_iter()
+            .filter(|of| {
+                let views = [&of.view, &of.reference];
+                !views
+                    .iter()
+                    .any(|view| of_others.contains(&(of.tick, view.to_string())))
+            })
             .map(|registration| ((registration.tick, registration.view.clone()), registration))
             .collect();
         let mut summary = ScenarioSummary::of(scenario, record, cameras, &frames, side);

@@ -346,15 +346,9 @@ fn write(path: &Path, text: &str) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::AtomicU64;
-
     use dataset::corpus::calibration::CameraEntry;
     use dataset::geometry::camera::CameraPose;
     use dataset::geometry::pose::Pose;
-    use dataset::numbers::frame_rate::FrameRate;
-    use dataset::video::{VideoSettings, VideoWriter};
-    use labeller::DetectOptions;
-    use testkit::repository;
 
     use super::*;
     use crate::description::BoxFormat;
@@ -430,56 +424,5 @@ mod tests {
         for words in ["0.mp4", "30.0 s before 1.mp4", "first_image"] {
             assert!(error.contains(words), "{error}");
         }
-    }
-
-    #[test]
-    fn tables_of_an_earlier_import_are_no_progress_of_this_one() {
-        #[derive(Default)]
-        struct Progress {
-            total: AtomicU64,
-            before: AtomicU64,
-            advanced: AtomicU64,
-        }
-        impl Watch for Progress {
-            fn begin(&self, _stage: &str, total: u64) {
-                self.total.store(total, Ordering::Relaxed);
-            }
-            fn advance(&self, _done: u64, _note: &str) {
-                self.advanced.fetch_add(1, Ordering::Relaxed);
-            }
-            fn resume(&self, done: u64) {
-                self.before.store(done, Ordering::Relaxed);
-            }
-        }
-        let folder = tempfile::tempdir().unwrap();
-        let folder = folder.path();
-        let rate = FrameRate::new(10, 1).unwrap();
-        let record = |name: &str, images: u32| {
-            let [width_px, height_px] = SIZE_PX;
-            let settings = VideoSettings::default();
-            let path = folder.join(name);
-            let mut writer =
-                VideoWriter::create(&path, &settings, width_px, height_px, rate).unwrap();
-            for _ in 0..images {
-                writer
-                    .write(&vec![90; (width_px * height_px * 3) as usize])
-                    .unwrap();
-            }
-            writer.finish().unwrap();
-        };
-        record("0.mp4", 5);
-        let model = repository().join("models/aircraft.onnx");
-        let searcher = Searcher::load(&model, &DetectOptions::default()).unwrap();
-        let searched = |began_s: &[f64]| {
-            let camera = camera(folder, began_s);
-            let progress = Progress::default();
-            let found = search(&[&camera], &searcher, &folder.join("boxes"), &progress).unwrap();
-            // No aircraft is in the videos.
-            assert!(found[0].is_err());
-            [progress.total, progress.before, progress.advanced].map(AtomicU64::into_inner)
-        };
-        assert_eq!(searched(&[BEGAN_S]), [5, 0, 5]);
-        record("1.mp4", 3);
-        assert_eq!(searched(&[BEGAN_S, BEGAN_S + 60.0]), [8, 5, 3]);
     }
 }

@@ -113,6 +113,7 @@ fn check_scenario(
             &record.conditions.as_ref(),
         ),
         other_than("aircraft", &planned_aircraft, &record.aircraft),
+        other_than("traffic", &parameters.traffic, &record.traffic),
         other_than("runway", &common.runway, &record.runway),
         other_than("flight", &parameters.flight, &record.flight),
         other_than("rig", &common.rig, &record.rig),

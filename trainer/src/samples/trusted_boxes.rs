@@ -14,7 +14,7 @@
 //!
 //! A tick without any remaining box has no estimate.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use dataset::corpus::detections::Detection;
 use dataset::geometry::camera::Camera;
@@ -35,7 +35,13 @@ pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
 }
 
 /// Drops boxes that overlap another aircraft more than the first one.
-pub(crate) fn retain_first_aircraft(detections: &mut Vec<Detection>, truth: &[TruthBox]) {
+///
+/// Returns tick and view of the images that lost a box: what was registered there may be the other aircraft.
+pub(crate) fn retain_first_aircraft(
+    detections: &mut Vec<Detection>,
+    truth: &[TruthBox],
+) -> HashSet<(u32, String)> {
+    let mut lost = HashSet::new();
     let mut of_image: HashMap<(u32, &str), Vec<&TruthBox>> = HashMap::new();
     for real in truth {
         let key = (real.tick, real.view.as_str());
@@ -49,8 +55,13 @@ pub(crate) fn retain_first_aircraft(detections: &mut Vec<Detection>, truth: &[Tr
                 .map(|real| real.pixel_box.iou(&found.pixel_box))
                 .fold(0.0, f64::max)
         };
-        overlap(true) >= overlap(false)
+        let is_first = overlap(true) >= overlap(false);
+        if !is_first {
+            lost.insert((found.tick, found.view.clone()));
+        }
+        is_first
     });
+    lost
 }
 
 /// True if a box contains the aircraft: its centre is within its own size of `place_px`.
@@ -129,7 +140,11 @@ mod tests {
             seen(3, 300.0),
             seen(4, 140.0),
         ];
-        retain_first_aircraft(&mut found, &truth);
+        let lost = retain_first_aircraft(&mut found, &truth);
+        assert!(
+            !lost.is_empty() && lost.iter().all(|(tick, _)| [3, 4].contains(tick)),
+            "{lost:?}"
+        );
         let kept: Vec<_> = found
             .iter()
             .map(|of| (of.tick, of.pixel_box.cx_px))

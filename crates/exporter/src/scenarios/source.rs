@@ -99,7 +99,8 @@ impl<'a> Source<'a> {
                     None
                 };
                 has_truth = truth.is_some();
-                let truth = truth.into_iter().flatten().map(|real| {
+                let truth = truth.into_iter().flatten();
+                let truth = truth.filter(TruthBox::is_of_first).map(|real| {
                     let sight = sight_of(&real, &altitudes_msl_m, cloud_base);
                     of_truth(real, sight)
                 });

@@ -154,7 +154,9 @@ impl Faults {
             ("held", [time]) => self.life.held = seconds(time)?,
             ("menu", ["yes"]) => self.life.menu = true,
             ("asks", _) if !value.is_empty() => self.life.asks = Some(value.into()),
-            ("repeat" | "vanish" | "half" | "cold" | "held" | "menu" | "asks", _) => return None,
+            ("repeat" | "vanish" | "half" | "insert" | "cold" | "held" | "menu" | "asks", _) => {
+                return None;
+            }
             (_, [view, values @ ..]) => self.cameras.push(CameraFault {
                 view: view.parse().ok()?,
                 kind: camera_fault(key, values)?,

@@ -36,43 +36,39 @@ impl Traffic {
             states,
         } = part;
         let aircraft = AircraftType::named(&aircraft).map_err(|unknown| unknown.to_string())?;
-        let next = self.0.len() as u32 + 1;
-        if number == next && number <= MAX_DRAWN {
-            self.0.push(Path {
-                aircraft,
-                states: Vec::new(),
-            });
+        let known = self.0.len() as u32;
+        let most = (known + 1).min(MAX_DRAWN);
+        if !(1..=most).contains(&number) {
+            return Err(format!("number is {number}, expected 1 to {most}"));
         }
-        let index = number.wrapping_sub(1) as usize;
-        let Some(path) = self.0.get_mut(index) else {
-            return Err(format!(
-                "number is {number}, expected at most {}",
-                next.min(MAX_DRAWN)
-            ));
-        };
-        let rows = path.states.len() + states.len();
+        let before = self.0.get(number as usize - 1);
+        let rows = before.map_or(0, |path| path.states.len()) + states.len();
         if rows > MAX_TICKS as usize {
             return Err(format!(
                 "aircraft {number} has {rows} states, expected at most {MAX_TICKS}"
             ));
         }
-        if path.aircraft != aircraft {
+        if let Some(before) = before.filter(|before| before.aircraft != aircraft) {
             return Err(format!(
                 "aircraft {number} is {} now, expected {} as before",
-                aircraft.name, path.aircraft.name
+                aircraft.name, before.aircraft.name
             ));
         }
-        let last = path.states.last().map_or(i64::MIN, |state| state.time_ns);
-        let times = || states.iter().map(|state| state.time_ns);
-        if !std::iter::once(last)
-            .chain(times())
+        let last = before.and_then(|path| path.states.last());
+        let last_ns = last.map_or(-1, |state| state.time_ns);
+        let times_ns = states.iter().map(|state| state.time_ns);
+        if !std::iter::once(last_ns)
+            .chain(times_ns)
             .is_sorted_by(|a, b| a < b)
         {
             return Err(format!(
-                "the states of aircraft {number} are not in order of time"
+                "the states of aircraft {number} are not in order of time, or before 0"
             ));
         }
-        path.states.extend(states);
+        match self.0.get_mut(number as usize - 1) {
+            Some(path) => path.states.extend(states),
+            None => self.0.push(Path { aircraft, states }),
+        }
         Ok(())
     }
 
@@ -163,7 +159,7 @@ mod tests {
         let mut traffic = Traffic::default();
         traffic.add(part(1, "A320neo", &[0, 2])).unwrap();
         for (wrong, words) in [
-            (part(3, "A320neo", &[0]), "number is 3, expected at most 2"),
+            (part(3, "A320neo", &[0]), "number is 3, expected 1 to 2"),
             (part(1, "A359", &[4]), "is A350-900 now, expected A320neo"),
             (part(1, "A320neo", &[2]), "not in order of time"),
             (part(1, "A32", &[4]), "the nearest is A320neo"),
@@ -175,6 +171,6 @@ mod tests {
             traffic.add(part(number, "A320neo", &[0])).unwrap();
         }
         let message = traffic.add(part(MAX_DRAWN + 1, "A320neo", &[0]));
-        assert!(message.unwrap_err().contains("expected at most 7"));
+        assert!(message.unwrap_err().contains("expected 1 to 7"));
     }
 }
