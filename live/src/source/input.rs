@@ -29,8 +29,6 @@ pub(crate) struct InputImage {
     pub(crate) clues: Clues,
     pub(crate) recorded_s: Option<f64>,
     pub(crate) is_damaged: bool,
-    /// Images before it that were not decoded, because newer ones waited.
-    pub(crate) left_out: u32,
 }
 
 /// Reader of coded images.
@@ -196,10 +194,6 @@ impl Input {
             clues: sent.clues,
             recorded_s: recorded.and_then(|(recorded, at_s)| recorded.time_s(at_s)),
             is_damaged: self.damaged.iter().any(|damaged| *damaged <= sent.number),
-            left_out: match &mut self.reader {
-                Reader::Container(..) => 0,
-                Reader::Rtp(stream) => stream.take_left_out(),
-            },
         })
     }
 

@@ -3,7 +3,6 @@
 //! FFmpeg's reader shows neither the marker bit, which ends an image, nor sequence numbers, which show losses, and it sends the password to
 //! whomever a server redirects to.
 
-mod backlog;
 mod jpeg;
 mod link;
 mod packets;
@@ -15,14 +14,12 @@ mod units;
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 use dataset::files::outside_file::{self, FileKind};
 
 use crate::clock::Clues;
 use crate::source::Stream;
 use crate::source::limits::{End, OpenFault, Patience};
-use backlog::Backlog;
 use packets::{Order, Packet, Timeline, sender_report};
 use rtsp::Server;
 use sdp::Video;
@@ -40,8 +37,6 @@ pub(crate) struct CodedImage {
     pub(crate) data: Vec<u8>,
     pub(crate) clues: Clues,
     pub(crate) is_damaged: bool,
-    /// Decoding may begin with it.
-    is_key: bool,
 }
 
 pub(crate) struct RtpStream {
@@ -58,9 +53,6 @@ pub(crate) struct RtpStream {
     ready: VecDeque<CodedImage>,
     /// Nothing had come when the next image was asked for.
     is_prompt: bool,
-    backlog: Backlog,
-    /// Images that were left out since the last one.
-    left_out: u32,
     patience: Arc<Patience>,
 }
 
@@ -101,40 +93,18 @@ impl RtpStream {
             report_delay_s: None,
             ready: VecDeque::new(),
             is_prompt: false,
-            backlog: Backlog::default(),
-            left_out: 0,
             patience: patience.clone(),
         }
     }
 
-    /// The next image; `most_ms`: maximum wait for each one that comes.
+    /// The next image; `most_ms`: maximum wait for it.
     pub(crate) fn next(&mut self, most_ms: u64) -> Result<CodedImage, End> {
-        loop {
-            let (image, was_awaited) = self.next_of_all(most_ms)?;
-            let time_s = image.pts as f64 / f64::from(self.video.clock_hz);
-            let now = Instant::now();
-            if !(self.backlog).leaves_out(now, time_s, image.is_key, was_awaited) {
-                return Ok(image);
-            }
-            self.left_out += 1;
-        }
-    }
-
-    /// How many images have been left out since the last question, because newer ones waited.
-    pub(crate) fn take_left_out(&mut self) -> u32 {
-        std::mem::take(&mut self.left_out)
-    }
-
-    /// The next image, and if it was not complete yet.
-    fn next_of_all(&mut self, most_ms: u64) -> Result<(CodedImage, bool), End> {
         self.patience.wait(most_ms);
         self.is_prompt = self.ready.is_empty() && !self.has_packet();
-        let mut was_awaited = self.is_prompt;
         loop {
             if let Some(image) = self.ready.pop_front() {
-                return Ok((image, was_awaited));
+                return Ok(image);
             }
-            was_awaited = was_awaited || !self.has_packet();
             if self.patience.is_stopped() {
                 return Err(End::Stopped);
             }
@@ -195,7 +165,6 @@ impl RtpStream {
                 timestamp,
                 data,
                 is_damaged,
-                is_key,
             } in self.units.take(&packet, has_loss).into_iter().flatten()
             {
                 let pts = self.times.advance(timestamp);
@@ -211,7 +180,6 @@ impl RtpStream {
                     data,
                     clues,
                     is_damaged,
-                    is_key,
                 });
             }
         }

@@ -191,9 +191,6 @@ impl Feed {
 
     fn take(&mut self, image: InputImage, connection: &mut Connection) -> Result<(), OpenFault> {
         let shared = self.shared.clone();
-        for _ in 0..image.left_out {
-            shared.metrics.count(self.view, Fate::Overload);
-        }
         let size_px = image.image.size_px();
         let Some((stamp, time_s, added_s)) = self.stamp(&image, connection) else {
             shared.metrics.count(self.view, Fate::Disordered);

@@ -17,8 +17,6 @@ pub(crate) struct Unit {
     pub(crate) data: Vec<u8>,
     /// Parts of it, or an image before it, are lost.
     pub(crate) is_damaged: bool,
-    /// It needs no image before it.
-    pub(crate) is_key: bool,
 }
 
 /// The current image.
@@ -30,7 +28,6 @@ pub(crate) struct Units {
     is_damaged: bool,
     /// It has coded pixels, and not only parameters.
     has_pixels: bool,
-    is_key: bool,
     is_in_fragment: bool,
 }
 
@@ -43,7 +40,6 @@ impl Units {
             data: parameters,
             is_damaged: false,
             has_pixels: false,
-            is_key: false,
             is_in_fragment: false,
         }
     }
@@ -60,7 +56,7 @@ impl Units {
             && match self.coding {
                 Coding::H264 | Coding::H265 => self.add_units(payload).is_some(),
                 Coding::Jpeg => {
-                    (self.has_pixels, self.is_key) = (true, true);
+                    self.has_pixels = true;
                     jpeg::add(&mut self.data, payload).is_some()
                 }
             };
@@ -77,7 +73,6 @@ impl Units {
             timestamp: self.timestamp,
             data: std::mem::take(&mut self.data),
             is_damaged: std::mem::take(&mut self.is_damaged),
-            is_key: std::mem::take(&mut self.is_key),
         }
     }
 
@@ -122,11 +117,6 @@ impl Units {
             Coding::H264 => (1..=5).contains(&kind),
             _ => kind < 32,
         };
-        // An IDR or, of H.265, any image that decoding may begin with.
-        self.is_key |= match self.coding {
-            Coding::H264 => kind == 5,
-            _ => (16..=21).contains(&kind),
-        };
         self.data.extend(START_CODE);
         self.data.extend(unit);
         Some(())
@@ -155,12 +145,11 @@ mod tests {
         taken.flatten().collect()
     }
 
-    fn unit(timestamp: u32, data: &[&[u8]], is_key: bool) -> Unit {
+    fn unit(timestamp: u32, data: &[&[u8]], is_damaged: bool) -> Unit {
         Unit {
             timestamp,
             data: data.concat(),
-            is_damaged: false,
-            is_key,
+            is_damaged,
         }
     }
 
@@ -181,7 +170,7 @@ mod tests {
         let first = [S, S, &[0x67, 1], S, &[0x68, 2], S, &[6], S, &[0x65, 3, 4]];
         assert_eq!(
             found,
-            [unit(2, &first, true), unit(2, &[S, &[0x41, 5]], false)]
+            [unit(2, &first, false), unit(2, &[S, &[0x41, 5]], false)]
         );
     }
 
