@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example detector_texture -- CORPUS MODEL.onnx [FRAMES [SCORE]]`, with `ORT_DISABLE_TELEMETRY=1` and
 //! `ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so` in the environment. CORPUS must be one that the model was not trained on. The
-//! search is that of `dtd detect`. An aircraft that the training counts as hardly visible is neither a hit nor a miss.
+//! search is the one of `dtd detect`. An aircraft that the training counts as hardly visible is neither a hit nor a miss.
 //!
 //! The noise lies over the whole frame, aircraft included, is equal in the three colours and has a root mean square of 4 grey levels:
 //! streaks (white noise smoothed with a Gaussian of 40x3 px, as flat clouds look), smooth noise (2 px) and white noise. The same frame

@@ -15,7 +15,7 @@ use testkit::sweep::{SmallSweep, starting_from};
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 const ID: &str = "1200-clear-r1";
 
-/// One approach from 3 NM, with images that are hardly compressed.
+/// A sweep of one approach from 3 NM, with images that are hardly compressed.
 fn sweep(traffic: &str) -> String {
     let sweep = SmallSweep {
         name: "traffic",
@@ -72,7 +72,7 @@ fn every_aircraft_is_drawn_where_its_box_is_and_nothing_else_changes() {
     assert_eq!(alone.record().unwrap().schema_version, 1);
     assert!(alone.aircraft().unwrap().is_none());
     assert!(!alone.folder().aircraft_path().exists());
-    // The first aircraft is none the wiser.
+    // Nothing changes for the first aircraft.
     assert_eq!(several.frames().unwrap().rows, alone.frames().unwrap().rows);
 
     let boxes = several.truth_boxes().unwrap();

@@ -51,7 +51,7 @@ pub enum BridgeError {
         address: SocketAddr,
         /// Time waited.
         waited: Duration,
-        /// What else is known.
+        /// Further findings.
         silence: Silence,
     },
     /// The local port that the user chose is not available.

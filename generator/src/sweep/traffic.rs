@@ -190,7 +190,7 @@ pub(super) fn check_separations(sweep: &Sweep) -> Checked<()> {
             Ok(()) => continue,
             Err(bad) => bad,
         };
-        let rule = sweep.traffic.of_each[index][bad.other(&others)];
+        let rule = sweep.traffic.of_each[index][bad.other()];
         return fault(
             format!("traffic.{rule}"),
             format!("scenario {id}, on a straight approach: {bad}"),

@@ -20,17 +20,21 @@ const GROUND_M: f64 = 1.0;
 
 /// An aircraft in messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Named(String);
+pub struct Named {
+    number: usize,
+    words: String,
+}
 
 impl Named {
     fn of(number: usize, others: &[OtherAircraft]) -> Self {
         let other = number.checked_sub(1).and_then(|index| others.get(index));
-        Self(match other {
+        let words = match other {
             None => "aircraft 0 (the first)".into(),
             Some(OtherAircraft { role, aircraft, .. }) => {
                 format!("aircraft {number} ({}, {aircraft})", role.word())
             }
-        })
+        };
+        Self { number, words }
     }
 }
 
@@ -44,7 +48,7 @@ pub enum TrafficFault {
     #[error(
         "{} and {} are {distance_m:.0} m from each other {time_s:.0} s after the start; expected at least {MIN_IN_THE_AIR_M} m in the air and \
          {MIN_ON_THE_GROUND_M} m on the ground: change after_s or spacing_nm of one of them in [[traffic]]",
-        pair[0].0, pair[1].0
+        pair[0].words, pair[1].words
     )]
     TooClose {
         /// The two.
@@ -58,7 +62,7 @@ pub enum TrafficFault {
     #[error(
         "{} and {} are both on the runway {time_s:.0} s after the start; expected one at a time: change after_s or spacing_nm of one of them \
          in [[traffic]]",
-        pair[0].0, pair[1].0
+        pair[0].words, pair[1].words
     )]
     BothOnRunway {
         /// The two.
@@ -70,7 +74,7 @@ pub enum TrafficFault {
     #[error(
         "{} is {below_m:.0} m below the runway {time_s:.0} s after the start; expected none below the ground: the first aircraft's flight, which \
          it follows, begins too low for its after_s or spacing_nm in [[traffic]]",
-        aircraft.0
+        aircraft.words
     )]
     BelowGround {
         /// The aircraft.
@@ -83,17 +87,14 @@ pub enum TrafficFault {
 }
 
 impl TrafficFault {
-    /// The other aircraft at fault, by its place in the list.
-    pub(crate) fn other(&self, others: &[OtherAircraft]) -> usize {
+    /// Index of the aircraft at fault among the others.
+    pub(crate) fn other(&self) -> usize {
         let named = match self {
             Self::TooClose { pair, .. } | Self::BothOnRunway { pair, .. } => &pair[1],
             Self::BelowGround { aircraft, .. } => aircraft,
             Self::UnknownType(_) => return 0,
         };
-        let mut numbers = 1..=others.len();
-        numbers
-            .find(|number| Named::of(*number, others) == *named)
-            .map_or(0, |number| number - 1)
+        named.number.saturating_sub(1)
     }
 }
 
@@ -111,11 +112,12 @@ pub(crate) fn check(
     let target = runway.touchdown_target();
     let to_end_m = runway.length_m.unwrap_or(LENGTH_M) - runway.touchdown_past_threshold_m;
     let is_on_runway = |here: &Placed| {
+        if !here.on_ground {
+            return false;
+        }
         let at = RunwayCoordinates::of(here.pose.position(), target, runway.course_true_deg);
         let to_threshold_m = runway.touchdown_past_threshold_m + BEFORE_M;
-        here.on_ground
-            && at.cross_track_m.abs() < RUNWAY_M
-            && (-to_end_m..to_threshold_m).contains(&at.along_track_m)
+        at.cross_track_m.abs() < RUNWAY_M && (-to_end_m..to_threshold_m).contains(&at.along_track_m)
     };
     for (index, &time_s) in times_s.iter().enumerate() {
         let here: Vec<&Placed> = all.iter().map(|places| &places[index]).collect();

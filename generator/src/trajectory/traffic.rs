@@ -248,7 +248,7 @@ impl<'a> Approach<'a> {
         }
     }
 
-    /// Another type on the first aircraft's way: its wheels where those are.
+    /// The first aircraft's flight with another type, whose wheels follow the same path.
     fn shifted(&self, aircraft: &AircraftType, time_s: f64) -> Placed {
         let mut here = self.first(time_s);
         let [own_m, first_m] = [aircraft, self.aircraft].map(|of| of.wheel_height_below_cg_m());
@@ -436,7 +436,7 @@ mod tests {
     use crate::airports;
     use crate::trajectory::straight_in::{SPEED_MPS, straight_in};
 
-    /// Where the flight starts, which takes 125 s from there.
+    /// Distance to go at the start, metres; the flight takes 125 s.
     const FROM_M: f64 = 9_000.0;
     const TOUCHDOWN_S: f64 = FROM_M / SPEED_MPS;
 

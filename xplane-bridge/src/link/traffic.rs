@@ -18,7 +18,7 @@ pub struct TrafficPart {
     pub states: Vec<TrafficState>,
 }
 
-/// Another aircraft at an instant.
+/// State of a path at an instant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrafficState {

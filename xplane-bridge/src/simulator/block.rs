@@ -128,7 +128,7 @@ pub struct BlockRecording<'a> {
     covered: Covered,
     /// Ticks that were shown again before that.
     repeated: u32,
-    /// How long the scene is watched while it settles.
+    /// The watch of the scene while it settles.
     watched: Option<Watched>,
     /// How often it was watched in the middle of the block.
     watches: u32,
@@ -656,7 +656,7 @@ impl Drop for BlockRecording<'_> {
     }
 }
 
-/// How long a scene has been watched.
+/// Begin and images of a watch.
 #[derive(Debug)]
 struct Watched {
     since: Instant,

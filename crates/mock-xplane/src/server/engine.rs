@@ -57,7 +57,7 @@ pub struct SceneSetting<'a> {
     pub degradation: Option<&'a Degradation>,
 }
 
-/// Another aircraft in an image.
+/// An aircraft that is drawn beside the first one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OtherAircraft {
     /// Its type.

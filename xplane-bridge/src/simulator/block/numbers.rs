@@ -47,7 +47,7 @@ impl<P: PartialEq> Numbers<P> {
     }
 
     /// A number was seen, `steady` frames after a doubtful one, maybe with a grab of its frame. Returns the grab before, once it is decided
-    /// whether it counts; and true if the numbers may be late from now on, as if the scene were ahead, so that the lag is measured anew.
+    /// whether it counts; and true if numbers may be late from now on: the lag has to be measured again.
     pub(super) fn see(
         &mut self,
         number: u64,

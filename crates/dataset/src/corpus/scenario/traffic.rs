@@ -40,7 +40,7 @@ impl Role {
     }
 }
 
-/// Another aircraft.
+/// An aircraft besides the first one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OtherAircraft {
     /// Its number in the tables, from 1: the first aircraft has number 0.

@@ -56,7 +56,7 @@ const CAMERA: [&str; 6] = [
 const FRAME_PERIOD: &str = "sim/operation/misc/frame_rate_period";
 const PAUSED: &str = "sim/time/paused";
 const MINUTE_S: f64 = 60.0;
-/// How long a frame is shown that a driver inserts: half a frame at 60 frames per second.
+/// Duration of a frame that a driver inserts: half a frame at 60 frames per second.
 const INSERTED_FOR: Duration = Duration::from_millis(8);
 /// Prefix of the autopilot's commands.
 const AUTOPILOT: &str = "sim/autopilot/";
@@ -287,7 +287,7 @@ impl PluginScene {
         (self.faults.codes).of_frame(self.frames, self.faults.seed)
     }
 
-    /// What is shown of the rectangles that the plugin drew: a frame's number may be an earlier one, or missing.
+    /// The rectangles that are shown for the ones that the plugin drew: a frame's number may be an earlier one, or missing.
     fn shown_code(&mut self, rectangles: &Value, fault: Option<CodeFault>) -> Value {
         let drawn = rectangles.as_array().map_or(&[][..], Vec::as_slice);
         if drawn.first().is_none_or(is_check_pattern) {
