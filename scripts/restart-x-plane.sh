@@ -4,7 +4,7 @@
 # next start whether to start in safe mode.
 #
 #   X_PLANE           command line that starts it
-#   X_PLANE_PID_FILE  file for its process' number; without it, the processes named X-Plane-x86_64 are meant
+#   X_PLANE_PID_FILE  file for its process' number; without it, the user's processes named X-Plane-x86_64 are meant
 #   DTD_SIMULATOR     its address, set by dtd
 #   QUIT_S, TERM_S, PORT_S  seconds that it gets to end by its own command, by a signal, and to free its port
 set -u
@@ -13,14 +13,25 @@ start=${X_PLANE:-$usual}
 simulator=${DTD_SIMULATOR:-auto}
 [[ $simulator == *:* ]] || simulator=127.0.0.1:49000
 host=${simulator%:*} port=${simulator##*:}
+if [[ " 127.0.0.1 localhost $(hostname -I) " != *" $host "* ]]; then
+    echo "$simulator is not on this computer: its restart command has to run there, for instance with ssh"
+    exit 1
+fi
+
+# When a process began, in clock ticks since the computer did: another one with the same number began later.
+began() {
+    sed -n 's/.*) //p' "/proc/$1/stat" 2>/dev/null | cut -d' ' -f20
+}
 
 processes() {
+    local process since
     if [[ -n ${X_PLANE_PID_FILE-} ]]; then
-        cat "$X_PLANE_PID_FILE" 2>/dev/null
+        read -r process since <"$X_PLANE_PID_FILE" || return
+        [[ -n $since && $since != $(began "$process") ]] || echo "$process"
     else
-        pgrep -x X-Plane-x86_64
+        pgrep -u "$(id -u)" -x X-Plane-x86_64
     fi
-}
+} 2>/dev/null
 
 # True if a process runs; one that has ended and was not waited for does not.
 runs() {
@@ -55,4 +66,4 @@ if ! until_not port_is_held "${PORT_S:-240}"; then
     exit 1
 fi
 setsid bash -c "$start" </dev/null >/dev/null 2>&1 &
-[[ -z ${X_PLANE_PID_FILE-} ]] || echo $! >"$X_PLANE_PID_FILE"
+[[ -z ${X_PLANE_PID_FILE-} ]] || echo "$! $(began $!)" >"$X_PLANE_PID_FILE"

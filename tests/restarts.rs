@@ -86,8 +86,10 @@ impl Scripted {
     }
 
     fn signal(&self, signal: &str) {
-        let pid = fs::read_to_string(self.file("pid")).unwrap_or_default();
-        let _ = Command::new("kill").args([signal, pid.trim()]).output();
+        let text = fs::read_to_string(self.file("pid")).unwrap_or_default();
+        // The documented script notes when the process began as well.
+        let pid = text.split_whitespace().next().unwrap_or_default();
+        let _ = Command::new("kill").args([signal, pid]).output();
     }
 
     /// X-Plane's own command to end.
@@ -269,7 +271,36 @@ fn a_simulator_that_is_starting_when_the_run_begins_is_waited_for() {
         .output();
     let output = output.unwrap();
     assert!(output.status.success(), "{}", said(&output));
-    assert!(said(&output).contains("is starting"), "{}", said(&output));
+    assert!(
+        said(&output).contains("may still be starting"),
+        "{}",
+        said(&output)
+    );
+}
+
+#[test]
+fn a_simulator_without_the_plugin_is_waited_for_with_its_remedy() {
+    let folder = tempdir().unwrap();
+    let sweep = sweep(folder.path(), 1);
+    let corpus = folder.path().join("corpus");
+    let simulator = Scripted::start();
+    // One that has run for minutes starts no plugin any more.
+    let started = Command::new("sh")
+        .args([
+            "-c",
+            &simulator.script("--state no-plugin --clock-rate 100"),
+        ])
+        .status();
+    assert!(started.unwrap().success());
+    let run = simulator.generate_within("2", &sweep, &corpus, &[]);
+    let output = run_with(run, &corpus, &[]);
+    assert!(!output.status.success());
+    let said = said(&output);
+    let waits = said
+        .lines()
+        .find(|line| line.contains("may still be starting"));
+    let waits = waits.unwrap_or_else(|| panic!("{said}"));
+    assert!(waits.contains("dtd install-plugin"), "{waits}");
 }
 
 #[test]

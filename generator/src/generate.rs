@@ -290,20 +290,23 @@ async fn open_sessions(
     if cancel.is_cancelled() {
         return Err(GenerateError::Cancelled);
     }
-    for (session, trouble) in &mut sessions {
-        if let Some(error) = trouble
-            && options.restart.is_none()
-            && session.may_be_starting(error)
-        {
-            let name = session.name();
-            let wait_s = options.patience.simulator.as_secs();
-            reporter.say(&format!(
-                "simulator {name} is starting: waiting for it, for {wait_s} s at most"
-            ));
-            let back = session.come_back(options.patience.simulator);
-            *trouble = unless_cancelled(cancel, back).await.err();
-        }
-    }
+    let starting = sessions
+        .iter_mut()
+        .map(|(session, trouble)| async move {
+            if let Some(error) = trouble
+                && options.restart.is_none()
+                && session.may_be_starting(error)
+            {
+                let name = session.name();
+                let wait_s = options.patience.simulator.as_secs();
+                reporter.warn(&format!(
+                    "simulator {name} cannot be used yet: {error}. Waiting for it, for {wait_s} s at most, since it may still be starting"
+                ));
+                let back = session.come_back(options.patience.simulator);
+                *trouble = unless_cancelled(cancel, back).await.err();
+            }
+        });
+    join_all(starting).await;
     let can_restart = |session: &Session| options.restart.is_some() && session.runs_already();
     let is_hopeless = |(session, trouble): &(Session, Option<ScenarioError>)| {
         trouble

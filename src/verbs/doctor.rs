@@ -1,20 +1,22 @@
 //! `dtd doctor`: examines a live connection point by point.
 
-use std::fs;
+use std::fs::{self, File};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use dataset::Error;
 use dataset::files::json_file::write_json;
 use dataset::geometry::runway::Runway;
 use generator::sweep::Sweep;
+use tokio::process::Command;
 use tokio::sync::oneshot;
+use tokio::time::timeout;
 use xplane_bridge::doctor::{Check, DoctorOptions, Intent, Measuring, Verdict, examine};
 use xplane_bridge::link::{LinkToken, PictureSize};
 use xplane_bridge::udp::discovery::{DISCOVERY_TIMEOUT, the_announced};
-use xplane_bridge::{LocalUdp, WebApiPlace, somebody_answers};
+use xplane_bridge::{LocalUdp, WebApiPlace, announced_link_port, somebody_answers};
 use xplane_tape::{RecordOptions, record};
 
 use super::Outcome;
@@ -31,7 +33,9 @@ const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
 /// Files of a first hour.
 const TAPE: &str = "session.mcap";
 const REPORT: &str = "report.json";
-/// Longest silence of a restarted X-Plane: twice a cold start.
+/// What the restart command says.
+const RESTART_LOG: &str = "restart.log";
+/// Longest silence of a restarted X-Plane, twice a cold start, and longest time that the command for it may take.
 const BACK_WITHIN: Duration = Duration::from_secs(600);
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
@@ -116,6 +120,7 @@ async fn recorded(
         None => (the_announced(DISCOVERY_TIMEOUT, &local_udp).await)
             .map_or(USUAL_ADDRESS.into(), |one| one.address),
     };
+    options.own_link_port = announced_link_port(simulator, ANSWER_WITHIN, &local_udp).await;
     let to_record = RecordOptions {
         token: LinkToken::from_environment(),
         local_udp: noting,
@@ -140,12 +145,14 @@ async fn recorded(
         checks
     };
     let (recorded, mut checks) = tokio::join!(recording, examining);
+    // Before anything that may not end: half an hour would be lost.
+    write_json(&out.join(REPORT), &checks)?;
     recorded.map_err(|error| Failure::bad_input_if(error.is_bad_input(), error))?;
     if let Some(command) = restart {
-        checks.push(restarted(command, simulator, &local_udp).await);
+        checks.push(restarted(command, out, simulator, &local_udp).await?);
         checks.last().into_iter().for_each(show);
+        write_json(&out.join(REPORT), &checks)?;
     }
-    write_json(&out.join(REPORT), &checks)?;
     eprintln!(
         "doctor: {} has a report and a tape: please send it",
         out.display()
@@ -153,51 +160,66 @@ async fn recorded(
     Ok(checks)
 }
 
-/// Restarts the simulator by a command, and waits until it answers: it does not while it asks a question.
-async fn restarted(command: &str, simulator: SocketAddr, local_udp: &LocalUdp) -> Check {
-    let began = Instant::now();
-    let shell = Command::new("sh")
+/// Restarts the simulator by a command, and waits until it answers: it does not while it asks a question. What the command says is kept in
+/// the folder.
+async fn restarted(
+    command: &str,
+    out: &Path,
+    simulator: SocketAddr,
+    local_udp: &LocalUdp,
+) -> Result<Check, Failure> {
+    let log = out.join(RESTART_LOG);
+    // A file, since a simulator that the command leaves behind holds its output open.
+    let said = File::create(&log).map_err(Error::io("create", &log))?;
+    let said_too = said.try_clone().map_err(Error::io("open", &log))?;
+    let mut shell = Command::new("sh");
+    shell
         .args(["-c", command])
         .env("DTD_SIMULATOR", simulator.to_string())
-        .status();
+        .stdin(Stdio::null())
+        .stdout(said)
+        .stderr(said_too);
+    let began = Instant::now();
+    let ended = timeout(BACK_WITHIN, shell.status()).await;
     let ended_s = began.elapsed().as_secs_f64();
-    let (verdict, found, hint) = match shell {
-        Ok(status) if status.success() => {
-            while !somebody_answers(simulator, ANSWER_WITHIN, local_udp).await
-                && began.elapsed() < BACK_WITHIN
-            {}
+    let warning = |found: String, hint: &str| {
+        let hint = format!("{hint}; {} has what it said", log.display());
+        Check::warning("restart", found, hint)
+    };
+    let in_shell = "Run it in a shell, in the background if it stays with the simulator";
+    Ok(match ended {
+        Ok(Ok(status)) if status.success() => {
+            let began = Instant::now();
+            let mut answers = false;
+            while !answers && began.elapsed() < BACK_WITHIN {
+                answers = somebody_answers(simulator, ANSWER_WITHIN, local_udp).await;
+            }
             let back_s = began.elapsed().as_secs_f64();
-            if began.elapsed() < BACK_WITHIN {
-                let found = format!(
-                    "it ended and was started within {ended_s:.0} s, and answers after {back_s:.0} s"
-                );
-                (Verdict::Ok, found, None)
+            let said = fs::read_to_string(&log).unwrap_or_default();
+            let said = said.lines().last().map(|line| format!(" ({line})"));
+            let ended = format!(
+                "the command ended after {ended_s:.0} s{}",
+                said.unwrap_or_default()
+            );
+            if answers {
+                Check::ok(
+                    "restart",
+                    format!("{ended}, the simulator answers {back_s:.0} s later"),
+                )
             } else {
-                let hint = "Look at its screen, and write down what you see: does it ask whether to start in safe mode, or show its menu?";
-                (
-                    Verdict::Warning,
-                    format!("no answer within {back_s:.0} s"),
-                    Some(hint),
+                warning(
+                    format!("{ended}, no answer within {back_s:.0} s"),
+                    "Look at its screen, and write down what you see: does it ask whether to start in safe mode, or show its menu?",
                 )
             }
         }
-        Ok(status) => (
-            Verdict::Warning,
-            format!("the command ended with {status}"),
-            Some("Run it in a shell"),
+        Ok(Ok(status)) => warning(format!("the command ended with {status}"), in_shell),
+        Ok(Err(error)) => warning(format!("cannot run sh: {error}"), in_shell),
+        Err(_) => warning(
+            format!("the command did not end within {ended_s:.0} s"),
+            in_shell,
         ),
-        Err(error) => (
-            Verdict::Warning,
-            format!("cannot run sh: {error}"),
-            Some("Run it in a shell"),
-        ),
-    };
-    Check {
-        name: "restart",
-        verdict,
-        found,
-        hint: hint.map(str::to_owned),
-    }
+    })
 }
 
 /// The sweep to record, with its image size and its runway.

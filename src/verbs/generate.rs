@@ -316,6 +316,13 @@ impl ShowEvents {
                 self.written += bytes_below(&folder).unwrap_or(0);
                 self.finished(id, u64::from(ticks));
             }
+            Event::PaceChanged { id } => {
+                if let Some(current) = self.current.get_mut(id) {
+                    current.done = 0;
+                }
+                let others: u64 = self.current.values().map(|current| current.done).sum();
+                self.bar.resume(self.before + others);
+            }
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
                 self.finished_without_us(id, u64::from(ticks));

@@ -155,7 +155,7 @@ pub enum Silence {
     Nothing,
     /// The simulator's computer reported that the port is closed.
     Refused,
-    /// The simulator had answered before, and has closed its capture link.
+    /// The simulator had answered before, and its capture link is closed.
     Ended,
 }
 
@@ -163,8 +163,8 @@ fn no_answer(address: SocketAddr, waited: Duration, silence: Silence) -> String 
     let hint = match silence {
         Silence::Ended => {
             return format!(
-                "the simulator at {address} has ended: its capture link is closed, and it did not answer over UDP within {waited:.1?}. Start \
-                 it, and run the same command again"
+                "the simulator at {address} has probably ended: its capture link is closed, and it did not answer over UDP within {waited:.1?}. \
+                 Start it, and run the same command again"
             );
         }
         Silence::Refused => ": no program listens on that port",

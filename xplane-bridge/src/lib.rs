@@ -26,6 +26,7 @@ pub use simulator::doctor;
 pub use simulator::{
     BadWebApiPlace, BlockOfTicks, BlockRecording, BlockReport, BlockTrial, CONNECT_TIMEOUT,
     ConnectOptions, KnownBlocks, LINK_TOKEN_VARIABLE, Simulator, TrafficPath, WEATHER_SETTLE,
-    WEB_API_VARIABLE, WebApiPlace, block_bytes, pictures_waiting, somebody_answers,
+    WEB_API_VARIABLE, WebApiPlace, announced_link_port, block_bytes, pictures_waiting,
+    somebody_answers,
 };
 pub use udp::socket::{LocalUdp, PortNote};

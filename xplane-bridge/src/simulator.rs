@@ -54,7 +54,7 @@ use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
 pub use traffic::TrafficPath;
 pub(crate) use udp::running_since;
-pub use udp::somebody_answers;
+pub use udp::{announced_link_port, somebody_answers};
 
 /// A reasonable timeout for [`Simulator::connect`].
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -160,6 +160,7 @@ impl Simulator {
             let ConnectOptions {
                 token,
                 web_api,
+                own_link_port,
                 local_udp: _,
             } = options;
             let deadline = Instant::now() + timeout;
@@ -255,7 +256,8 @@ impl Simulator {
             let generation = Generation::of_version(version);
             let web_api = match (generation, web_api) {
                 (Generation::XPlane12, Some(place)) => {
-                    connect_options::find_web_api::usable(place, port).await
+                    let own_port = own_link_port.unwrap_or(port);
+                    connect_options::find_web_api::usable(place, own_port).await
                 }
                 _ => None,
             };

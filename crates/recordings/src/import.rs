@@ -307,13 +307,12 @@ fn make(
         flights: &flights,
     };
     outcome.scenarios = corpus_folder::write(&parts, file, &workshop.path(NEW))?;
-    // Before the corpus appears, since no later import would do it.
     workshop.remove(SCRATCH)?;
+    workshop.put_in_place()?;
     // Whoever mends the description and imports again needs no second search.
     if outcome.refused.is_empty() {
         workshop.remove(SEARCHED)?;
     }
-    workshop.put_in_place()?;
     Ok(outcome)
 }
 

@@ -72,8 +72,10 @@ pub(crate) fn search(
         })
         .collect();
     let mut tables = Vec::new();
-    for item in &items {
+    watch.begin("checksums of videos", items.len() as u64);
+    for (read, item) in (0..).zip(&items) {
         watch.check()?;
+        watch.advance(read, &name_of(&item.video.file));
         match item.table(searcher, folder) {
             Err(error) if !error.is_of_a_file() => return Err(error),
             table => tables.push(table),
@@ -87,7 +89,7 @@ pub(crate) fn search(
         tables.map(|table| table.expected_images).sum()
     };
     let made_images = images(&made);
-    watch.begin("", made_images + images(&due));
+    watch.begin("search", made_images + images(&due));
     watch.resume(made_images);
     let done = Mutex::new(made_images);
     let image_done = || {
@@ -255,7 +257,7 @@ impl Item<'_> {
 /// Joins the tables of a camera's videos.
 fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result<Searched> {
     let mut all = HEADER.to_owned();
-    let (mut boxes, mut damaged_images) = (0, 0);
+    let (mut images, mut boxes, mut damaged_images) = (0, 0, 0);
     let mut spans: Vec<(f64, f64, &Path)> = Vec::new();
     for (number, table) in tables.iter().enumerate() {
         let text = fs::read_to_string(&table.path);
@@ -272,6 +274,7 @@ fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result
             let time_s = table.first_image_s + since.parse::<f64>().unwrap_or(f64::NAN);
             let pixel_box = before.get(since.len()..).unwrap_or_default();
             last_s = time_s;
+            images += 1;
             let track = match track {
                 "" => String::new(),
                 track => format!("{number}.{track}"),
@@ -285,7 +288,11 @@ fn joined(camera: &CameraDescription, tables: &[Table], folder: &Path) -> Result
     refuse_overlap(spans)?;
     if boxes == 0 {
         let first = &camera.videos[0].file;
-        let why = "and the camera's other videos show no aircraft that the detector finds; is it for such images (`--model`)?";
+        let why = if images == 0 {
+            "and the camera's other videos have no image that can be decoded without errors; copy them again"
+        } else {
+            "and the camera's other videos show no aircraft that the detector finds; is it for such images (`--model`)?"
+        };
         return Err(dataset::Error::corpus(first, why).into());
     }
     let table = folder.join(format!("{}.csv", camera.name));
@@ -392,10 +399,10 @@ mod tests {
     }
 
     /// Tables of videos whose images follow each other by a second, each with two damaged images.
-    fn tables(camera: &CameraDescription, folder: &Path, seconds: u32) -> Vec<Table> {
+    fn tables(camera: &CameraDescription, folder: &Path, images: u32) -> Vec<Table> {
         let table = |(number, video): (usize, &Video)| {
             let path = folder.join(format!("table-{number}.csv"));
-            let rows: String = (0..=seconds)
+            let rows: String = (0..images)
                 .map(|second| format!("{second}.0,300.0,200.0,40.0,20.0,0.9,0\n"))
                 .collect();
             write(&path, &format!("2\n{rows}")).unwrap();
@@ -403,7 +410,7 @@ mod tests {
                 path,
                 first_image_s: video.first_image_s.unwrap(),
                 video_blake3: String::new(),
-                expected_images: u64::from(seconds) + 3,
+                expected_images: u64::from(images) + 2,
             }
         };
         camera.videos.iter().enumerate().map(table).collect()
@@ -415,7 +422,7 @@ mod tests {
         let folder = folder.path();
         let join = |began_s: [f64; 2]| {
             let camera = camera(folder, &began_s);
-            joined(&camera, &tables(&camera, folder, 60), folder)
+            joined(&camera, &tables(&camera, folder, 61), folder)
         };
         // In any order; starts are stated in whole seconds.
         let sound = join([BEGAN_S + 60.0, BEGAN_S]).ok().unwrap();
@@ -424,5 +431,17 @@ mod tests {
         for words in ["0.mp4", "30.0 s before 1.mp4", "first_image"] {
             assert!(error.contains(words), "{error}");
         }
+    }
+
+    #[test]
+    fn videos_without_any_sound_image_are_refused_as_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = camera(folder.path(), &[BEGAN_S]);
+        let tables = tables(&camera, folder.path(), 0);
+        let error = joined(&camera, &tables, folder.path()).err().unwrap();
+        assert!(
+            error.to_string().contains("no image that can be decoded"),
+            "{error}"
+        );
     }
 }

@@ -44,11 +44,6 @@ impl Xvfb {
         Self { server, display }
     }
 
-    /// Process id of the X server.
-    pub fn process_id(&self) -> u32 {
-        self.server.id()
-    }
-
     /// Display name, for `DISPLAY`.
     pub fn display(&self) -> &str {
         &self.display

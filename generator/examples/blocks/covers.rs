@@ -15,7 +15,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
-use dataset::video::VideoReader;
 use generator::generate::Event;
 use mock_xplane::server::WindowForm;
 use rand::{RngExt, SeedableRng};
@@ -26,7 +25,7 @@ use testkit_simulator::CoverWindow;
 use tracing::field::{Field, Visit};
 use tracing::span;
 
-use super::{FRAMES_PER_S, MARGIN_PX, Recording};
+use super::{MARGIN_PX, Recording, unlike};
 
 const SIZE_PX: (u32, u32) = (480, 320);
 /// Two percent of the image.
@@ -61,7 +60,7 @@ pub(crate) async fn covers(
     file: Option<&Path>,
 ) -> Result<(), Box<dyn Error>> {
     tracing::subscriber::set_global_default(CountAlarms)?;
-    let recording = Recording::start(SIZE_PX, MARGIN_PX, Some(FRAMES_PER_S), 0, "").await?;
+    let recording = Recording::start(SIZE_PX, MARGIN_PX, 0, "").await?;
     let toml = SmallSweep {
         name: "covers",
         seed,
@@ -235,30 +234,17 @@ fn covered_pictures(
     id: &str,
     area: Area,
 ) -> Result<u32, Box<dyn Error>> {
-    let [expected, found] = [expected.scenario(id), found.scenario(id)];
-    let record = found.open()?.record()?;
+    let record = found.scenario(id).open()?.record()?;
     let time_runs = record
         .weather()
         .is_some_and(|weather| weather.rain_ratio > 0.0);
-    let mut covered = 0;
-    for view in &record.views {
-        let mut videos = [
-            VideoReader::open(&expected.video_path(view))?,
-            VideoReader::open(&found.video_path(view))?,
-        ];
-        let [mut one, mut other] = [Vec::new(), Vec::new()];
-        while videos[0].next_frame(&mut one)?.is_some()
-            && videos[1].next_frame(&mut other)?.is_some()
-        {
-            let is_covered = if time_runs {
-                differing_share(&one, &other, area) > COVER_SHARE
-            } else {
-                one != other
-            };
-            covered += u32::from(is_covered);
+    unlike(expected, found, id, |one, other| {
+        if time_runs {
+            differing_share(one, other, area) > COVER_SHARE
+        } else {
+            one != other
         }
-    }
-    Ok(covered)
+    })
 }
 
 /// Share of the area's pixels that differ as a cover does.

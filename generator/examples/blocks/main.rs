@@ -4,7 +4,10 @@
 //! second and with the scene 0 to 4 frames behind. A clear and a stormy flight are recorded at 30 images per second from two views. Frames
 //! are counted from the known flight to the last image, so that settling and probes are included; the check of the window before and after
 //! is not, nor is the trial before the first scenario. Arguments: width and height of the images (480 320), the first and the last lag (0
-//! 4).
+//! 4), and faults of the simulator, such as `repeat=0.001`.
+//!
+//! `-- codes` records a clear flight with frames that show a wrong number of theirs, and counts images that differ from the flight's without.
+//! Arguments: width and height (480 320).
 //!
 //! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:
 //! scenarios of each weather (25), a seed (0), and a JSON file to which the figures are added, else they are printed.
@@ -15,12 +18,8 @@
 //! `-- plan` compares the time that `dtd plan --sim` expects, after the doctor measured the simulator, with the time that `dtd generate`
 //! takes: two flights from two views, by blocks, with one number in twenty repeated, and in a scene that moves all over, whose images are
 //! all settled. Arguments: width and height (480 320).
-//!
-//! `-- speed` records at 1920x1280 as fast as the machine can, and compares the rate with the processor time of the steps of an image,
-//! each measured alone. Arguments: width and height (1920 1280), and a weather (clear and stormy). On a larger machine: `taskset -c 0,1`
-//! before it.
 
-mod alone;
+mod codes;
 mod covers;
 
 use std::env;
@@ -31,6 +30,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
+use dataset::video::VideoReader;
 use generator::generate::{Cancel, Event, GenerateOptions, SimulatorTarget, generate};
 use generator::plan::{Estimate, Pacing, expand};
 use generator::sweep::Sweep;
@@ -39,8 +39,8 @@ use mock_xplane::server::{
 };
 use mock_xplane::window::{DisplayWindow, X11Window};
 use serde_json::json;
+use testkit::repository;
 use testkit::sweep::{SmallSweep, starting_from};
-use testkit::{processor_time, repository};
 use testkit_simulator::{Running, Xvfb, quiet};
 use xplane_bridge::Simulator;
 use xplane_bridge::datarefs::Generation;
@@ -50,13 +50,10 @@ use xplane_bridge::pixels::{FfmpegScreen, Screen};
 
 /// Refresh rate of the screen.
 const FRAMES_PER_S: f64 = 60.0;
-/// Cores that the rate at full speed is compared with, and the share of them that the three steps should use.
-const CORES: f64 = 2.0;
-const GOAL: f64 = 0.7;
 /// Margin on each side of the image.
 const MARGIN_PX: u32 = 16;
 /// Name of the corpus of [`Recording::record`].
-const SPEED: &str = "speed";
+const CORPUS: &str = "corpus";
 const WEATHERS: [&str; 2] = ["clear", "stormy"];
 const CLEAR_AND_STORMY: &str = r#"
 [weather.clear]
@@ -105,34 +102,34 @@ async fn main() -> Result<(), Box<dyn Error>> {
     match what {
         "frames" => {
             let lags = number(2, 0)? as usize..=number(3, 4)? as usize;
-            frames((number(0, 480)?, number(1, 320)?), lags).await
+            let faults = arguments.get(5).map_or("", String::as_str);
+            frames((number(0, 480)?, number(1, 320)?), lags, faults).await
         }
-        "speed" => {
-            let weathers = match arguments.get(3) {
-                Some(weather) => vec![weather.as_str()],
-                None => WEATHERS.to_vec(),
-            };
-            speed((number(0, 1_920)?, number(1, 1_280)?), &weathers).await
-        }
+        "codes" => codes::codes((number(0, 480)?, number(1, 320)?)).await,
         "plan" => plan((number(0, 480)?, number(1, 320)?)).await,
         "moving" => moving((number(0, 480)?, number(1, 320)?)).await,
         "covers" => {
             let file = arguments.get(3).map(Path::new);
             covers::covers(number(0, 25)?, number(1, 0)?, file).await
         }
-        _ => Err("expected `frames`, `moving`, `plan`, `speed` or `covers`".into()),
+        _ => Err("expected `frames`, `moving`, `codes`, `plan` or `covers`".into()),
     }
 }
 
-async fn frames(size_px: (u32, u32), lags: RangeInclusive<usize>) -> Result<(), Box<dyn Error>> {
+async fn frames(
+    size_px: (u32, u32),
+    lags: RangeInclusive<usize>,
+    faults: &str,
+) -> Result<(), Box<dyn Error>> {
     for lag in lags {
-        let recording = Recording::start(size_px, MARGIN_PX, Some(FRAMES_PER_S), lag, "").await?;
+        let recording = Recording::start(size_px, MARGIN_PX, lag, faults).await?;
         for recorded in recording.record(0.5, &WEATHERS).await? {
             let pictures = recorded.pictures as f64;
             println!(
                 "{}",
                 json!({
-                    "scenario": recorded.id, "frames_behind": lag, "pictures": recorded.pictures,
+                    "scenario": recorded.id, "frames_behind": lag, "faults": faults,
+                    "pictures": recorded.pictures,
                     "frames_per_picture": recorded.frames as f64 / pictures,
                     "pictures_per_s": pictures / recorded.seconds,
                     "blocks": recorded.blocks,
@@ -150,8 +147,7 @@ async fn moving(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
         .flat_map(|(margin_px, things)| [8, 20, 60].map(|levels| (margin_px, things, levels)))
     {
         let faults = format!("swing={things}:3:6:{levels}");
-        let rate = Some(FRAMES_PER_S);
-        let recording = Recording::start(size_px, margin_px, rate, 0, &faults).await?;
+        let recording = Recording::start(size_px, margin_px, 0, &faults).await?;
         for recorded in recording.record(0.5, &WEATHERS[..1]).await? {
             println!(
                 "{}",
@@ -170,7 +166,7 @@ async fn moving(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
 async fn plan(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
     // Settled images take long.
     for (faults, dtd_nm) in [("", 2.0), ("repeat=0.05", 2.0), ("swing=3000:3:6:150", 1.0)] {
-        let recording = Recording::start(size_px, MARGIN_PX, Some(FRAMES_PER_S), 1, faults).await?;
+        let recording = Recording::start(size_px, MARGIN_PX, 1, faults).await?;
         let address = recording.simulator.addresses.udp;
         let doctor = DoctorOptions {
             screen: recording.screen.clone(),
@@ -192,7 +188,7 @@ async fn plan(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
         let pacing = Pacing::XPlane(profile);
         let estimate = Estimate::new(&planned.common, &planned.scenarios, &pacing, None);
         let began = Instant::now();
-        let corpus = recording.generate(SPEED, toml, &mut |_| {}).await?;
+        let corpus = recording.generate(CORPUS, toml, &mut |_| {}).await?;
         let took_s = began.elapsed().as_secs_f64();
         let record = corpus.scenarios()?[0].open()?.record()?;
         let expected_s = 3_600.0 * estimate.making_h;
@@ -208,41 +204,12 @@ async fn plan(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-async fn speed(size_px: (u32, u32), weathers: &[&str]) -> Result<(), Box<dyn Error>> {
-    let recording = Recording::start(size_px, MARGIN_PX, None, 0, "").await?;
-    for recorded in recording.record(1.0, weathers).await? {
-        let alone = alone::measure(&recording, &recorded.id)?;
-        let pictures_per_s = recorded.pictures as f64 / recorded.seconds;
-        let of_a_picture = alone.drawing + alone.grabbing + alone.encoding;
-        println!(
-            "{}",
-            json!({
-                "scenario": recorded.id, "pictures": recorded.pictures,
-                "frames_per_picture": recorded.frames as f64 / recorded.pictures as f64,
-                "pictures_per_s": pictures_per_s,
-                "drawing_ms": 1e3 * alone.drawing.as_secs_f64(),
-                "grabbing_ms": 1e3 * alone.grabbing.as_secs_f64(),
-                "encoding_ms": 1e3 * alone.encoding.as_secs_f64(),
-                "processor_ms": 1e3 * recorded.processor.as_secs_f64() / recorded.pictures as f64,
-                "before_first_picture_s": recorded.before_first_s,
-                "after_last_picture_s": recorded.after_last_s,
-                "cores": CORES,
-                "share_of_cores": pictures_per_s * of_a_picture.as_secs_f64() / CORES,
-                "goal": GOAL,
-                "blocks": recorded.blocks,
-            })
-        );
-    }
-    Ok(())
-}
-
 /// A simulator with its screen, and a folder for the corpus.
 struct Recording {
     size_px: (u32, u32),
     /// Aborted before its screen ends.
     simulator: Running,
     xvfb: Xvfb,
-    window: Arc<dyn DisplayWindow>,
     screen: Arc<dyn Screen>,
     frames: FramesDrawn,
     covers: WindowCovers,
@@ -254,11 +221,6 @@ struct Recorded {
     frames: u64,
     pictures: u64,
     seconds: f64,
-    /// Seconds until the first image, and since the last one.
-    before_first_s: f64,
-    after_last_s: f64,
-    /// Processor time of the simulator, its screen and the recording.
-    processor: Duration,
     blocks: serde_json::Value,
 }
 
@@ -266,25 +228,23 @@ impl Recording {
     async fn start(
         size_px: (u32, u32),
         margin_px: u32,
-        most_frames_per_s: Option<f64>,
         lag: usize,
         faults: &str,
     ) -> Result<Self, Box<dyn Error>> {
         let window_px = (size_px.0 + 2 * margin_px, size_px.1 + 2 * margin_px);
         let xvfb = Xvfb::start(&format!("{}x{}x24", window_px.0, window_px.1));
         let window = X11Window::open(Some(xvfb.display()), window_px)?;
-        let window: Arc<dyn DisplayWindow> = Arc::new(window);
         let (frames, covers) = (FramesDrawn::default(), WindowCovers::default());
         let simulator = Running::start(ServerOptions {
             generation: Generation::XPlane12,
             link: LinkServer::Plugin(PluginOptions {
-                most_frames_per_s,
+                most_frames_per_s: Some(FRAMES_PER_S),
                 scene_behind: Some(SceneBehind::Constant(lag)),
                 frames_drawn: frames.clone(),
                 window_covers: covers.clone(),
                 ..testkit_simulator::plugin::options(window_px)
             }),
-            stage: Some(window.clone()),
+            stage: Some(Arc::new(window) as Arc<dyn DisplayWindow>),
             faults: faults.parse()?,
             ..quiet()
         })
@@ -294,7 +254,6 @@ impl Recording {
             simulator,
             screen: Arc::new(FfmpegScreen::of_display(xvfb.display())),
             xvfb,
-            window,
             frames,
             covers,
             folder: tempfile::tempdir()?,
@@ -332,33 +291,23 @@ impl Recording {
         let toml = sweep(self.size_px, dtd_nm, weathers);
         let (mut from, mut to) = (0, 0);
         let mut began = Instant::now();
-        let (mut first, mut last, mut processor) = (None, began, Duration::ZERO);
         let mut recorded = Vec::new();
         let mut listen = |event: Event<'_>| match event {
             Event::Flown { .. } => {
                 from = self.frames.get();
                 began = Instant::now();
-                first = None;
-                processor = processor_time::own_and_running_children();
             }
-            Event::Captured { .. } => {
-                to = self.frames.get();
-                last = Instant::now();
-                first.get_or_insert(last);
-            }
+            Event::Captured { .. } => to = self.frames.get(),
             Event::Committed { id, ticks, .. } => recorded.push(Recorded {
                 id: id.to_owned(),
                 frames: to - from,
                 pictures: 2 * u64::from(ticks),
                 seconds: began.elapsed().as_secs_f64(),
-                before_first_s: (first.unwrap_or(last) - began).as_secs_f64(),
-                after_last_s: last.elapsed().as_secs_f64(),
-                processor: processor_time::own_and_running_children() - processor,
                 blocks: json!(null),
             }),
             _ => {}
         };
-        let corpus = self.generate(SPEED, toml, &mut listen).await?;
+        let corpus = self.generate(CORPUS, toml, &mut listen).await?;
         recorded.retain(|recorded| recorded.id.ends_with("r2"));
         for recorded in &mut recorded {
             let record = corpus.scenario(&recorded.id).open()?.record()?;
@@ -366,4 +315,28 @@ impl Recording {
         }
         Ok(recorded)
     }
+}
+
+/// Images of a scenario, of all views, that differ from the expected ones.
+fn unlike(
+    expected: &Corpus,
+    found: &Corpus,
+    id: &str,
+    differs: impl Fn(&[u8], &[u8]) -> bool,
+) -> Result<u32, Box<dyn Error>> {
+    let [expected, found] = [expected.scenario(id), found.scenario(id)];
+    let mut unlike = 0;
+    for view in &found.open()?.record()?.views {
+        let mut videos = [
+            VideoReader::open(&expected.video_path(view))?,
+            VideoReader::open(&found.video_path(view))?,
+        ];
+        let [mut one, mut other] = [Vec::new(), Vec::new()];
+        while videos[0].next_frame(&mut one)?.is_some()
+            && videos[1].next_frame(&mut other)?.is_some()
+        {
+            unlike += u32::from(differs(&one, &other));
+        }
+    }
+    Ok(unlike)
 }

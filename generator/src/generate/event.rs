@@ -51,6 +51,11 @@ pub enum Event<'a> {
         /// Expected number of ticks.
         ticks: u32,
     },
+    /// A scenario's capture begins again, in a way that takes longer from now on: the pace so far says nothing about the time that is left.
+    PaceChanged {
+        /// Scenario identifier.
+        id: &'a str,
+    },
     /// An attempt failed and will be repeated.
     Retrying {
         /// Identifier of the scenario.

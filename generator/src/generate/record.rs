@@ -236,7 +236,7 @@ async fn record_into(
     let weather = &parameters.conditions.weather;
     let (drawn, blocks, encoders) = loop {
         let uses_blocks = may_use_blocks(&mut simulator, flight, attempt).await?;
-        session.known_blocks = simulator.known_blocks();
+        session.note_blocks(&simulator);
         let mut encoders = Encoders::start(
             folder,
             ids.iter().map(String::as_str).zip(streams.iter().copied()),
@@ -254,7 +254,6 @@ async fn record_into(
             let drawn = capture(&mut simulator, flight, weather, &mut encoders, attempt).await;
             drawn.map(|drawn| (drawn, None))
         };
-        session.known_blocks = simulator.known_blocks();
         match captured {
             Ok((drawn, blocks)) => break (drawn, blocks, encoders),
             Err(error) => {
@@ -264,16 +263,17 @@ async fn record_into(
                 }
                 match &error {
                     ScenarioError::Bridge(why @ BridgeError::Pixels(PixelError::NoBlocks(_))) => {
-                        do_without_blocks(&mut simulator, why, attempt);
-                        // Its images take longer than what was kept before.
-                        session.pace_changes();
+                        do_without_blocks(&mut simulator, why, attempt).await?;
                     }
-                    _ => return Err(error),
+                    _ => {
+                        session.note_blocks(&simulator);
+                        return Err(error);
+                    }
                 }
             }
         }
     };
-    session.known_blocks = simulator.known_blocks();
+    session.note_blocks(&simulator);
     let pts = encoders.finish().await?;
     // A scenario is not sealed if a simulator with other settings may have drawn it.
     attempt

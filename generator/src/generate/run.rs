@@ -222,6 +222,7 @@ impl<'a> Run<'a> {
         session: &mut Session,
     ) -> Result<(), ScenarioError> {
         let scenario = task.scenario;
+        let failed = task.reasons.len() as u32;
         let began = Instant::now();
         self.reporter.tell(Event::Started {
             id: &scenario.id,
@@ -232,6 +233,7 @@ impl<'a> Run<'a> {
             cancel: &self.tally.halt,
             reporter: &self.reporter,
             answer_limit: self.patience.answer,
+            is_last: failed > 0 && failed + 1 >= self.patience.attempts,
         };
         let recorded = record(&self.work, scenario, claim, session, &attempt).await;
         let recorded = match session.tape() {

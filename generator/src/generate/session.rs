@@ -194,9 +194,14 @@ impl Session {
         }
     }
 
-    /// The simulator records in another way from now on: the next scenario's duration replaces the one that was kept.
-    pub(super) fn pace_changes(&mut self) {
-        self.pace_kept = false;
+    /// Keeps what is known of its blocks for the next connection. If they are refused from now on, the next scenario's duration replaces
+    /// the one that was kept.
+    pub(super) fn note_blocks(&mut self, simulator: &Simulator) {
+        let known = simulator.known_blocks();
+        if known.is_refused() && !self.known_blocks.is_refused() {
+            self.pace_kept = false;
+        }
+        self.known_blocks = known;
     }
 
     /// Disconnects before a restart. The profile is read anew afterwards.
@@ -205,7 +210,7 @@ impl Session {
         self.restarts_in_vain += 1;
         self.pace_kept = false;
         self.known = None;
-        self.known_blocks = KnownBlocks::default();
+        self.known_blocks = self.known_blocks.in_another_process();
         if let Some(ready) = self.ready.take()
             && let Err(error) = ready.release().await
         {
@@ -353,8 +358,7 @@ impl Session {
     /// restarted, since its last behaviour was wrong.
     pub(super) async fn come_back(&mut self, limit: Duration) -> Result<(), ScenarioError> {
         self.ready = None;
-        // A restarted process may draw with a different lag.
-        self.known_blocks = KnownBlocks::default();
+        self.known_blocks = self.known_blocks.in_another_process();
         if let Some(stand_in) = self.stand_in.take() {
             stand_in.stop().await;
         }

@@ -153,6 +153,9 @@ fn text<R: BufRead>(
                 .map(|track| vec![track])
                 .ok_or_else(|| "no `timestamp` and `trace` as in trace_full of readsb".into())
         }
+        Some(b'[') => Err(
+            "a JSON list; expected a table, trace_full of readsb or JSON lines of jet1090".into(),
+        ),
         _ => tables::csv(&head, file, named, target),
     }
 }
@@ -215,5 +218,16 @@ mod tests {
         assert_eq!(read(8).unwrap(), "time,lat");
         let said = read(7).unwrap_err();
         assert!(said.contains("larger than tracks are"), "{said}");
+    }
+
+    #[test]
+    fn a_json_list_is_named_as_one() {
+        let changi = LatLon {
+            latitude_deg: 1.36,
+            longitude_deg: 103.99,
+        };
+        let list = br#"[{"lat": 1.3, "lon": 103.9}]"#;
+        let said = text(&list[..], &[], changi).err().unwrap();
+        assert!(said.starts_with("a JSON list; expected"), "{said}");
     }
 }

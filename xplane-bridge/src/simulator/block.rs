@@ -16,6 +16,7 @@ mod settling;
 mod shadow;
 mod trial;
 
+use std::borrow::Borrow;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
@@ -202,6 +203,21 @@ impl Simulator {
         shadow_place(camera, size_px, pose, clock, self.ground_msl_m?)
     }
 
+    /// Rectangles of the aircraft and its shadow at these poses.
+    fn places_of(
+        &self,
+        camera: &CameraPose,
+        size_px: (u32, u32),
+        poses: impl IntoIterator<Item = impl Borrow<Pose>>,
+    ) -> Vec<Rectangle> {
+        let places = poses.into_iter().flat_map(|pose| {
+            let pose = pose.borrow();
+            let shadow = self.shadow_on_ground(camera, size_px, pose);
+            [aircraft_place(camera, size_px, pose), shadow]
+        });
+        places.flatten().collect()
+    }
+
     /// True if time runs while images are taken, because rain falls only then: a block must be short.
     pub fn time_runs(&self) -> bool {
         self.running_at().is_some()
@@ -254,9 +270,9 @@ impl BlockRecording<'_> {
     /// No frame's number can be read.
     fn no_code(&self, waited: Duration) -> PixelError {
         let tick = self.block.first_tick + self.sequence.pictures.delivered;
-        PixelError::Unusable(format!(
-            "tick {tick}: no frame's number could be read off the screen for {waited:.0?}. Does something cover the edge of X-Plane's \
-             window, or was it moved, resized or minimised?"
+        PixelError::NoBlocks(format!(
+            "tick {tick}: no frame's number could be read off the screen for {waited:.0?}, as if the drawing of plugins were missing (switch \
+             on Settings > Graphics > \"Use Zink\" in X-Plane 12)"
         ))
     }
 
@@ -264,7 +280,8 @@ impl BlockRecording<'_> {
     ///
     /// # Errors
     /// The simulator rejects a request, its conditions have changed, the link is broken, or no code can be read off the screen.
-    /// [`PixelError::NoBlocks`] leaves the simulator as it is: images can be settled instead.
+    /// [`PixelError::NoBlocks`] leaves the simulator as it is: images can be settled instead, if its window is where it was
+    /// ([`Simulator::confirm_pixels`]).
     pub fn next_picture(&mut self) -> BoxFuture<'_, Result<Option<CapturedFrame>, BridgeError>> {
         Box::pin(async move {
             let next = self.next_proven().await;
@@ -597,15 +614,8 @@ impl BlockRecording<'_> {
         let drawn = before.into_iter().chain(self.drawn.range(oldest..));
         // Their answers may be due.
         let asked = self.asked.iter().map(|asked| asked.pose);
-        drawn
-            .map(|(_, header)| header.pose)
-            .chain(asked)
-            .flat_map(|pose| {
-                let shadow = self.simulator.shadow_on_ground(&camera, size_px, &pose);
-                [aircraft_place(&camera, size_px, &pose), shadow]
-            })
-            .flatten()
-            .collect()
+        let poses = drawn.map(|(_, header)| header.pose).chain(asked);
+        self.simulator.places_of(&camera, size_px, poses)
     }
 
     fn captured(&mut self, taken: Taken<Grabbed>) -> Result<CapturedFrame, BridgeError> {

@@ -25,6 +25,8 @@ pub struct ConnectOptions {
     pub token: Option<String>,
     /// Address of X-Plane 12's Web API, if it may be used. It is used if it belongs to the same simulator.
     pub web_api: Option<SocketAddr>,
+    /// Port of the simulator's own capture link, if a recorder's stands in its place: the Web API names the simulator's.
+    pub own_link_port: Option<u16>,
     /// The local side of UDP.
     pub local_udp: LocalUdp,
 }
@@ -38,6 +40,7 @@ impl ConnectOptions {
         Ok(Self {
             token: env::var(LINK_TOKEN_VARIABLE).ok(),
             web_api: WebApiPlace::from_environment()?.of(address),
+            own_link_port: None,
             local_udp: LocalUdp::default(),
         })
     }

@@ -84,7 +84,8 @@ pub struct Check {
 }
 
 impl Check {
-    fn ok(name: &'static str, found: impl Into<String>) -> Self {
+    /// Nothing to do.
+    pub fn ok(name: &'static str, found: impl Into<String>) -> Self {
         Self {
             name,
             verdict: Verdict::Ok,
@@ -111,7 +112,8 @@ impl Check {
         Self::bad(name, Verdict::Failed, found, hint)
     }
 
-    fn warning(name: &'static str, found: impl Into<String>, hint: impl Into<String>) -> Self {
+    /// Something to know, with a remedy.
+    pub fn warning(name: &'static str, found: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::bad(name, Verdict::Warning, found, hint)
     }
 
@@ -173,6 +175,8 @@ pub struct DoctorOptions {
     pub wait: Duration,
     /// The local side of UDP.
     pub local_udp: LocalUdp,
+    /// Port of the simulator's own capture link, if a recorder's stands in its place.
+    pub own_link_port: Option<u16>,
     /// When to measure.
     pub measuring: Measuring,
     /// The planned recording, if known.
@@ -191,6 +195,7 @@ impl DoctorOptions {
             listen: DISCOVERY_TIMEOUT,
             wait: Duration::from_secs(4),
             local_udp: LocalUdp::default(),
+            own_link_port: None,
             measuring: Measuring::Once,
             intent: None,
             first_hour: None,
@@ -290,7 +295,10 @@ impl Examination<'_> {
         self.note(talk::version_check(version));
         self.note(match generation {
             Generation::XPlane11 => Check::skipped("web api", "X-Plane 11 has none"),
-            Generation::XPlane12 => talk::web::check(web_api, talk.capture_port().await).await,
+            Generation::XPlane12 => {
+                let port = talk.capture_port().await;
+                talk::web::check(web_api, options.own_link_port.or(port)).await
+            }
         });
         self.note(talk.writable().await);
         self.note(talk.menus().await);
@@ -353,6 +361,8 @@ impl Examination<'_> {
 
 async fn connect(address: SocketAddr, options: &DoctorOptions) -> Result<Simulator, BridgeError> {
     let options = ConnectOptions {
+        web_api: options.web_api.of(address),
+        own_link_port: options.own_link_port,
         local_udp: options.local_udp.clone(),
         ..ConnectOptions::from_environment(address)?
     };

@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout_at};
 
-use crate::datarefs::{RUNNING_TIME_S, VERSION};
+use crate::datarefs::{CAPTURE_PORT, RUNNING_TIME_S, VERSION};
 use crate::error::{BridgeError, Silence};
 use crate::packet::{
     Command, DatarefValue, Position, SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
@@ -30,6 +30,18 @@ const WRITES_AT_ONCE: usize = 32;
 /// True if a simulator answers at an address within a time. No subscription remains.
 pub async fn somebody_answers(address: SocketAddr, within: Duration, local: &LocalUdp) -> bool {
     asked(address, VERSION, within, local).await.is_some()
+}
+
+/// Port of the capture link that the simulator at an address announces; `None` if none is announced in time.
+pub async fn announced_link_port(
+    address: SocketAddr,
+    within: Duration,
+    local: &LocalUdp,
+) -> Option<u16> {
+    let (port, _) = asked(address, CAPTURE_PORT, within, local).await?;
+    (1.0..=f32::from(u16::MAX))
+        .contains(&port)
+        .then_some(port as u16)
 }
 
 /// Time at which the simulator at an address began to run, by its own clock; `None` if it does not answer in time.

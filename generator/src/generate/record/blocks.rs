@@ -4,6 +4,8 @@
 //! In a paused world a block is the whole flight. In running time, which rain needs, clouds drift, so a tick's views must not be far apart
 //! in time.
 
+use std::fmt::Display;
+
 use dataset::conditions::Weather;
 use dataset::corpus::calibration::CameraEntry;
 use dataset::corpus::scenario::Blocks;
@@ -100,13 +102,15 @@ pub(crate) async fn capture_blocks(
     Ok((drawn, Some(blocks)))
 }
 
-/// Compares block images with settled ones, unless that was done before; true if blocks are used from now on.
+/// Compares block images with settled ones, unless that was done before; true if blocks are used from now on. A scenario's last attempt
+/// settles each image, whatever made the others fail.
 pub(crate) async fn may_use_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
     attempt: &Attempt<'_, '_>,
 ) -> Result<bool, ScenarioError> {
-    let (Some((_, camera)), true) = (views.first(), simulator.can_record_blocks()) else {
+    let may = simulator.can_record_blocks() && !attempt.is_last;
+    let (Some((_, camera)), true) = (views.first(), may) else {
         return Ok(false);
     };
     if simulator.known_blocks().trial.is_some() || states.is_empty() {
@@ -123,7 +127,7 @@ pub(crate) async fn may_use_blocks(
     let tried = attempt.unless_cancelled(simulator.try_blocks(flight)).await;
     if let Err(ScenarioError::Bridge(error @ BridgeError::Pixels(PixelError::NoBlocks(_)))) = &tried
     {
-        do_without_blocks(simulator, error, attempt);
+        do_without_blocks(simulator, error, attempt).await?;
         return Ok(false);
     }
     match tried? {
@@ -132,22 +136,26 @@ pub(crate) async fn may_use_blocks(
             Ok(true)
         }
         BlockTrial::Different { tick, found } => {
-            attempt.reporter.warn(&format!(
-                "images of a resting camera show tick {found} where tick {tick} was asked for: {SETTLED_INSTEAD}"
-            ));
+            let why = format!(
+                "images of a resting camera show tick {found} where tick {tick} was asked for"
+            );
+            do_without_blocks(simulator, why, attempt).await?;
             Ok(false)
         }
     }
 }
 
-/// Records settled images from now on, and says so.
-pub(crate) fn do_without_blocks(
+/// Records settled images from now on, and says so, unless the reason is a window that has moved or is covered: an error.
+pub(crate) async fn do_without_blocks(
     simulator: &mut Simulator,
-    why: &BridgeError,
+    why: impl Display,
     attempt: &Attempt<'_, '_>,
-) {
+) -> Result<(), ScenarioError> {
+    attempt.unless_cancelled(simulator.confirm_pixels()).await?;
     simulator.refuse_blocks();
     attempt.reporter.warn(&format!("{why}. {SETTLED_INSTEAD}"));
+    attempt.reporter.tell(Event::PaceChanged { id: attempt.id });
+    Ok(())
 }
 
 /// Blocks of nearly the same length, so that none is short.

@@ -15,8 +15,6 @@ const MAX_RESTARTS_IN_VAIN: u32 = 3;
 /// Parts of the time limit: one before the first restart, and the others for the tries of it. X-Plane was seen to take five minutes to
 /// start (PilotsDeck 167), and the default limit gives each try more.
 const PARTS: u32 = 4;
-/// Pause after a command that failed.
-const FAILED_PAUSE: Duration = Duration::from_secs(10);
 
 impl Run<'_> {
     /// Decides about a simulator that had trouble when the run began.
@@ -152,15 +150,11 @@ impl Run<'_> {
         };
         let restarted = async { Ok::<_, ScenarioError>(commanded.await) };
         // If the run is cancelled, the command goes on: half a restart would be worse.
-        let limit = match unless_cancelled(&self.tally.halt, restarted).await? {
-            Ok(()) => part,
-            Err(error) => {
-                let line = format!("simulator {name} was not restarted: {error}");
-                self.reporter.warn(&line);
-                part.min(FAILED_PAUSE)
-            }
-        };
-        let back = self.until_back(session, limit).await;
+        if let Err(error) = unless_cancelled(&self.tally.halt, restarted).await? {
+            self.reporter
+                .warn(&format!("simulator {name} was not restarted: {error}"));
+        }
+        let back = self.until_back(session, part).await;
         if let (Err(error), Some(running)) = (&back, running)
             && !matches!(error, ScenarioError::Cancelled)
         {

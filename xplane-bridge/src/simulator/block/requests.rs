@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::mem;
 
-/// Requests that are shown but not seen yet, at most: enough to use every drawn frame.
+/// Requests that are shown but not seen yet, at most, beyond those that the lag keeps back: enough to use every drawn frame.
 const MAX_UNSEEN: usize = 6;
 /// Images without a loss after which one more may be in flight.
 const WIDEN_AFTER: u32 = 32;
@@ -119,7 +119,7 @@ impl Requests {
         self.again.extend(missed.map(|(_, tick)| tick));
         let missed = self.again.len() - before;
         if missed > 0 {
-            self.narrowed_by = MAX_UNSEEN - ((MAX_UNSEEN - self.narrowed_by) >> missed).max(1);
+            self.narrowed_by = (self.narrowed_by + missed).min(MAX_UNSEEN - 1);
             self.without_loss = 0;
         }
         missed as u32
@@ -143,10 +143,10 @@ impl Requests {
         self.again.len().saturating_sub(counted) as u32
     }
 
-    /// True if no more may be in flight.
-    pub(super) fn is_full(&self) -> bool {
+    /// True if no more may be in flight, with a scene that is so many frames behind.
+    pub(super) fn is_full(&self, lag: u64) -> bool {
         let sent = self.sent.iter().filter(|(_, is_second)| !is_second);
-        sent.count() + self.unseen.len() >= MAX_UNSEEN - self.narrowed_by
+        sent.count() + self.unseen.len() >= MAX_UNSEEN - self.narrowed_by + lag as usize
     }
 
     /// True if a request has to be answered, or its image to be seen.

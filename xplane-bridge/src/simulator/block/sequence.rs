@@ -170,7 +170,8 @@ impl<P: Scene> Sequence<P> {
             return self.new_probe();
         }
         // Something has to follow a probe, and a new tick is better than an old one once more.
-        if self.requests.is_full() && !self.ends_with_probe {
+        let lag = self.known.lag.unwrap_or_default();
+        if self.requests.is_full(lag) && !self.ends_with_probe {
             return None;
         }
         let has_room = self.pictures.kept.len() < self.most_pictures();

@@ -1,5 +1,7 @@
 //! A trial before blocks are trusted: block images beside settled ones of the same tick and its neighbours, far away and near.
 
+use std::collections::BTreeSet;
+
 use dataset::geometry::pose::FlightState;
 use futures_util::future::BoxFuture;
 
@@ -50,8 +52,19 @@ impl KnownBlocks {
     }
 
     /// True if every image has to settle.
-    pub(super) fn is_refused(&self) -> bool {
+    pub fn is_refused(&self) -> bool {
         self.is_impossible || matches!(self.trial, Some(BlockTrial::Different { .. }))
+    }
+
+    /// What holds for the same installation in another process: it may draw with another lag, but numbers, scenery and drawing of plugins
+    /// are its driver's and its settings'.
+    pub fn in_another_process(self) -> Self {
+        Self {
+            trial: self.trial.filter(|trial| *trial != BlockTrial::Equal),
+            frames_behind: None,
+            of_view: [None; VIEWS],
+            ..self
+        }
     }
 
     pub(super) fn note(&mut self, view: u32, lag: Option<u64>, is_measured: bool) {
@@ -208,17 +221,28 @@ impl Simulator {
         for at in [last / 3, last / 2, last].into_iter().filter(|at| *at > 0) {
             let before = self.settled(&block, at - 1).await?;
             let own = self.settled(&block, at).await?;
-            let images = moved[at].as_chunks::<3>().0.iter();
-            let settled = own.as_chunks::<3>().0.iter().zip(before.as_chunks::<3>().0);
+            let [image, own, before] =
+                [&*moved[at], &own, &before].map(|image| image.as_chunks::<3>().0);
             let differ = |a: &[u8; 3], b: &[u8; 3]| {
                 a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > LATE_LEVELS)
             };
-            for (image, (own, before)) in images
-                .zip(settled)
-                .filter(|(_, (own, before))| differ(own, before))
+            // Elsewhere the scene may move by itself.
+            let poses = [&block.states[at - 1].pose, &block.states[at].pose];
+            let places = self.places_of(&block.camera, block.size_px, poses);
+            let pixels: BTreeSet<usize> = (places.iter())
+                .flat_map(|place| place.rows(block.size_px.0))
+                .flat_map(|row| row.start / 3..row.end / 3)
+                .collect();
+            for pixel in pixels
+                .into_iter()
+                .filter(|pixel| differ(&own[*pixel], &before[*pixel]))
             {
                 found.changing += 1;
-                found.late += usize::from(differ(image, own) && !differ(image, before));
+                let (is_own, is_before) = (
+                    !differ(&image[pixel], &own[pixel]),
+                    !differ(&image[pixel], &before[pixel]),
+                );
+                found.late += usize::from(!is_own && is_before);
             }
         }
         Ok(found)
@@ -255,4 +279,35 @@ fn distance(a: &[u8], b: &[u8], width_px: u32, places: &[Rectangle]) -> f64 {
         values.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
     })
     .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_process_has_another_lag_and_the_same_refusal() {
+        let mut known = KnownBlocks {
+            trial: Some(BlockTrial::Equal),
+            numbers_repeat: true,
+            ..KnownBlocks::default()
+        };
+        known.note(1, Some(2), true);
+        assert_eq!(known.lag(1), (Some(2), true));
+        let next = known.in_another_process();
+        assert_eq!((next.trial, next.lag(1)), (None, (None, false)));
+        assert!(next.numbers_repeat && !next.is_refused());
+        for refused in [
+            KnownBlocks {
+                is_impossible: true,
+                ..known
+            },
+            KnownBlocks {
+                trial: Some(BlockTrial::Different { tick: 4, found: 3 }),
+                ..known
+            },
+        ] {
+            assert!(refused.in_another_process().is_refused());
+        }
+    }
 }

@@ -16,7 +16,16 @@ pub(super) const NAMES: [&str; 3] = ["complaints", "graphics", "other plugins"];
 /// A log of many megabytes on a slow disk.
 const TIMEOUT: Duration = Duration::from_secs(20);
 /// Parts of signatures of plugins that draw aircraft or hold their slots (xpilot#255, XPMP2), lower case.
-const TRAFFIC: [&str; 6] = ["xpilot", "livetraffic", "xpmp", "swift", "ivao", "traffic"];
+const TRAFFIC: [&str; 8] = [
+    "xpilot",
+    "livetraffic",
+    "xpmp",
+    "swift",
+    "ivao",
+    "ivap",
+    "squawkbox",
+    "traffic",
+];
 /// What belongs to X-Plane, or runs our plugin.
 const OWN: [&str; 2] = ["xpsdk.examples.pluginadmin", "xppython3"];
 

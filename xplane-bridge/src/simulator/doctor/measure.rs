@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::eyes::{Eyes, noon_zulu_s};
 use super::talk::PlaceOnGround;
-use super::{Check, DoctorOptions, Measuring, pace, pictures, sky};
+use super::{Check, DoctorOptions, Measuring, Verdict, pace, pictures, sky};
 use crate::Simulator;
 use crate::datarefs::{DatarefWrite, Generation, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
@@ -39,14 +39,16 @@ pub(super) async fn measure(
                 "measured at {} with {}; --measure measures again",
                 profile.measured_at, profile.simulator
             );
-            return note(Check::ok(NAME, found));
+            let profile = profile.clone();
+            note(Check::ok(NAME, found));
+            return pace_of_this_sweep(simulator, &place, profile, options, note).await;
         }
         _ => {}
     }
     if let Err(error) = simulator.forget_profile().await {
-        let hint =
-            "Install plugin and program of the same release: `dtd install-plugin XPLANE_DIR`";
-        return note(Check::failed(NAME, error.to_string(), hint));
+        let hint = "Nothing is measured that the plugin cannot keep; `dtd generate` works without a profile. Make room on the simulator's \
+                    disk and its plugin's folder writable, or install the plugin of this release: `dtd install-plugin XPLANE_DIR`";
+        return note(Check::warning(NAME, error.to_string(), hint));
     }
     // A clock that follows the computer's continues in a pause, and the sun with it.
     let clock = simulator.take_clock(place.longitude_deg).await;
@@ -72,14 +74,41 @@ pub(super) async fn measure(
         };
     }
     note(pace::check(&profile.pace, why_settled));
-    let given_back = match clock {
-        Ok(before) => simulator.give_clock_back(&before).await,
-        Err(error) => Err(error),
-    };
-    if let Err(error) = given_back {
-        tracing::warn!(%error, "the clock was not given back");
-    }
+    simulator.give_clock_back(clock).await;
     note(keep(simulator, profile).await);
+}
+
+/// Whether this sweep's images are taken in blocks, and how fast: measured anew where the profile's pace is of others.
+async fn pace_of_this_sweep(
+    simulator: &mut Simulator,
+    place: &PlaceOnGround,
+    mut profile: Profile,
+    options: &DoctorOptions,
+    note: &mut (dyn FnMut(Check) + Send),
+) {
+    let Some(intent) = &options.intent else {
+        return;
+    };
+    let known = profile.pace.found().copied();
+    let in_blocks = pace::size_in_blocks(simulator, intent).is_some();
+    let is_known = known.is_some_and(|pace| {
+        pace.in_blocks == in_blocks && (!in_blocks || pace.size == intent.pictures)
+    });
+    if is_known {
+        return note(pace::check(&profile.pace, None));
+    }
+    let clock = simulator.take_clock(place.longitude_deg).await;
+    let (pace, why_settled) = pace::measure(simulator, place, &options.screen, Some(intent)).await;
+    note(pace::check(&pace, why_settled));
+    simulator.give_clock_back(clock).await;
+    if let Finding::Found(mut pace) = pace {
+        pace.weather_s = known.and_then(|known| known.weather_s);
+        profile.pace = Finding::Found(pace);
+        let kept = keep(simulator, profile).await;
+        if kept.verdict != Verdict::Ok {
+            note(kept);
+        }
+    }
 }
 
 impl Simulator {
@@ -172,11 +201,16 @@ impl Simulator {
     }
 
     /// Restores the time of day, and the setting that the clock follows the computer's.
-    async fn give_clock_back(&mut self, before: &[DatarefWrite]) -> Result<(), BridgeError> {
-        for write in before {
-            // The time runs on: it does not read back.
-            self.write_surely(&write.name, write.value).await?;
+    async fn give_clock_back(&mut self, taken: Result<Vec<DatarefWrite>, BridgeError>) {
+        let given_back = async {
+            for write in &taken? {
+                // The time runs on: it does not read back.
+                self.write_surely(&write.name, write.value).await?;
+            }
+            Ok::<_, BridgeError>(())
+        };
+        if let Err(error) = given_back.await {
+            tracing::warn!(%error, "the clock was not given back");
         }
-        Ok(())
     }
 }

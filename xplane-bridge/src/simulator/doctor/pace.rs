@@ -27,14 +27,15 @@ use crate::{BlockOfTicks, BlockTrial, Simulator};
 const NOT_COUNTED: usize = 6;
 /// Images that are counted.
 const COUNTED: usize = 24;
-/// Ticks per view in the measured block: three seconds of a recording.
-const BLOCK_TICKS: u32 = 90;
+/// Ticks per view in the measured block: twelve seconds of a recording. The beginning of a block is a seventh of three seconds.
+const BLOCK_TICKS: u32 = 360;
 const BLOCK_RATE: FrameRate = FrameRate {
     numerator: 30,
     denominator: 1,
 };
-/// Over which distance the aircraft moves meanwhile, to the east.
+/// Over which distance the aircraft moves meanwhile, to the east and back, and in how many ticks it turns.
 const BLOCK_WAY_M: f64 = 30.0;
+const TURN_TICKS: u32 = 90;
 
 /// Measures the pace of the images that are to be recorded, without encoding; and why they are settled although the window has margins.
 pub(super) async fn measure(
@@ -57,7 +58,7 @@ pub(super) async fn measure(
 }
 
 /// The size of the images, if the window has margins around them and time need not run.
-fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize> {
+pub(super) fn size_in_blocks(simulator: &Simulator, intent: &Intent) -> Option<PictureSize> {
     let description = simulator.description();
     let has_margins = simulator.may_have_margins(simulator.pixels())
         && picture_size(description)
@@ -103,8 +104,9 @@ async fn measure_blocks(
         .freeze_raw(&runway, settle_frames, &[], None)
         .await?;
     let way = |tick: u32| {
-        let moved_m = BLOCK_WAY_M * (f64::from(tick) / f64::from(BLOCK_TICKS) - 0.5);
-        (moved_m, Controls::default())
+        let since_turn = f64::from(tick % (2 * TURN_TICKS)) / f64::from(TURN_TICKS);
+        let there = 1.0 - (since_turn - 1.0).abs();
+        (BLOCK_WAY_M * (there - 0.5), Controls::default())
     };
     let (states, camera) = flight(place, pictures, BLOCK_TICKS, way);
     let block = |view| BlockOfTicks {
@@ -162,7 +164,7 @@ fn flight(
             time_s: BLOCK_RATE.time_of_tick(tick).seconds(),
             pose,
             velocity_north_mps: 0.0,
-            velocity_east_mps: BLOCK_WAY_M * 30.0 / f64::from(BLOCK_TICKS),
+            velocity_east_mps: BLOCK_WAY_M * 30.0 / f64::from(TURN_TICKS),
             velocity_down_mps: 0.0,
             true_airspeed_mps: 0.0,
             controls,

@@ -120,6 +120,8 @@ impl Talk {
         const NAME: &str = "menus";
         let was_paused = self.read(&[PAUSED]).await[0].is_some_and(|value| value != 0.0);
         if was_paused && !self.set_pause(false).await {
+            // The commands may still be obeyed, late.
+            self.set_pause(true).await;
             return Check::failed(
                 NAME,
                 format!(
