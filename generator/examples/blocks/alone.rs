@@ -83,7 +83,7 @@ pub(crate) fn measure(recording: &Recording, id: &str) -> Result<Steps, Box<dyn 
         };
         sum[0] += recording.per_picture(states.len(), |at| {
             let (pose, controls, instants) = &states[at];
-            scene.draw(pose, controls, *instants, &mut drawn.rgb);
+            scene.draw((pose, controls), &[], *instants, &mut drawn.rgb);
             Ok(recording.window.show(&drawn)?)
         })?;
 
@@ -100,7 +100,7 @@ pub(crate) fn measure(recording: &Recording, id: &str) -> Result<Steps, Box<dyn 
         let scene = scene_of(&camera);
         let pictures = states.iter().map(|(pose, controls, instants)| {
             let mut rgb = vec![0; camera.width_px as usize * camera.height_px as usize * 3];
-            scene.draw(pose, controls, *instants, &mut rgb);
+            scene.draw((pose, controls), &[], *instants, &mut rgb);
             rgb
         });
         let pictures: Vec<Vec<u8>> = pictures.collect();

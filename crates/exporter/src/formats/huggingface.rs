@@ -30,6 +30,8 @@ type Tables = BTreeMap<(&'static str, &'static str), TableParts>;
 pub(super) struct HuggingFace {
     /// Requested runs, each with whether it has predictions for a scenario of the export.
     runs: Vec<(Predictions, bool)>,
+    /// True if a scenario has several aircraft.
+    has_traffic: bool,
 }
 
 impl FileFormat for HuggingFace {
@@ -62,6 +64,7 @@ impl FileFormat for HuggingFace {
     }
 
     fn check(&mut self, source: &Source<'_>, _: &Export<'_>) -> Result<()> {
+        self.has_traffic |= !source.record.traffic.is_empty();
         for (run, is_answered) in &mut self.runs {
             *is_answered |= run.check(source)?;
         }
@@ -109,7 +112,7 @@ impl FileFormat for HuggingFace {
             )?;
             append("ticks", long_tables::ticks(&source))?;
             if written.export.request.boxes == BoxSource::Truth {
-                append("boxes", long_tables::boxes(&source)?)?;
+                append("boxes", long_tables::boxes(&source, self.has_traffic)?)?;
             }
             append("detections", long_tables::detections(&source)?)?;
             for (run, _) in &self.runs {

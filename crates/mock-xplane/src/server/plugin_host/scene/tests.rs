@@ -3,7 +3,7 @@ use std::sync::Mutex;
 use xplane_bridge::datarefs::Generation;
 
 use super::*;
-use crate::server::engine::{Instants, SceneRenderer, SceneSetting};
+use crate::server::engine::{Instants, OtherAircraft, SceneRenderer, SceneSetting};
 use crate::server::world::airport::on_final;
 use crate::server::world::flight_start;
 
@@ -27,7 +27,13 @@ impl Engine for Plain {
 }
 
 impl SceneRenderer for PlainPicture {
-    fn draw(&self, pose: &Pose, _: &Controls, instants: Instants, rgb: &mut [u8]) {
+    fn draw(
+        &self,
+        (pose, _): (&Pose, &Controls),
+        _: &[OtherAircraft],
+        instants: Instants,
+        rgb: &mut [u8],
+    ) {
         let rain = self.rain + (10.0 * instants.weather_s) as u8;
         let away_m = pose.position().to_ecef().distance(self.camera_m);
         let near = u8::from(away_m < 1_000.0);
