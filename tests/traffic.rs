@@ -33,7 +33,7 @@ fn sweep(traffic: &str) -> String {
     sweep.toml()
 }
 
-/// An arrival behind the first aircraft, a departure before it, one that taxies, one that is parked, and one that the first one partly hides.
+/// An arrival behind the first aircraft, a departure before it, one that taxies, one that is parked, and one that the first partly hides.
 const TRAFFIC: &str = r#"
 [[traffic]]
 role = "arrival"
