@@ -202,10 +202,14 @@ export class Picture {
       context.lineWidth = isThin ? 1 : lineWidth;
       context.stroke(path);
       if (!mark.label) continue;
+      const at = [Math.max(around[0], GAP), around[1] - GAP];
       context.fillStyle = colour;
+      context.strokeStyle = 'rgba(0, 0, 0, .45)';
+      context.lineWidth = 3;
       context.font = '11px system-ui, sans-serif';
       context.textAlign = 'left';
-      context.fillText(mark.label, around[0], around[1] - GAP);
+      context.strokeText(mark.label, ...at);
+      context.fillText(mark.label, ...at);
     }
   }
 

@@ -119,7 +119,7 @@ impl FileFormat for HuggingFace {
                 append("predictions", run.of(&source))?;
             }
         }
-        let card = card_of(&written.export.about, &tables);
+        let card = card_of(&written.export.about, &tables, self.has_traffic);
         for open in tables.into_values() {
             open.finish()?;
         }
@@ -156,7 +156,7 @@ fn append(
 }
 
 /// The dataset card: configurations and splits for the library, tables and columns for people.
-fn card_of(about: &About, written: &Tables) -> String {
+fn card_of(about: &About, written: &Tables, has_traffic: bool) -> String {
     let mut card = String::from("---\n");
     let _ = writeln!(card, "pretty_name: {}", json!(about.name));
     card.push_str(&about.card_license());
@@ -183,7 +183,10 @@ fn card_of(about: &About, written: &Tables) -> String {
                 "  - split: {split}\n    path: data/{table}/{split}.parquet"
             );
         }
-        let _ = write!(tables, "\n## {section}");
+        let lines = section.lines();
+        let is_there = |line: &&str| has_traffic || !line.contains("| only with traffic:");
+        let lines: Vec<_> = lines.filter(is_there).collect();
+        let _ = writeln!(tables, "\n## {}", lines.join("\n"));
     }
     let _ = write!(
         card,
