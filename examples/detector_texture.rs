@@ -117,7 +117,7 @@ fn frames(corpus: &Corpus, count: usize) -> Result<Vec<Frame>, Box<dyn Error>> {
                     cover: None,
                 };
                 let mut of_tick = boxes.iter().filter(|truth| truth.tick as usize == tick);
-                let truth = of_tick.find(|truth| truth.view == view);
+                let truth = of_tick.find(|truth| truth.view == view && truth.is_of_first());
                 let visible = truth.filter(|truth| is_visible(&picture, truth));
                 frames.push(Frame {
                     aircraft: truth.map(|truth| truth.pixel_box),

@@ -88,6 +88,7 @@ tables)
         seed '\003' "$scenario"/registrations/*.parquet
         seed '\004' "$scenario"/health/*.parquet
         seed '\005' "$scenario"/backgrounds/*.parquet
+        if [ -f "$scenario/aircraft.parquet" ]; then seed '\006' "$scenario/aircraft.parquet"; fi
     fi
     ;;
 tape)

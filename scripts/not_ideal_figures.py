@@ -179,12 +179,17 @@ def of_clean(corpora):
     return {"views": views, "view_hours": seconds / 3600, "false_alarms": len(alarms), "where": alarms}
 
 
+def is_of_first(row):
+    """True if a ground-truth box is the first aircraft's; scenarios without traffic have no column of numbers."""
+    return not row.get("aircraft_number")
+
+
 def of_tracks(corpus):
     """Confirmed boxes that are not the aircraft's, and boxes of far aircraft that are not confirmed."""
     counts = {"confirmed_of_aircraft": 0, "confirmed_false": 0, "far_boxes": 0, "far_boxes_not_confirmed": 0}
     for folder in scenarios(corpus):
         truth = pq.read_table(folder / "boxes_truth.parquet").to_pylist()
-        truth = {(row["tick"], row["view"]): row for row in truth if row["cx_px"] is not None}
+        truth = {(row["tick"], row["view"]): row for row in truth if row["cx_px"] is not None and is_of_first(row)}
         dtd_m = pq.read_table(folder / "frames.parquet", columns=["tick", "dtd_m"]).to_pylist()
         far = {row["tick"] for row in dtd_m if row["dtd_m"] > 10 * NM}
         for found in pq.read_table(next((folder / "detections").glob("*.parquet"))).to_pylist():
@@ -211,7 +216,7 @@ def repeats(folder, untouched):
     import av
 
     truth = pq.read_table(folder / "boxes_truth.parquet").to_pylist()
-    centres = {row["tick"]: row for row in truth if row["view"] == "right" and row["cx_px"] is not None}
+    centres = {row["tick"]: row for row in truth if row["view"] == "right" and row["cx_px"] is not None and is_of_first(row)}
     images = lambda path: [frame.to_ndarray(format="gray") for frame in av.open(str(path)).decode(video=0)]
     shown, sound = (images(path / "views" / "right.mp4") for path in (folder, untouched))
     found, last = set(), 0

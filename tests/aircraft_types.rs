@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use airframe::{AircraftType, Configuration};
 use serde_json::{Value, json};
 use testkit::command::{Dtd, text};
-use testkit::judged;
 use testkit::sweep::{SmallSweep, starting_from};
+use testkit_simulator::judged_boxes;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -48,24 +47,7 @@ fn each_scenario_has_the_type_that_it_draws_in_its_images_and_its_boxes() {
     }
     assert_eq!(types.len(), 2, "{types:?}");
 
-    let meshes = folder.path().join("meshes.json");
-    let landing = Configuration {
-        flap_ratio: 0.75,
-        gear_ratio: 1.0,
-    };
-    let mesh = |of: &AircraftType| {
-        let corners: Vec<[f64; 3]> = of
-            .mesh(landing)
-            .vertices
-            .iter()
-            .map(|corner| corner.to_array())
-            .collect();
-        let value = json!([{ "flap_ratio": 0.75, "gear_ratio": 1.0, "corners_m": corners }]);
-        (of.name.clone(), value)
-    };
-    let all: BTreeMap<String, Value> = AircraftType::all().iter().map(mesh).collect();
-    fs::write(&meshes, serde_json::to_vec(&all).unwrap()).unwrap();
-    let verdict = judged("type_boxes.py", &[&corpus, &meshes]);
+    let verdict = judged_boxes(&corpus, &[0.75]);
     for aircraft in ["A350-900", "ATR72-600"] {
         let boxes = verdict[aircraft]["boxes"].as_u64().unwrap();
         assert!(boxes > 40, "{verdict}");

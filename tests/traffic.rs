@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
-use airframe::{AircraftType, Configuration};
 use dataset::corpus::Corpus;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::tables::pixel_box::TruthBox;
-use serde_json::{Value, json};
+use serde_json::json;
 use testkit::command::{Dtd, text};
-use testkit::judged;
+use testkit::files::copy_folder;
 use testkit::sweep::{SmallSweep, starting_from};
+use testkit_simulator::judged_boxes;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 const ID: &str = "1200-clear-r1";
@@ -32,7 +33,7 @@ fn sweep(traffic: &str) -> String {
     sweep.toml()
 }
 
-/// An arrival behind the first aircraft, a departure before it, one that taxies and one that is parked.
+/// An arrival behind the first aircraft, a departure before it, one that taxies, one that is parked, and one that partly hides the arrival.
 const TRAFFIC: &str = r#"
 [[traffic]]
 role = "arrival"
@@ -51,6 +52,11 @@ after_s = -20
 [[traffic]]
 role = "parked"
 type = "ATR72-600"
+
+[[traffic]]
+role = "missed-approach"
+type = "MD-82"
+spacing_nm = 2.88
 "#;
 
 /// Pixels at least this many levels apart show something else: compression and the glow of lamps make less.
@@ -68,7 +74,7 @@ fn every_aircraft_is_drawn_where_its_box_is_and_nothing_else_changes() {
     let [several, alone] = [&with, &without].map(|(_, corpus)| corpus.scenario(ID).open().unwrap());
 
     let record = several.record().unwrap();
-    assert_eq!((record.schema_version, record.aircraft_count()), (5, 5));
+    assert_eq!((record.schema_version, record.aircraft_count()), (5, 6));
     assert_eq!(alone.record().unwrap().schema_version, 1);
     assert!(alone.aircraft().unwrap().is_none());
     assert!(!alone.folder().aircraft_path().exists());
@@ -89,7 +95,7 @@ fn every_aircraft_is_drawn_where_its_box_is_and_nothing_else_changes() {
     for view in &record.views {
         compare(view, &several, &alone, &boxes, &mut shown);
     }
-    assert_eq!(shown.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4]);
+    assert_eq!(shown.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
     assert!(shown.values().all(|count| *count >= 4), "{shown:?}");
 
     let rows = several.aircraft().unwrap().unwrap();
@@ -107,11 +113,43 @@ fn every_aircraft_is_drawn_where_its_box_is_and_nothing_else_changes() {
     let again = DTD.json(&["label", text(&corpus), "--json"]);
     assert_eq!(again["unchanged"], json!([ID]), "{again}");
 
-    let meshes = with.0.path().join("meshes.json");
-    fs::write(&meshes, serde_json::to_vec(&all_meshes()).unwrap()).unwrap();
-    let verdict = judged("type_boxes.py", &[&corpus, &meshes]);
-    for aircraft in ["B737-800", "A350-900", "A320neo", "ATR72-600"] {
+    let verdict = judged_boxes(&corpus, &[0.75, 0.25, 0.0]);
+    for aircraft in ["B737-800", "A350-900", "A320neo", "ATR72-600", "MD-82"] {
         assert!(verdict[aircraft]["boxes"].as_u64() > Some(4), "{verdict}");
+    }
+    let hidden = &verdict["A350-900"]["partly_hidden"];
+    assert!(hidden.as_u64() > Some(8), "{verdict}");
+
+    exported(&corpus, true);
+    exported(&without.0.path().join("corpus"), false);
+    // A detector learns all of them, but none beside another one.
+    let model = with.0.path().join("new.onnx");
+    let mut train = vec!["train-detector", text(&corpus), "--out", text(&model)];
+    train.extend(["--minutes", "0.001", "--json"]);
+    let report = DTD.json(&train);
+    let [learned, left_out] = ["pieces_with_aircraft", "left_out_with_several_aircraft"]
+        .map(|count| report[count].as_u64().unwrap());
+    let of_first = boxes.iter().filter(|of| of.is_of_first()).count() as u64;
+    let backgrounds = 3 * record.views.len() as u64;
+    assert!(learned > 0 && left_out > 0, "{report}");
+    assert!(learned + left_out > of_first + backgrounds, "{report}");
+}
+
+/// Checks that boxes in exports have numbers of aircraft if, and only if, there are several.
+fn exported(corpus: &Path, has_traffic: bool) {
+    for (format, file) in [
+        ("coco", "annotations.json"),
+        ("huggingface", "data/boxes/train.parquet"),
+        ("webdataset", "train-000000.tar"),
+    ] {
+        let out = corpus.with_file_name(format);
+        DTD.succeeds(&["export", text(corpus), "--to", format, "--out", text(&out)]);
+        let bytes = fs::read(out.join(file)).unwrap();
+        for name in ["aircraft_number", "occluded_fraction"] {
+            let mut parts = bytes.windows(name.len());
+            let is_there = parts.any(|part| part == name.as_bytes());
+            assert_eq!(is_there, has_traffic, "{format}: {name}");
+        }
     }
 }
 
@@ -165,32 +203,23 @@ fn compare(
     }
 }
 
-fn all_meshes() -> BTreeMap<String, Vec<Value>> {
-    let mesh = |of: &AircraftType, flap_ratio, gear_ratio| {
-        let mesh = of.mesh(Configuration {
-            flap_ratio,
-            gear_ratio,
-        });
-        let corners: Vec<[f64; 3]> = mesh.vertices.iter().map(|at| at.to_array()).collect();
-        json!({ "flap_ratio": flap_ratio, "gear_ratio": gear_ratio, "corners_m": corners })
-    };
-    let all = |of: &AircraftType| {
-        let each = [(0.75, 1.0), (0.25, 1.0), (0.0, 1.0)];
-        let each = each.map(|(flaps, gear)| mesh(of, flaps, gear));
-        (of.name.clone(), each.to_vec())
-    };
-    AircraftType::all().iter().map(all).collect()
-}
-
 #[test]
 fn a_table_of_aircraft_that_was_changed_or_lost_is_found() {
     let folder = DTD.recorded(&sweep(TRAFFIC));
     let corpus = Corpus::open(&folder.path().join("corpus")).unwrap();
     let scenario = corpus.scenario(ID);
     let mut rows = scenario.open().unwrap().aircraft().unwrap().unwrap();
+    let expected = folder.path().join("expected");
+    copy_folder(&folder.path().join("corpus"), &expected);
     let findings = || {
         let corpus = folder.path().join("corpus");
-        let arguments = ["verify", text(&corpus), "--json"];
+        let arguments = [
+            "verify",
+            text(&corpus),
+            "--json",
+            "--against",
+            text(&expected),
+        ];
         let report = testkit::command::json(&DTD.run(&arguments));
         report["findings"].to_string()
     };
@@ -203,15 +232,16 @@ fn a_table_of_aircraft_that_was_changed_or_lost_is_found() {
         dataset::corpus::seal::replace_files(&claim, scenario.root(), &names, write).unwrap();
     };
     let right = rows.clone();
-    rows[5].pose.latitude_deg += 1e-4;
-    rows[11].dtd_m = None;
-    rows[23].pose.latitude_deg += 0.2;
+    rows[6].pose.latitude_deg += 1e-4;
+    rows[13].dtd_m = None;
+    rows[27].pose.latitude_deg += 0.2;
     seal(&rows);
     let found = findings();
     for words in [
         "of aircraft 0 differs from the tick of frames.parquet",
         "is null, expected",
         "of aircraft 3 is 2",
+        "m from the expected place",
     ] {
         assert!(found.contains(words), "{words}: {found}");
     }

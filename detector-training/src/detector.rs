@@ -49,6 +49,8 @@ pub struct DetectorReport {
     pub pieces_with_aircraft: usize,
     /// Whole frames for background.
     pub background_frames: usize,
+    /// Pieces and whole frames that were left out because they show several aircraft.
+    pub left_out_with_several_aircraft: usize,
     /// Settings.
     pub config: DetectorConfig,
 }
@@ -92,6 +94,7 @@ pub fn train_detector(
         seconds: trained.position.seconds,
         pieces_with_aircraft: samples.aircraft_count(),
         background_frames: samples.backgrounds.len(),
+        left_out_with_several_aircraft: samples.left_out,
         config: config.clone(),
     };
     write_json(&beside(out, "json"), &report)?;

@@ -91,6 +91,8 @@ pub struct Samples {
     pub aircraft: [Vec<TrainingPicture>; CROP_SIZES.len()],
     /// Whole frames, mostly empty.
     pub backgrounds: Vec<TrainingPicture>,
+    /// Number of pieces and whole frames that are left out because they show several aircraft.
+    pub left_out: usize,
 }
 
 /// A batch.

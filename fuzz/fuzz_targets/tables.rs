@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::detections::Detections;
+use dataset::tables::aircraft::AircraftRow;
 use dataset::tables::backgrounds::ViewBackground;
 use dataset::tables::frames::Frames;
 use dataset::tables::health::ViewHealth;
@@ -21,7 +22,7 @@ const PICTURES: u64 = 2_000;
 fuzz_target!(|bytes: &[u8]| {
     let (kind, bytes) = bytes.split_first().unwrap_or((&0, &[]));
     let path = Path::new("table.parquet");
-    match kind % 6 {
+    match kind % 7 {
         0 => {
             if let Ok(frames) = Frames::parse(bytes.to_vec(), path) {
                 let again = written(|path| frames.write(path));
@@ -52,10 +53,16 @@ fuzz_target!(|bytes: &[u8]| {
                 assert_eq!(ViewHealth::parse(again, path, PICTURES).unwrap(), found);
             }
         }
-        _ => {
+        5 => {
             if let Ok(found) = ViewBackground::parse(bytes.to_vec(), path, PICTURES) {
                 let again = written(|path| ViewBackground::write(&found, path));
                 assert_eq!(ViewBackground::parse(again, path, PICTURES).unwrap(), found);
+            }
+        }
+        _ => {
+            if let Ok(found) = AircraftRow::parse(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| AircraftRow::write(&found, path));
+                assert_eq!(AircraftRow::parse(again, path, PICTURES).unwrap(), found);
             }
         }
     }

@@ -10,7 +10,7 @@ use dataset::numbers::frame_rate::FrameRate;
 use dataset::numbers::limits::{Check, FieldOutOfLimits, MAX_APPROACH_S};
 
 pub(crate) use inbound::{Approaches, Inbound, last_approach};
-pub use separation::{Named, TrafficFault};
+pub use separation::TrafficFault;
 pub(crate) use straight_in::straight_in;
 pub(crate) use traffic::{Approach, Placed};
 

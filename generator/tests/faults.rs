@@ -15,7 +15,9 @@ use dataset::conditions::Weather;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use generator::generate::{Event, Patience, Remote, SimulatorTarget, Simulators, Stopped};
 use generator::sweep::Sweep;
-use mock_xplane::server::{BuiltIn, Engine, Instants, NotFlown, SceneRenderer, SceneSetting};
+use mock_xplane::server::{
+    BuiltIn, Engine, Instants, NotFlown, OtherAircraft, SceneRenderer, SceneSetting,
+};
 use store::CorpusStore;
 use tempfile::tempdir;
 use tokio::sync::OnceCell;
@@ -174,13 +176,19 @@ struct FaultyPicture {
 }
 
 impl SceneRenderer for FaultyPicture {
-    fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]) {
+    fn draw(
+        &self,
+        first: (&Pose, &Controls),
+        others: &[OtherAircraft],
+        instants: Instants,
+        rgb: &mut [u8],
+    ) {
         let left = &self.faults.freeze_in;
         let down = |left: u32| left.checked_sub(1);
         if left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, down) == Ok(1) {
             std::thread::sleep(Duration::from_millis(1_500));
         }
-        self.picture.draw(pose, controls, instants, rgb);
+        self.picture.draw(first, others, instants, rgb);
     }
 }
 

@@ -170,6 +170,13 @@ class Changed(unittest.TestCase):
         self.assertEqual(views.filter(tick=1).select("view", "pts").rows(), [("lens", 1001), ("mast", 1001), ("far_mast", 1008)])
         self.assertEqual(corpus.ticks().columns, Corpus(PATH).ticks().columns)
 
+    def test_aircraft_are_those_of_scenarios_with_traffic(self) -> None:
+        self.assertEqual(len(Corpus(self.copy).aircraft()), 0)
+        table = pl.DataFrame({"tick": [0, 0], "aircraft_number": [0, 1], "dtd_m": [900.0, None]})
+        table.write_parquet(self.scenario / "aircraft.parquet")
+        self.seal("aircraft.parquet")
+        self.assertEqual(Corpus(self.copy).aircraft().rows(), [(SCENARIO, 0, 0, 900.0), (SCENARIO, 0, 1, None)])
+
     def test_a_scenario_under_another_weather_than_planned_says_what_differs(self) -> None:
         effective = {"visibility_m": 500, "rain_ratio": None, "differing": ["visibility"]}
         self.change("scenario.json", lambda record: record.update(effective_weather=effective))

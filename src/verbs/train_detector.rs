@@ -31,6 +31,12 @@ pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
             report.steps,
             report.crops
         );
+        if report.left_out_with_several_aircraft > 0 {
+            println!(
+                "left out: {} images or parts of images with several aircraft",
+                report.left_out_with_several_aircraft
+            );
+        }
         println!("report: {}", args.out.with_extension("json").display());
     }
     Ok(ending)

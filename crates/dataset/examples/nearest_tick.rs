@@ -1,4 +1,5 @@
-//! Prints, for each scenario of a corpus, the labelled tick nearest to touchdown, the bounding boxes there and the size of the images.
+//! Prints, for each scenario of a corpus, the labelled tick nearest to touchdown, the bounding boxes of the aircraft there and the size of
+//! the images.
 //!
 //! `cargo run --release -p dataset --example nearest_tick -- corpus`
 
@@ -31,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         for truth in scenario
             .truth_boxes()?
             .iter()
-            .filter(|truth| truth.tick == tick)
+            .filter(|truth| truth.tick == tick && truth.is_of_first())
         {
             let mut video = scenario.open_video(&truth.view)?;
             let mut rgb = Vec::new();

@@ -198,22 +198,11 @@ impl Scene {
     ///
     /// If the length of `rgb` is wrong.
     pub fn render(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
-        self.draw_frame(pose, controls, Instants::all(time_s), true, rgb);
+        self.draw_frame((pose, controls), &[], Instants::all(time_s), true, rgb);
     }
 
+    /// [`Self::render`] with other aircraft: type, pose and configuration of each.
     pub(crate) fn draw_frame(
-        &self,
-        pose: &Pose,
-        controls: &Controls,
-        instants: Instants,
-        with_lamps: bool,
-        rgb: &mut [u8],
-    ) {
-        self.draw_aircraft((pose, controls), &[], instants, with_lamps, rgb);
-    }
-
-    /// [`Self::draw_frame`] with other aircraft: type, pose and configuration of each.
-    pub(crate) fn draw_aircraft(
         &self,
         (pose, controls): (&Pose, &Controls),
         others: &[(&'static AircraftType, &Pose, &Controls)],

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::geometry::pose::{Controls, Pose};
-use mock_xplane::server::{Engine, Faults, Instants, SceneRenderer, SceneSetting, ServerOptions};
+use mock_xplane::server::{
+    Engine, Faults, Instants, OtherAircraft, SceneRenderer, SceneSetting, ServerOptions,
+};
 use testkit::changi_02l;
 use testkit_simulator::client::{self, captured, level};
 use testkit_simulator::{Blank, Running, quiet};
@@ -177,7 +179,7 @@ impl Engine for FocalLength {
 }
 
 impl SceneRenderer for FocalLength {
-    fn draw(&self, _: &Pose, _: &Controls, _: Instants, rgb: &mut [u8]) {
+    fn draw(&self, _: (&Pose, &Controls), _: &[OtherAircraft], _: Instants, rgb: &mut [u8]) {
         rgb.fill(self.0);
     }
 }

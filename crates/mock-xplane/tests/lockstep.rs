@@ -9,7 +9,9 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geometry::approach_profile::ApproachProfile;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::geometry::runway::Runway;
-use mock_xplane::server::{Engine, Instants, NotFlown, SceneRenderer, SceneSetting, ServerOptions};
+use mock_xplane::server::{
+    Engine, Instants, NotFlown, OtherAircraft, SceneRenderer, SceneSetting, ServerOptions,
+};
 use mock_xplane::window::{DisplayWindow, WindowError};
 use testkit::changi_02l;
 use testkit_simulator::client::{self, captured, level};
@@ -72,7 +74,7 @@ impl Engine for Scribe {
 }
 
 impl SceneRenderer for Page {
-    fn draw(&self, _: &Pose, _: &Controls, instants: Instants, rgb: &mut [u8]) {
+    fn draw(&self, _: (&Pose, &Controls), _: &[OtherAircraft], instants: Instants, rgb: &mut [u8]) {
         let time_s = instants.lamps_s;
         if (time_s as u32).is_multiple_of(2) {
             std::thread::sleep(Duration::from_millis(20));

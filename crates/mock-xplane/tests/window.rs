@@ -4,7 +4,9 @@
 use std::sync::{Arc, Mutex};
 
 use dataset::geometry::pose::{Controls, Pose};
-use mock_xplane::server::{Engine, Instants, SceneRenderer, SceneSetting, ServerOptions};
+use mock_xplane::server::{
+    Engine, Instants, OtherAircraft, SceneRenderer, SceneSetting, ServerOptions,
+};
 use mock_xplane::window::{DisplayWindow, WindowError, X11Window};
 use testkit::changi_02l;
 use testkit_simulator::client::{self, level};
@@ -90,7 +92,7 @@ impl Engine for Counter {
 }
 
 impl SceneRenderer for Counter {
-    fn draw(&self, _: &Pose, _: &Controls, instants: Instants, rgb: &mut [u8]) {
+    fn draw(&self, _: (&Pose, &Controls), _: &[OtherAircraft], instants: Instants, rgb: &mut [u8]) {
         rgb.fill(instants.lamps_s as u8);
     }
 }

@@ -1,7 +1,7 @@
 //! An engine that costs nothing.
 
 use dataset::geometry::pose::{Controls, Pose};
-use mock_xplane::server::{Engine, Instants, SceneRenderer, SceneSetting};
+use mock_xplane::server::{Engine, Instants, OtherAircraft, SceneRenderer, SceneSetting};
 
 /// Draws nothing and cannot fly.
 #[derive(Debug)]
@@ -14,5 +14,5 @@ impl Engine for Blank {
 }
 
 impl SceneRenderer for Blank {
-    fn draw(&self, _: &Pose, _: &Controls, _: Instants, _: &mut [u8]) {}
+    fn draw(&self, _: (&Pose, &Controls), _: &[OtherAircraft], _: Instants, _: &mut [u8]) {}
 }

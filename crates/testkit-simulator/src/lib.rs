@@ -9,6 +9,7 @@
 mod blank;
 pub mod client;
 mod cover_window;
+mod judged_boxes;
 pub mod plugin;
 pub mod recorded_flights;
 mod relay;
@@ -19,6 +20,7 @@ mod xvfb;
 
 pub use blank::Blank;
 pub use cover_window::CoverWindow;
+pub use judged_boxes::judged_boxes;
 pub use relay::{Relay, altered};
 pub use running::{Running, quiet, serving, serving_with};
 pub use simulator_process::{PATIENCE, SWEEP, SimulatorProcess};

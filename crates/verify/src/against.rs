@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::error::Result;
+use dataset::tables::aircraft::AircraftRow;
 use dataset::tables::frames::{Frames, TickRow};
 use dataset::tables::pixel_box::TruthBox;
 
@@ -58,12 +59,14 @@ fn compare(found: &ScenarioFolder, expected: &ScenarioFolder, faults: &mut Fault
     if let (Some(found), Ok(expected)) = (found, expected) {
         compare_frames(&found.0, &expected.0, faults);
         compare_boxes(&found.1, &expected.1, faults);
+        compare_aircraft(&found.2, &expected.2, faults);
     }
 }
 
-fn labels_of(scenario: &OpenScenario) -> Result<(Frames, Vec<TruthBox>)> {
-    let boxes = scenario.truth_boxes_if_labelled()?;
-    Ok((scenario.frames()?, boxes.unwrap_or_default()))
+fn labels_of(scenario: &OpenScenario) -> Result<(Frames, Vec<TruthBox>, Vec<AircraftRow>)> {
+    let boxes = scenario.truth_boxes_if_labelled()?.unwrap_or_default();
+    let aircraft = scenario.aircraft()?.unwrap_or_default();
+    Ok((scenario.frames()?, boxes, aircraft))
 }
 
 fn compare_frames(found: &Frames, expected: &Frames, faults: &mut Faults) {
@@ -76,19 +79,34 @@ fn compare_frames(found: &Frames, expected: &Frames, faults: &mut Faults) {
     }
     for (row, (found, expected)) in found.rows.iter().zip(&expected.rows).enumerate() {
         for (index, name) in LENGTHS.into_iter().enumerate() {
-            let [found, expected] = [found, expected].map(|tick| Some(lengths_m(tick)?[index]));
-            let is_same = match (found, expected) {
-                (Some(found), Some(expected)) => (found - expected).abs() <= LABEL_TOLERANCE_M,
-                (found, expected) => found == expected,
-            };
-            if !is_same {
-                let shown = |length_m: Option<f64>| {
-                    length_m.map_or("none".into(), |length_m| format!("{length_m:.3}"))
-                };
-                let message = format!("is {}, expected {}", shown(found), shown(expected));
-                faults.row(ScenarioFolder::FRAMES, row, name, message);
-            }
+            let lengths = [found, expected].map(|tick| Some(lengths_m(tick)?[index]));
+            faults.compare_m(
+                ScenarioFolder::FRAMES,
+                row,
+                name,
+                lengths,
+                LABEL_TOLERANCE_M,
+            );
         }
+    }
+}
+
+fn compare_aircraft(found: &[AircraftRow], expected: &[AircraftRow], faults: &mut Faults) {
+    const TABLE: &str = ScenarioFolder::AIRCRAFT;
+    let (there, wanted) = (found.len(), expected.len());
+    if there != wanted {
+        faults.file(TABLE, format!("has {there} rows, expected {wanted}"));
+        return;
+    }
+    for (row, (found, expected)) in found.iter().zip(expected).enumerate() {
+        let [here, there] = [found, expected].map(|of| of.pose.position().to_ecef());
+        let off_m = here.distance(there);
+        if off_m > LABEL_TOLERANCE_M {
+            let message = format!("is {off_m:.3} m from the expected place");
+            faults.row(TABLE, row, "pose", message);
+        }
+        let distances = [found.dtd_m, expected.dtd_m];
+        faults.compare_m(TABLE, row, "dtd_m", distances, LABEL_TOLERANCE_M);
     }
 }
 

@@ -8,7 +8,7 @@ use dataset::tables::aircraft::AircraftRow;
 use dataset::tables::frames::Frames;
 use dataset::tables::image_rows::ImageRow;
 
-use crate::faults::{Faults, LENGTH_TOLERANCE_M, close};
+use crate::faults::{Faults, LENGTH_TOLERANCE_M};
 
 const TABLE: &str = ScenarioFolder::AIRCRAFT;
 
@@ -68,19 +68,8 @@ pub(super) fn check(
             let from = aircraft.pose.position().lat_lon();
             let expected_m = (is_labelled && record.lands(number as u32))
                 .then(|| record.touchdown.lat_lon().distance_m(from));
-            let is_right = match (aircraft.dtd_m, expected_m) {
-                (Some(found_m), Some(expected_m)) => close(found_m, expected_m, LENGTH_TOLERANCE_M),
-                (found_m, expected_m) => found_m == expected_m,
-            };
-            if !is_right {
-                let shown = |dtd_m: Option<f64>| dtd_m.map_or("null".into(), |m| format!("{m}"));
-                let message = format!(
-                    "is {}, expected {}",
-                    shown(aircraft.dtd_m),
-                    shown(expected_m)
-                );
-                faults.row(TABLE, row + number, "dtd_m", message);
-            }
+            let distances = [aircraft.dtd_m, expected_m];
+            faults.compare_m(TABLE, row + number, "dtd_m", distances, LENGTH_TOLERANCE_M);
         }
     }
     check_motion(frames, rows, count, faults);

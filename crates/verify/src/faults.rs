@@ -115,6 +115,28 @@ impl Faults {
         self.row_of(None, file, row, kind, message);
     }
 
+    /// A fault of a row whose length, metres, is not the expected one, or is there where none is expected.
+    pub(crate) fn compare_m(
+        &mut self,
+        file: &str,
+        row: usize,
+        kind: &'static str,
+        [found, expected]: [Option<f64>; 2],
+        tolerance_m: f64,
+    ) {
+        let is_same = match (found, expected) {
+            (Some(found), Some(expected)) => close(found, expected, tolerance_m),
+            (found, expected) => found == expected,
+        };
+        if !is_same {
+            let [found, expected] = [found, expected].map(|length_m| {
+                length_m.map_or("null".into(), |length_m| format!("{length_m:.6}"))
+            });
+            let message = format!("is {found}, expected {expected}");
+            self.row(file, row, kind, message);
+        }
+    }
+
     /// A fault of a row that concerns one view.
     pub(crate) fn view_row(
         &mut self,

@@ -6,10 +6,11 @@ import { METRES_PER_NM, fixed } from './units.js';
 /** Lines that are shown unless the link says which; of a run without them, its first line. */
 const FIRST_SHOWN = ['inverse_range', 'paper_lstm'];
 
-/** Rows of a table of boxes by tick. */
-function byTick(columns, make) {
+/** Rows of a table of boxes by tick: the first aircraft's, or those of all others. */
+function byTick(columns, make, isOfOthers = false) {
   const ticks = new Map();
   columns?.tick.forEach((tick, row) => {
+    if (Boolean(columns.aircraft_number?.[row]) !== isOfOthers) return;
     if (!ticks.has(tick)) ticks.set(tick, []);
     ticks.get(tick).push(make(columns, row));
   });
@@ -37,8 +38,11 @@ export class Flight {
     this.columns = tables.ticks;
     this.rate = tables.record.frame_rate;
     this.ticks = tables.record.ticks;
-    this.truth = new Map(tables.views.map(view => [view.id, byTick(view.truth, (columns, row) => ({
-      ...boxOf(columns, row), visible: columns.visible_fraction[row], transmission: columns.transmission[row] }))]));
+    const truth = (make, isOfOthers) => new Map(tables.views.map(view => [view.id, byTick(view.truth, make, isOfOthers)]));
+    this.truth = truth((columns, row) => ({
+      ...boxOf(columns, row), visible: columns.visible_fraction[row], transmission: columns.transmission[row] }), false);
+    const types = tables.record.traffic?.map(other => `${other.aircraft_number} ${other.aircraft}`);
+    this.others = truth((columns, row) => ({ ...boxOf(columns, row), label: types?.[columns.aircraft_number[row] - 1] }), true);
     this.collectLines(runs, lines?.split(','));
     this.use(tables.models.find(one => one.hash === model) ?? tables.models.at(-1));
   }
@@ -86,11 +90,11 @@ export class Flight {
 
   /** Boxes and points over a view's picture, the aircraft's place, and the same in words. `layers`: names of what is drawn. */
   seen(id, tick, layers) {
-    const truth = this.truth.get(id).get(tick) ?? [];
+    const [truth, others] = [this.truth, this.others].map(boxes => boxes.get(id).get(tick) ?? []);
     const found = this.detections.get(id).get(tick) ?? [];
     const counted = this.counted(id, tick);
     const marks = [];
-    if (layers.has('truth')) marks.push(...truth.map(box => ({ kind: 'truth', ...box })));
+    if (layers.has('truth')) marks.push(...others.map(box => ({ kind: 'other', ...box })), ...truth.map(box => ({ kind: 'truth', ...box })));
     if (layers.has('detections')) marks.push(...found.map(box => ({ kind: box.confirmed ? 'detection' : 'unconfirmed', ...box })));
     if (layers.has('shifts')) marks.push(...this.shiftPoints(id, tick));
     const words = [];
@@ -102,6 +106,7 @@ export class Flight {
       words.push(registration.reason ? `no shift: ${registration.reason}`
         : `shift against ${registration.reference} ${fixed(registration.dx, 2)}, ${fixed(registration.dy, 2)} px`);
     }
+    if (others.length) words.push(`other aircraft: ${others.map(box => box.label).join(', ')}`);
     return { marks, target: this.target(id, tick), words: words.join('; ') || 'nothing is known about this image' };
   }
 

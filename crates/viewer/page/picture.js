@@ -14,6 +14,7 @@ const MARGIN_PX = 24;
 /** Colours over pictures, which are neither light nor dark, and the parts of a frame: those of equal boxes do not cover each other. */
 export const MARKS = {
   truth: { colour: '#39ff5a', part: 'corners' },
+  other: { colour: 'rgba(57, 255, 90, .6)', part: 'box' },
   detection: { colour: '#ffb000', part: 'sides' },
   unconfirmed: { colour: '#c8c8c8', part: 'sides' },
   shift: { colour: '#3fd0ff' },
@@ -36,7 +37,7 @@ export class Picture {
     /** A picture from the server, or a video that plays; null with a message. */
     this.image = null;
     this.message = '';
-    /** Boxes { kind, cx, cy, width, height } and points { kind, x, y }, in pixels of the picture; (0, 0) is the centre of a pixel. */
+    /** Boxes { kind, cx, cy, width, height, label } and points { kind, x, y }, in pixels of the picture; (0, 0) is the centre of a pixel. */
     this.marks = [];
     /** Where the aircraft is, or is thought to be. */
     this.target = null;
@@ -186,18 +187,29 @@ export class Picture {
     for (const mark of marks) {
       const { colour, part } = MARKS[mark.kind];
       const path = new Path2D();
-      const lines = part ? frameLines(frame(size, shown, mark), part) : crossLines(place(size, shown, mark), frame(size, shown, this.target ?? mark));
+      const around = frame(size, shown, mark);
+      const lines = part ? frameLines(around, part) : crossLines(place(size, shown, mark), frame(size, shown, this.target ?? mark));
       for (const [from, ...points] of lines) {
         path.moveTo(...from);
         for (const point of points) path.lineTo(...point);
       }
+      const isThin = part === 'box';
       // A dark line below a bright one is visible on any sky.
       context.strokeStyle = 'rgba(0, 0, 0, .45)';
-      context.lineWidth = lineWidth + 1.5;
+      context.lineWidth = isThin ? 2 : lineWidth + 1.5;
       context.stroke(path);
       context.strokeStyle = colour;
-      context.lineWidth = lineWidth;
+      context.lineWidth = isThin ? 1 : lineWidth;
       context.stroke(path);
+      if (!mark.label) continue;
+      const at = [Math.max(around[0], GAP), around[1] - GAP];
+      context.fillStyle = colour;
+      context.strokeStyle = 'rgba(0, 0, 0, .45)';
+      context.lineWidth = 3;
+      context.font = '11px system-ui, sans-serif';
+      context.textAlign = 'left';
+      context.strokeText(mark.label, ...at);
+      context.fillText(mark.label, ...at);
     }
   }
 
@@ -248,8 +260,9 @@ function frame(size, shown, { cx, cy, x = cx, y = cy, width = 0, height = 0 }) {
   return [middleX - halfX, middleY - halfY, middleX + halfX, middleY + halfY];
 }
 
-/** Lines of the corners of a frame, or of the middles of its sides. */
+/** Lines of the corners of a frame, of the middles of its sides, or all of it. */
 function frameLines([left, top, right, bottom], part) {
+  if (part === 'box') return [[[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]];
   if (part === 'corners') {
     const [x, y] = [right - left, bottom - top].map(side => Math.min(side * CORNER, LONGEST_ARM));
     return [[left, top, x, y], [right, top, -x, y], [right, bottom, -x, -y], [left, bottom, x, -y]]

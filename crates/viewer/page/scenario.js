@@ -121,6 +121,7 @@ export class ScenarioPage {
     const neighbour = (key, text) => this.neighbours[key]
       ? element('a', { href: address({ ...this.kept(), scenario: this.neighbours[key] }) }, text) : element('span', { class: 'note' }, text);
     const fact = (term, value) => element('div', {}, element('dt', {}, term), element('dd', {}, value));
+    const others = record.traffic?.map(other => `${other.aircraft_number} ${other.aircraft} (${other.role})`) ?? [];
     const problems = [
       ...tables.problems,
       ...(row?.weather_differs ?? []).map(difference => `Not the planned weather: ${difference}.`),
@@ -135,7 +136,7 @@ export class ScenarioPage {
         fact('Weather', `${conditions.weather_name}, visibility ${metres(conditions.weather.visibility_m)}`),
         ...record.effective_weather ? [fact('At the aircraft', weatherWords(record.effective_weather))] : [],
         fact('Local time', conditions.time_of_day), fact('Side', row?.side ?? '–'),
-        fact('Runway', `${record.runway.airport} ${record.runway.name}`), fact('Aircraft', record.aircraft),
+        fact('Runway', `${record.runway.airport} ${record.runway.name}`), fact('Aircraft', [record.aircraft, ...others].join(', ')),
         fact('Trajectory', record.trajectory),
         fact('Ticks', `${count(this.ticks)}, ${this.rateWords()}`)),
       problems.map(problem => element('p', { class: 'problem' }, problem)));

@@ -74,6 +74,8 @@ struct TruthColumns {
     boxes: BoxColumns,
     visible_fraction: Vec<f64>,
     transmission: Vec<f64>,
+    /// 0: the first aircraft.
+    aircraft_number: Vec<u32>,
 }
 
 /// A model's findings.
@@ -195,6 +197,7 @@ impl TruthColumns {
                 .visible_fraction
                 .push(thousandths(real.visible_fraction));
             columns.transmission.push(thousandths(real.transmission));
+            columns.aircraft_number.push(real.number());
         }
         columns
     }

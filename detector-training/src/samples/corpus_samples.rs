@@ -2,7 +2,7 @@
 //!
 //! Input: a labelled corpus. Output: samples for training. Every pixel went through the codec, as it will when the detector is used.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -10,7 +10,7 @@ use dataset::corpus::Corpus;
 use dataset::corpus::open_scenario::OpenScenario;
 use dataset::corpus::splits::Side;
 use dataset::plan::PlannedScenarios;
-use dataset::tables::pixel_box::TruthBox;
+use dataset::tables::pixel_box::{PixelBox, TruthBox};
 use dataset::work::memory;
 use dataset::work::watch::Watch;
 use rayon::prelude::*;
@@ -105,6 +105,7 @@ pub(crate) fn read_samples(videos: &[Video], watch: &dyn Watch) -> Result<Sample
         for (pile, more) in all.aircraft.iter_mut().zip(part.aircraft) {
             pile.extend(more);
         }
+        all.left_out += part.left_out;
     }
     Ok(all)
 }
@@ -112,13 +113,15 @@ pub(crate) fn read_samples(videos: &[Video], watch: &dyn Watch) -> Result<Sample
 fn samples_of(video: &Video, watch: &dyn Watch) -> Result<Samples> {
     let mut samples = Samples::default();
     let mut places: [Vec<[usize; 2]>; CROP_SIZES.len()] = Default::default();
-    let background_step = video.frames()?.div_ceil(BACKGROUNDS_PER_VIDEO).max(1);
-    video.for_each_frame(|tick, frame| {
-        if let Some(CropTruth {
-            pixel_box,
-            visible: true,
-        }) = frame.aircraft
-        {
+    let background_step = video.frames()?.div_ceil(BACKGROUNDS_PER_VIDEO).max(1) as u32;
+    video.for_each_frame(|tick, frame, boxes| {
+        frame.aircraft = None;
+        for truth in boxes {
+            let (pixel_box, visible) = (truth.pixel_box, is_visible(frame, truth));
+            frame.aircraft = Some(CropTruth { pixel_box, visible });
+            if !visible {
+                continue;
+            }
             let size = size_for_width(pixel_box.width_px);
             let side = CROP_SIZES[size].piece_side_px;
             let place = |center: f64, length: usize| {
@@ -130,11 +133,24 @@ fn samples_of(video: &Video, watch: &dyn Watch) -> Result<Samples> {
                 place(pixel_box.cy_px, frame.height_px),
             );
             let (width, height) = (side.min(frame.width_px), side.min(frame.height_px));
+            let [x, y] = [left, top].map(|edge| edge as f64 - 0.5);
+            let (right, bottom) = (x + width as f64, y + height as f64);
+            let piece = PixelBox::from_edges(x, y, right, bottom);
+            let shown = boxes.iter().map(|truth| &truth.pixel_box);
+            // A network would learn a second aircraft in the piece as background.
+            if shown.filter(|of| of.intersection(&piece) > 0.0).count() > 1 {
+                samples.left_out += 1;
+                continue;
+            }
             samples.aircraft[size].push(frame.piece(left, top, width, height));
             places[size].push([left, top]);
         }
         if tick % background_step == background_step / 2 {
-            samples.backgrounds.push(frame.clone());
+            if boxes.len() > 1 {
+                samples.left_out += 1;
+            } else {
+                samples.backgrounds.push(frame.clone());
+            }
         }
         !watch.is_stopped()
     })?;
@@ -214,28 +230,21 @@ impl Video {
         ))
     }
 
-    /// The first aircraft's ground-truth boxes of the view.
+    /// The ground-truth boxes of the view, of all aircraft.
     fn boxes(&self) -> Result<impl Iterator<Item = TruthBox>> {
         let boxes = self.scenario.truth_boxes()?.into_iter();
-        Ok(boxes.filter(|truth| truth.is_of_first() && truth.view == self.view))
+        Ok(boxes.filter(|truth| truth.view == self.view))
     }
 
-    /// Ticks at which the view shows other aircraft.
-    fn with_others(&self) -> Result<HashSet<u32>> {
-        let boxes = self.scenario.truth_boxes()?.into_iter();
-        let others = boxes.filter(|truth| !truth.is_of_first() && truth.view == self.view);
-        Ok(others.map(|truth| truth.tick).collect())
-    }
-
-    /// Decodes the video and passes on every frame with its tick and its aircraft, until the receiver returns `false`. Frames with other
-    /// aircraft are left out: a network would learn these as background.
+    /// Decodes the video and passes on every frame with its tick and the boxes of its aircraft, until the receiver returns `false`.
     fn for_each_frame(
         &self,
-        mut receive: impl FnMut(usize, &TrainingPicture) -> bool,
+        mut receive: impl FnMut(u32, &mut TrainingPicture, &[TruthBox]) -> bool,
     ) -> Result<()> {
-        let boxes: HashMap<u32, TruthBox> =
-            self.boxes()?.map(|truth| (truth.tick, truth)).collect();
-        let with_others = self.with_others()?;
+        let mut boxes: HashMap<u32, Vec<TruthBox>> = HashMap::new();
+        for truth in self.boxes()? {
+            boxes.entry(truth.tick).or_default().push(truth);
+        }
         let mut reader = self.scenario.open_video(&self.view)?;
         let (width_px, height_px) = (reader.width() as usize, reader.height() as usize);
         let mut frame = TrainingPicture {
@@ -247,15 +256,8 @@ impl Video {
         };
         let mut tick = 0;
         while reader.next_frame(&mut frame.rgb)?.is_some() {
-            if with_others.contains(&(tick as u32)) {
-                tick += 1;
-                continue;
-            }
-            frame.aircraft = boxes.get(&(tick as u32)).map(|truth| CropTruth {
-                pixel_box: truth.pixel_box,
-                visible: is_visible(&frame, truth),
-            });
-            if !receive(tick, &frame) {
+            let here = boxes.get(&tick).map_or(&[][..], Vec::as_slice);
+            if !receive(tick, &mut frame, here) {
                 break;
             }
             tick += 1;

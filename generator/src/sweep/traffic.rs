@@ -51,20 +51,11 @@ pub(super) struct TrafficTable {
     repeats: Vec<u32>,
 }
 
-/// The rules of a sweep, and those that each of its combinations matches.
+/// The rules of a sweep, each with the types of which a scenario draws one, and those that each of its combinations matches.
 #[derive(Debug, Clone, Default)]
 pub struct Traffic {
-    rules: Vec<Rule>,
+    rules: Vec<(TrafficTable, AircraftTypes)>,
     of_each: Vec<Vec<usize>>,
-}
-
-#[derive(Debug, Clone)]
-struct Rule {
-    role: Role,
-    /// Types of which each scenario draws one.
-    aircraft: AircraftTypes,
-    after_s: Option<Spread>,
-    spacing_nm: Option<Spread>,
 }
 
 /// Checks the tables, and finds the scenarios of each. `types` are the ones of `approach.aircraft`.
@@ -100,29 +91,28 @@ pub(super) fn read(
                 );
             }
         }
-        rules.push(table.checked(index, types)?);
+        rules.push((table.clone(), table.checked(index, types)?));
     }
     Ok(Traffic { rules, of_each })
 }
 
 impl TrafficTable {
-    fn checked(&self, index: usize, types: &AircraftTypes) -> Checked<Rule> {
-        let given = (self.after_s.is_some(), self.spacing_nm.is_some());
-        let expected = match (self.role, given) {
-            (
-                Role::Arrival | Role::MissedApproach | Role::Crossing,
-                (true, true) | (false, false),
-            ) => Some("either after_s or spacing_nm"),
-            (Role::Departure | Role::Taxi, (false, _) | (_, true)) => Some("after_s alone"),
-            (Role::Parked, (true, _) | (_, true)) => Some("neither after_s nor spacing_nm"),
-            _ => None,
+    /// Checks the keys; the types of the rule.
+    fn checked(&self, index: usize, types: &AircraftTypes) -> Checked<AircraftTypes> {
+        let given = [self.after_s.is_some(), self.spacing_nm.is_some()];
+        let (is_right, expected) = match self.role {
+            Role::Arrival | Role::MissedApproach | Role::Crossing => {
+                (given[0] != given[1], "either after_s or spacing_nm")
+            }
+            Role::Departure | Role::Taxi => (given == [true, false], "after_s alone"),
+            Role::Parked => (given == [false, false], "neither after_s nor spacing_nm"),
         };
-        if let Some(expected) = expected {
+        if !is_right {
             let found = match given {
-                (true, true) => "after_s and spacing_nm",
-                (true, false) => "after_s",
-                (false, true) => "spacing_nm",
-                (false, false) => "neither",
+                [true, true] => "after_s and spacing_nm",
+                [true, false] => "after_s",
+                [false, true] => "spacing_nm",
+                [false, false] => "neither",
             };
             let role = self.role.word();
             return fault(
@@ -130,16 +120,10 @@ impl TrafficTable {
                 format!("an aircraft with role {role} has {found}, expected {expected}"),
             );
         }
-        let aircraft = match &self.aircraft {
-            Some(name) => name.only(format!("traffic.{index}.type"))?,
-            None => types.clone(),
-        };
-        Ok(Rule {
-            role: self.role,
-            aircraft,
-            after_s: self.after_s.clone(),
-            spacing_nm: self.spacing_nm.clone(),
-        })
+        match &self.aircraft {
+            Some(name) => name.only(format!("traffic.{index}.type")),
+            None => Ok(types.clone()),
+        }
     }
 }
 
@@ -148,14 +132,12 @@ impl Traffic {
     pub(crate) fn drawn(&self, combination: usize, scenario_seed: u64) -> Vec<OtherAircraft> {
         let matching = self.of_each.get(combination).into_iter().flatten();
         let drawn = |(aircraft_number, index): (u32, &usize)| {
-            let rule = &self.rules[*index];
+            let (rule, types) = &self.rules[*index];
             let value = |name: &str, spread: &Option<Spread>| {
                 let name = format!("traffic.{index}.{name}");
                 Some(spread.as_ref()?.value(scenario_seed, &name))
             };
-            let of = rule
-                .aircraft
-                .drawn_as(&format!("traffic.{index}.type"), scenario_seed);
+            let of = types.drawn_as(&format!("traffic.{index}.type"), scenario_seed);
             OtherAircraft {
                 aircraft_number,
                 aircraft: of.name.clone(),
@@ -166,15 +148,11 @@ impl Traffic {
         };
         (1..).zip(matching).map(drawn).collect()
     }
-
-    fn is_empty(&self) -> bool {
-        self.rules.is_empty()
-    }
 }
 
 /// Rejects traffic that would collide, meet on the runway or be below the ground, on a straight approach.
 pub(super) fn check_separations(sweep: &Sweep) -> Checked<()> {
-    if sweep.traffic.is_empty() {
+    if sweep.traffic.rules.is_empty() {
         return Ok(());
     }
     let mut seen = HashSet::new();
@@ -190,7 +168,7 @@ pub(super) fn check_separations(sweep: &Sweep) -> Checked<()> {
             Ok(()) => continue,
             Err(bad) => bad,
         };
-        let rule = sweep.traffic.of_each[index][bad.other()];
+        let rule = sweep.traffic.of_each[index][bad.number.saturating_sub(1)];
         return fault(
             format!("traffic.{rule}"),
             format!("scenario {id}, on a straight approach: {bad}"),
@@ -214,8 +192,8 @@ fn fly_straight_in(
         // Too steep for a flight in a straight line: the real ones are checked as they are flown.
         return Ok(());
     };
-    let approach = Approach::new(flight, window, runway, aircraft);
-    let steps = (approach.touchdown_s() / STEP_S).ceil() as u32;
+    let approach = Approach::new(flight, window, runway, aircraft)?;
+    let steps = (approach.touchdown_s / STEP_S).ceil() as u32;
     let times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();
     approach.fly(others, &times_s).map(drop)
 }

@@ -9,13 +9,12 @@
 
 use airframe::AircraftType;
 use dataset::corpus::scenario::{OtherAircraft, Role};
-use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::{Controls, FlightState, Pose};
 use dataset::geometry::runway::{Runway, RunwayCoordinates};
 use dataset::numbers::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
 use super::ground_path::{GroundPath, GroundPlace, Leg};
-use super::separation::{TrafficFault, check};
+use super::separation::{TrafficFault, check, named, past_end_m};
 use super::{Trajectory, Window};
 
 /// Taxiing speed.
@@ -39,7 +38,8 @@ const LIFT_OFF_PITCH_DEG: f64 = 9.0;
 /// Angle of climb, and the time until it is reached.
 const CLIMB_DEG: f64 = 6.0;
 const INTO_CLIMB_S: f64 = 6.0;
-/// A missed approach climbs from this height of the wheels: 200 ft, the decision height of a category I approach.
+/// A missed approach climbs from this height of the wheels: 200 ft, the decision height of a category I approach. A flight that ends higher
+/// is no landing.
 const DECISION_HEIGHT_M: f64 = 60.0;
 /// A crossing aircraft is this far above the first one's path (1000 ft), with this speed (195 kt).
 const CROSSING_ABOVE_M: f64 = 300.0;
@@ -58,6 +58,17 @@ pub(crate) struct Placed {
     pub(crate) on_ground: bool,
 }
 
+impl Placed {
+    /// As a state says.
+    pub(crate) fn of(state: &FlightState) -> Self {
+        Self {
+            pose: state.pose,
+            controls: state.controls,
+            on_ground: state.on_ground,
+        }
+    }
+}
+
 /// The first aircraft's approach, continued in both directions: the way in before its first state, and a landing, the way off the runway
 /// and along the taxiway after its last.
 #[derive(Debug, Clone)]
@@ -66,26 +77,40 @@ pub(crate) struct Approach<'a> {
     runway: &'a Runway,
     aircraft: &'static AircraftType,
     start_s: f64,
-    /// When it passes the touchdown target, or ends before.
-    touchdown_s: f64,
+    /// When it passes the touchdown target, seconds since tick 0.
+    pub(crate) touchdown_s: f64,
     /// The way after its last state.
     roll_out: GroundPath,
 }
 
 impl<'a> Approach<'a> {
     /// The approach of a type within a flight.
+    ///
+    /// # Errors
+    /// The flight does not land.
     pub(crate) fn new(
         trajectory: &'a Trajectory,
         window: Window,
         runway: &'a Runway,
         aircraft: &'static AircraftType,
-    ) -> Self {
+    ) -> Result<Self, TrafficFault> {
         let last = trajectory.last();
         let end = RunwayCoordinates::of(
             last.pose.position(),
             runway.touchdown_target(),
             runway.course_true_deg,
         );
+        let height_m = end.height_over_target_m - aircraft.wheel_height_below_cg_m();
+        let landing_s = window.passing_s.filter(|_| height_m < DECISION_HEIGHT_M);
+        let passing_s = landing_s.ok_or_else(|| {
+            let reason = format!(
+                "the first aircraft does not land: its flight ends {:.0} m before the touchdown target and {height_m:.0} m above the runway; \
+                 expected a landing, from which the places of [[traffic]] are counted: fly one that lands, or take [[traffic]] out of the \
+                 sweep",
+                end.along_track_m
+            );
+            TrafficFault::of(0, reason)
+        })?;
         let start = GroundPlace {
             past_m: -end.along_track_m,
             right_m: end.cross_track_m,
@@ -93,12 +118,12 @@ impl<'a> Approach<'a> {
         };
         let speed_mps = ground_speed_mps(&last);
         let across_m = (TAXIWAY_M - start.right_m - 2.0 * TURN_M).max(0.0);
-        Self {
+        Ok(Self {
             trajectory,
             runway,
             aircraft,
             start_s: window.start_s,
-            touchdown_s: window.passing_s.unwrap_or(window.last_s) - window.start_s,
+            touchdown_s: passing_s - window.start_s,
             roll_out: GroundPath {
                 start,
                 legs: vec![
@@ -108,7 +133,7 @@ impl<'a> Approach<'a> {
                     Leg::RightTurn(TURN_M),
                 ],
             },
-        }
+        })
     }
 
     /// Flies other aircraft with the first one: the places of each of them at all these times.
@@ -125,9 +150,18 @@ impl<'a> Approach<'a> {
         let mut stands = 0;
         let go_around_s = self.decision_s();
         for other in others {
-            let aircraft = AircraftType::named(&other.aircraft)?;
+            let number = other.aircraft_number as usize;
+            let aircraft = AircraftType::named(&other.aircraft)
+                .map_err(|unknown| TrafficFault::of(number, unknown))?;
             wheels_m.push(aircraft.wheel_height_below_cg_m());
             let after_s = self.after_s(other);
+            if other.role == Role::Crossing && after_s <= -self.touchdown_s / 2.0 {
+                let reason = format!(
+                    "{} crosses beyond the touchdown target; expected a place on the approach: change its after_s or spacing_nm in [[traffic]]",
+                    named(number, others)
+                );
+                return Err(TrafficFault::of(number, reason));
+            }
             let stand = f64::from(stands);
             stands += u32::from(other.role == Role::Parked);
             let at = |time_s: &f64| match other.role {
@@ -138,7 +172,11 @@ impl<'a> Approach<'a> {
                 Role::Taxi => self.standing(
                     aircraft,
                     GroundPlace {
-                        past_m: TAXI_MPS * (self.touchdown_s + after_s - time_s),
+                        // At the ends of the taxiway it stands.
+                        past_m: (TAXI_MPS * (self.touchdown_s + after_s - time_s)).clamp(
+                            -self.runway.touchdown_past_threshold_m,
+                            past_end_m(self.runway),
+                        ),
                         right_m: TAXIWAY_M,
                         turned_deg: 180.0,
                     },
@@ -157,11 +195,6 @@ impl<'a> Approach<'a> {
         check(&all, others, &wheels_m, times_s, self.runway)?;
         all.remove(0);
         Ok(all)
-    }
-
-    /// Time of the touchdown, seconds since tick 0.
-    pub(crate) fn touchdown_s(&self) -> f64 {
-        self.touchdown_s
     }
 
     /// Time by which another aircraft is behind.
@@ -214,10 +247,12 @@ impl<'a> Approach<'a> {
                 .lat_lon()
                 .destination(track_deg(&first) + 180.0, back_m)
                 .at_altitude_m(from.altitude_msl_m);
-            placed(&first, first.pose.moved_to(at))
+            Placed {
+                pose: first.pose.moved_to(at),
+                ..Placed::of(&first)
+            }
         } else if at_s <= last.time_s {
-            let state = self.trajectory.at(at_s);
-            placed(&state, state.pose)
+            Placed::of(&self.trajectory.at(at_s))
         } else {
             self.rolled_out(&last, at_s - last.time_s)
         }
@@ -232,6 +267,9 @@ impl<'a> Approach<'a> {
         } else {
             slowing_m(speed_mps) + TAXI_MPS * (since_s - slowing_s)
         };
+        let legs_m = self.roll_out.length_m();
+        let taxiway_m = self.roll_out.at(legs_m).past_m + self.runway.touchdown_past_threshold_m;
+        let way_m = way_m.min(legs_m + taxiway_m.max(0.0));
         let ground_m = self.wheels_on_ground_msl_m(self.aircraft);
         let sinking_m = last.velocity_down_mps.max(0.0) * since_s;
         let altitude_msl_m = (last.pose.altitude_msl_m - sinking_m).max(ground_m);
@@ -318,6 +356,8 @@ impl<'a> Approach<'a> {
             + TAXI_MPS * since_s.min(lift_off_s)
             + ALONG_RUNWAY_MPS2 / 2.0 * rolling_s.powi(2)
             + speed_mps * flown_s;
+        // It comes from the end of the taxiway.
+        let way_m = way_m.max(path.start.past_m - past_end_m(self.runway));
         let here = self.standing(aircraft, path.at(way_m));
         let (climb_deg, climbed_m) = into_climb(speed_mps, 0.0, flown_s);
         Placed {
@@ -358,23 +398,14 @@ impl<'a> Approach<'a> {
 
     /// An aircraft on its wheels.
     fn standing(&self, aircraft: &AircraftType, place: GroundPlace) -> Placed {
-        let at = self
-            .runway
-            .point_on_approach(-place.past_m, place.right_m)
-            .at_altitude_m(self.wheels_on_ground_msl_m(aircraft));
-        let Geodetic {
-            latitude_deg,
-            longitude_deg,
-            altitude_msl_m,
-        } = at;
+        let at = self.runway.point_on_approach(-place.past_m, place.right_m);
+        let heading_deg = Degrees(self.runway.course_true_deg + place.turned_deg);
         Placed {
             pose: Pose {
-                latitude_deg,
-                longitude_deg,
-                altitude_msl_m,
-                heading_true_deg: Degrees(self.runway.course_true_deg + place.turned_deg)
-                    .wrapped_360()
-                    .0,
+                latitude_deg: at.latitude_deg,
+                longitude_deg: at.longitude_deg,
+                altitude_msl_m: self.wheels_on_ground_msl_m(aircraft),
+                heading_true_deg: heading_deg.wrapped_360().0,
                 pitch_deg: 0.0,
                 roll_deg: 0.0,
             },
@@ -422,14 +453,6 @@ fn track_deg(state: &FlightState) -> f64 {
     track_rad.to_degrees()
 }
 
-fn placed(state: &FlightState, pose: Pose) -> Placed {
-    Placed {
-        pose,
-        controls: state.controls,
-        on_ground: state.on_ground,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -459,7 +482,7 @@ mod tests {
         let (runway, first) = (runway(), AircraftType::boeing_737_800());
         let trajectory = straight_in(first, FROM_M, &runway).unwrap();
         let window = trajectory.approach(&runway, FROM_M).unwrap();
-        let approach = Approach::new(&trajectory, window, &runway, first);
+        let approach = Approach::new(&trajectory, window, &runway, first)?;
         let times_s = times_s();
         let flown = approach.fly(&[other], &times_s)?;
         Ok(times_s.into_iter().zip(flown[0].iter().copied()).collect())
@@ -565,6 +588,53 @@ mod tests {
     }
 
     #[test]
+    fn aircraft_on_the_ground_stay_between_the_ends_of_the_taxiway() {
+        let runway = runway();
+        let ends_m = -past_end_m(&runway) - 1.0..runway.touchdown_past_threshold_m + 1.0;
+        for (role, after_s) in [
+            (Role::Taxi, 700.0),
+            (Role::Taxi, -800.0),
+            (Role::Departure, 700.0),
+            (Role::Arrival, -900.0),
+        ] {
+            let path = flown(other(role, after_s)).unwrap();
+            for (time_s, placed) in &path {
+                let at = place(placed);
+                assert!(
+                    ends_m.contains(&at.along_track_m),
+                    "{role:?}, {time_s}: {at:?}"
+                );
+                assert!((at.cross_track_m - TAXIWAY_M).abs() < 1.0, "{role:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_first_aircraft_that_ends_in_the_air_is_no_place_for_others() {
+        let (runway, first) = (runway(), AircraftType::boeing_737_800());
+        let landing = straight_in(first, FROM_M, &runway).unwrap();
+        let states = |to_s: f64, up_mps: f64| {
+            let of = (0..=131).map(|second| landing.at(f64::from(second)));
+            let mut states: Vec<_> = of.take_while(|state| state.time_s <= to_s).collect();
+            for state in &mut states {
+                let since_s = (state.time_s - 100.0).max(0.0);
+                state.pose.altitude_msl_m += up_mps * since_s;
+                state.velocity_down_mps -= if since_s > 0.0 { up_mps } else { 0.0 };
+            }
+            Trajectory::new(states).unwrap()
+        };
+        // One is recorded down to some height, one goes around.
+        for (flight, words) in [
+            (states(110.0, 0.0), "1152 m before the touchdown target"),
+            (states(131.0, 8.0), "248 m above the runway"),
+        ] {
+            let window = flight.approach(&runway, FROM_M).unwrap();
+            let fault = Approach::new(&flight, window, &runway, first).unwrap_err();
+            assert!(fault.to_string().contains(words), "{fault}");
+        }
+    }
+
+    #[test]
     fn aircraft_that_would_collide_meet_on_the_runway_or_sink_are_refused() {
         let refused = |role, after_s| flown(other(role, after_s)).unwrap_err().to_string();
         let near = refused(Role::Arrival, 1.0);
@@ -574,8 +644,17 @@ mod tests {
         ] {
             assert!(near.contains(words), "{near}");
         }
-        let runway = refused(Role::Departure, -25.0);
-        assert!(runway.contains("both on the runway"), "{runway}");
+        // It rolls while the first one rolls, or lifts off while that one flares.
+        for after_s in [-25.0, -38.0] {
+            let runway = refused(Role::Departure, after_s);
+            assert!(runway.contains("both on the runway"), "{runway}");
+        }
+        assert!(flown(other(Role::Departure, -50.0)).is_ok());
+        let beyond = refused(Role::Crossing, -TOUCHDOWN_S / 2.0);
+        assert!(
+            beyond.contains("(crossing, A350-900) crosses beyond the touchdown target"),
+            "{beyond}"
+        );
 
         let mut below = flown(other(Role::Parked, 0.0)).unwrap();
         below[3].1.pose.altitude_msl_m -= 20.0;
@@ -594,7 +673,7 @@ mod tests {
         );
         let fault = fault.unwrap_err().to_string();
         assert!(
-            fault.contains("below the runway 1 s after the start"),
+            fault.starts_with("1 s after") && fault.contains("m below the runway"),
             "{fault}"
         );
     }

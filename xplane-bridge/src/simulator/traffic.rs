@@ -4,7 +4,7 @@ use futures_util::future::LocalBoxFuture;
 
 use super::{SWITCH_TIMEOUT, Simulator};
 use crate::error::BridgeError;
-use crate::link::{Answer, Request, STATES_PER_REQUEST, TrafficPart, TrafficState};
+use crate::link::{Answer, Hello, Request, STATES_PER_REQUEST, TrafficPart, TrafficState};
 
 /// The path of another aircraft.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,19 +21,27 @@ impl Simulator {
     /// # Errors
     /// [`BridgeError::Setup`] if they cannot.
     pub fn check_traffic(&self, wanted: usize) -> Result<(), BridgeError> {
-        let most = self.description.traffic;
-        if wanted <= most as usize {
+        let Hello {
+            name,
+            version,
+            plugin,
+            traffic: most,
+            ..
+        } = &self.description;
+        if wanted <= *most as usize {
             return Ok(());
         }
-        let why = if most == 0 {
-            "no other aircraft here: X-Plane does not report where it drew one, so that no box could be proven".into()
-        } else {
-            format!("at most {most} other aircraft")
+        let most = match (most, plugin) {
+            (0, Some(_)) => {
+                "none: X-Plane does not report where it drew one, so that no box could be proven"
+                    .into()
+            }
+            (0, None) => "none in this version".into(),
+            (most, _) => format!("at most {most}"),
         };
         Err(BridgeError::Setup(format!(
-            "the sweep's [[traffic]] puts {wanted} other aircraft into a scenario, but {} draws {why}. Take [[traffic]] out of the sweep, or \
-             record with the bundled simulator (--sim mock)",
-            self.description.name
+            "the sweep's [[traffic]] puts {wanted} other aircraft into a scenario, but {name} {version} draws {most}. Take [[traffic]] out of \
+             the sweep, or record with the simulator that this version of dtd bundles (--sim mock)"
         )))
     }
 

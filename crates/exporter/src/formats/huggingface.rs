@@ -30,6 +30,8 @@ type Tables = BTreeMap<(&'static str, &'static str), TableParts>;
 pub(super) struct HuggingFace {
     /// Requested runs, each with whether it has predictions for a scenario of the export.
     runs: Vec<(Predictions, bool)>,
+    /// True if a scenario has several aircraft.
+    has_traffic: bool,
 }
 
 impl FileFormat for HuggingFace {
@@ -62,6 +64,7 @@ impl FileFormat for HuggingFace {
     }
 
     fn check(&mut self, source: &Source<'_>, _: &Export<'_>) -> Result<()> {
+        self.has_traffic |= !source.record.traffic.is_empty();
         for (run, is_answered) in &mut self.runs {
             *is_answered |= run.check(source)?;
         }
@@ -109,14 +112,14 @@ impl FileFormat for HuggingFace {
             )?;
             append("ticks", long_tables::ticks(&source))?;
             if written.export.request.boxes == BoxSource::Truth {
-                append("boxes", long_tables::boxes(&source)?)?;
+                append("boxes", long_tables::boxes(&source, self.has_traffic)?)?;
             }
             append("detections", long_tables::detections(&source)?)?;
             for (run, _) in &self.runs {
                 append("predictions", run.of(&source))?;
             }
         }
-        let card = card_of(&written.export.about, &tables);
+        let card = card_of(&written.export.about, &tables, self.has_traffic);
         for open in tables.into_values() {
             open.finish()?;
         }
@@ -153,7 +156,7 @@ fn append(
 }
 
 /// The dataset card: configurations and splits for the library, tables and columns for people.
-fn card_of(about: &About, written: &Tables) -> String {
+fn card_of(about: &About, written: &Tables, has_traffic: bool) -> String {
     let mut card = String::from("---\n");
     let _ = writeln!(card, "pretty_name: {}", json!(about.name));
     card.push_str(&about.card_license());
@@ -180,7 +183,10 @@ fn card_of(about: &About, written: &Tables) -> String {
                 "  - split: {split}\n    path: data/{table}/{split}.parquet"
             );
         }
-        let _ = write!(tables, "\n## {section}");
+        let lines = section.lines();
+        let is_there = |line: &&str| has_traffic || !line.contains("| only with traffic:");
+        let lines: Vec<_> = lines.filter(is_there).collect();
+        let _ = writeln!(tables, "\n## {}", lines.join("\n"));
     }
     let _ = write!(
         card,

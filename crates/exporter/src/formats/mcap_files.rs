@@ -237,7 +237,7 @@ fn calibration(view: &View<'_>, time: Time) -> CameraCalibration {
     }
 }
 
-/// Boxes as outlines, with the score above a detection.
+/// Boxes as outlines: above a detection its score, above a ground-truth box the number of its aircraft if there are several.
 fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotations {
     let outline = |labelled: &LabelledBox| {
         let [left, top, width, height] = labelled.corner_and_size();
@@ -253,10 +253,13 @@ fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotati
     };
     let text = |labelled: &LabelledBox| {
         let [x, y, ..] = labelled.corner_and_size();
-        labelled.score.map(|score| TextAnnotation {
+        let number = labelled.truth.and_then(|truth| truth.aircraft_number);
+        let score = labelled.score.map(|score| format!("{score:.2}"));
+        let words = score.or_else(|| number.map(|number| number.to_string()));
+        words.map(|text| TextAnnotation {
             timestamp: Some(time.stamp()),
             position: Some(Point2 { x, y }),
-            text: format!("{score:.2}"),
+            text,
             font_size: 12.0,
             text_color: Some(color),
         })

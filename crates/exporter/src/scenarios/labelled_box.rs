@@ -25,6 +25,11 @@ pub(crate) struct TruthFigures {
     pub(crate) sight: Sight,
     /// True if a detector is expected to find the aircraft: most of it is in the image.
     pub(crate) is_expected: bool,
+    /// Only in scenarios with traffic, like the next.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) aircraft_number: Option<u32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) occluded_fraction: Option<f64>,
 }
 
 impl TruthFigures {

@@ -250,6 +250,8 @@ fn of_truth(real: TruthBox, sight: Sight) -> OfPicture {
             transmission: real.transmission,
             sight,
             is_expected: real.is_expected(),
+            aircraft_number: real.aircraft_number,
+            occluded_fraction: real.occluded_fraction,
         }),
     };
     ((real.view, real.tick), labelled)

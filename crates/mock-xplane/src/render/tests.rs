@@ -130,7 +130,7 @@ fn changed_box(scene: &Scene, pose: &Pose, controls: &Controls) -> [f64; 4] {
     let draw = |pose: &Pose| {
         let mut rgb = vec![0; width * height * 3];
         // Lamps bloom over the tips.
-        scene.draw_frame(pose, controls, Instants::all(0.3), false, &mut rgb);
+        scene.draw_frame((pose, controls), &[], Instants::all(0.3), false, &mut rgb);
         rgb
     };
     let (with, without) = (draw(pose), draw(&far_away));
@@ -278,7 +278,7 @@ fn fog_takes_the_airframe_where_the_formula_says() {
         let draw = |pose: &Pose| {
             let (width, height) = scene.size();
             let mut rgb = vec![0; width * height * 3];
-            scene.draw_frame(pose, &LANDING, Instants::all(0.0), false, &mut rgb);
+            scene.draw_frame((pose, &LANDING), &[], Instants::all(0.0), false, &mut rgb);
             rgb
         };
         let pose = on_central_ray(&scene, range_m);
@@ -704,7 +704,7 @@ fn a_nearer_aircraft_hides_a_farther_one_whichever_is_the_first_and_both_are_dra
         let (width, height) = scene.size();
         let mut rgb = vec![0; width * height * 3];
         let instants = Instants::all(0.3);
-        scene.draw_aircraft((first, &LANDING), others, instants, false, &mut rgb);
+        scene.draw_frame((first, &LANDING), others, instants, false, &mut rgb);
         rgb
     };
     let (near, far) = (

@@ -526,7 +526,7 @@ impl CaptureService {
         let instants = Instants::all(SimTime(content.time_ns).seconds());
         self.scenes.with(self.engine.as_ref(), &key, |picture| {
             let first = (&content.pose, &content.controls);
-            picture.draw_with(first, others, instants, &mut rgb);
+            picture.draw(first, others, instants, &mut rgb);
         });
         let (width_px, height_px) = (key.width_px as usize, key.height_px as usize);
         if drawn.shift_px != DVec2::ZERO {

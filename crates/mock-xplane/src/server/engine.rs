@@ -70,19 +70,14 @@ pub struct OtherAircraft {
 
 /// Images from a prepared camera, weather and time, with the aircraft anywhere.
 pub trait SceneRenderer: Send + Sync {
-    /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
-    fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]);
-
-    /// [`Self::draw`] with other aircraft. An engine that draws no aircraft need not implement it.
-    fn draw_with(
+    /// Draws a frame with the first aircraft and the others into `rgb`, which has exactly its size and is overwritten completely.
+    fn draw(
         &self,
-        (pose, controls): (&Pose, &Controls),
-        _others: &[OtherAircraft],
+        first: (&Pose, &Controls),
+        others: &[OtherAircraft],
         instants: Instants,
         rgb: &mut [u8],
-    ) {
-        self.draw(pose, controls, instants, rgb);
-    }
+    );
 }
 
 /// The built-in flight model and the renderer of this crate.
@@ -115,11 +110,7 @@ impl Engine for BuiltIn {
 }
 
 impl SceneRenderer for Scene {
-    fn draw(&self, pose: &Pose, controls: &Controls, instants: Instants, rgb: &mut [u8]) {
-        self.draw_frame(pose, controls, instants, true, rgb);
-    }
-
-    fn draw_with(
+    fn draw(
         &self,
         first: (&Pose, &Controls),
         others: &[OtherAircraft],
@@ -130,6 +121,6 @@ impl SceneRenderer for Scene {
             .iter()
             .map(|of| (of.aircraft, &of.pose, &of.controls))
             .collect();
-        self.draw_aircraft(first, &others, instants, true, rgb);
+        self.draw_frame(first, &others, instants, true, rgb);
     }
 }

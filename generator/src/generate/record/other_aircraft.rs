@@ -31,13 +31,14 @@ impl OthersFlown {
         if others.is_empty() {
             return Ok(Self::default());
         }
-        let first = AircraftType::named(parameters.aircraft(common)).map_err(TrafficFault::from)?;
+        let first = AircraftType::named(parameters.aircraft(common))
+            .map_err(|unknown| TrafficFault::of(0, unknown))?;
         let rate = common.picture.frame_rate;
         let times: Vec<_> = (0..ticks as u32)
             .map(|tick| rate.time_of_tick(tick))
             .collect();
         let times_s: Vec<f64> = times.iter().map(|time| time.seconds()).collect();
-        let approach = Approach::new(trajectory, window, &common.runway, first);
+        let approach = Approach::new(trajectory, window, &common.runway, first)?;
         let places = approach.fly(others, &times_s)?;
         let paths = others
             .iter()
@@ -63,13 +64,8 @@ impl OthersFlown {
 pub(crate) fn aircraft_rows(states: &[FlightState], others: &OthersFlown) -> Vec<AircraftRow> {
     let mut rows = Vec::with_capacity(states.len() * (1 + others.places.len()));
     for (tick, state) in states.iter().enumerate() {
-        let first = Placed {
-            pose: state.pose,
-            controls: state.controls,
-            on_ground: state.on_ground,
-        };
         let others = others.places.iter().map(|places| places[tick]);
-        let all = std::iter::once(first).chain(others);
+        let all = std::iter::once(Placed::of(state)).chain(others);
         rows.extend((0..).zip(all).map(|(aircraft_number, placed)| AircraftRow {
             tick: tick as u32,
             aircraft_number,

@@ -20,7 +20,7 @@ pub enum Role {
     MissedApproach,
     /// It crosses the approach from left to right, 300 m above the first aircraft's path.
     Crossing,
-    /// It taxies on the parallel taxiway towards the threshold.
+    /// It taxies on the parallel taxiway towards the threshold, and stands at its ends.
     Taxi,
     /// It stands on the apron beside the taxiway.
     Parked,

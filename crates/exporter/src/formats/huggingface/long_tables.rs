@@ -131,8 +131,8 @@ pub(crate) fn ticks(source: &Source<'_>) -> TableWriter {
     table.optional_f64("time_to_touchdown_s", times_s)
 }
 
-/// The ground-truth boxes of the requested images.
-pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
+/// The ground-truth boxes of the requested images. All scenarios of an export with traffic have the same columns.
+pub(crate) fn boxes(source: &Source<'_>, has_traffic: bool) -> Result<TableWriter> {
     let mut boxes = source.scenario.truth_boxes()?;
     boxes.retain(|real| source.has_picture(&real.view, real.tick));
     let boxes = || boxes.iter();
@@ -143,9 +143,8 @@ pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
     let table = TableWriter::new()
         .text("scenario", boxes().map(|_| &source.record.id))
         .text("view", boxes().map(|real| &real.view))
-        .u32("tick", boxes().map(|real| real.tick))
-        .u32("aircraft_number", boxes().map(TruthBox::number));
-    Ok(with_boxes(table, || boxes().map(|real| real.pixel_box))
+        .u32("tick", boxes().map(|real| real.tick));
+    let table = with_boxes(table, || boxes().map(|real| real.pixel_box))
         .f64(
             "visible_fraction",
             boxes().map(|real| real.visible_fraction),
@@ -153,7 +152,14 @@ pub(crate) fn boxes(source: &Source<'_>) -> Result<TableWriter> {
         .f64("truncated_fraction", boxes().map(|real| real.truncation))
         .f64("transmission_ratio", boxes().map(|real| real.transmission))
         .text("sight", boxes().map(sight))
-        .bool("is_expected", boxes().map(TruthBox::is_expected)))
+        .bool("is_expected", boxes().map(TruthBox::is_expected));
+    if !has_traffic {
+        return Ok(table);
+    }
+    let occluded = boxes().map(|real| real.occluded_fraction.unwrap_or(0.0));
+    Ok(table
+        .u32("aircraft_number", boxes().map(TruthBox::number))
+        .f64("occluded_fraction", occluded))
 }
 
 /// The model's detections in the requested images; empty if it did not search the scenario.

@@ -357,7 +357,7 @@ impl PluginScene {
             },
             painter: Painter {
                 scale: world.aircraft_scale(),
-                others: world.others_fly,
+                other: world.others_fly.then(|| world.aircraft_type()),
                 panel: shot.panel,
                 gain: if self.quirks.has(Quirk::SlowExposure) {
                     self.exposure.gain()

@@ -1,5 +1,6 @@
 //! Frame content: subject, camera, and everything else in the image.
 
+use airframe::AircraftType;
 use dataset::geometry::camera::CameraPose;
 use dataset::geometry::geodesy::Geodetic;
 use dataset::geometry::pose::{Controls, Pose};
@@ -8,7 +9,7 @@ use glam::DVec3;
 use super::window_covers::{ShownWindow, WindowForm};
 use crate::render::overlay::Canvas;
 use crate::server::Swing;
-use crate::server::engine::{Instants, SceneRenderer};
+use crate::server::engine::{Instants, OtherAircraft, SceneRenderer};
 
 /// Position of the other aircraft, metres forward, right and down of the user's.
 const BESIDE_M: DVec3 = DVec3::new(-20.0, 55.0, 5.0);
@@ -64,8 +65,8 @@ impl Windows {
 pub(super) struct Painter {
     /// Size of the aircraft relative to the airliner.
     pub(super) scale: f64,
-    /// True if a second aircraft flies beside it.
-    pub(super) others: bool,
+    /// Type of a second aircraft that flies beside it, if one does.
+    pub(super) other: Option<&'static AircraftType>,
     /// True if a cockpit's panel is in front.
     pub(super) panel: bool,
     /// Brightness factor: 1 when the exposure has settled.
@@ -89,21 +90,13 @@ impl Painter {
             lamps_s: 0.0,
             weather_s: shot.weather_time_s,
         };
-        let draw = |pose: &Pose, rgb: &mut [u8]| picture.draw(pose, &shot.controls, instants, rgb);
-        draw(&self.scaled(shot.pose, shot), rgb);
-        if self.others {
-            let beside = moved(shot.pose, BESIDE_M);
-            let [mut other, mut nobody] = [rgb.to_vec(), rgb.to_vec()];
-            draw(&beside, &mut other);
-            draw(&out_of_sight(shot), &mut nobody);
-            let pixels = rgb.chunks_exact_mut(3);
-            let theirs = other.chunks_exact(3).zip(nobody.chunks_exact(3));
-            for (pixel, (other, nobody)) in pixels.zip(theirs) {
-                if other != nobody {
-                    pixel.copy_from_slice(other);
-                }
-            }
-        }
+        let first = (&self.scaled(shot.pose, shot), &shot.controls);
+        let beside = self.other.map(|aircraft| OtherAircraft {
+            aircraft,
+            pose: moved(shot.pose, BESIDE_M),
+            controls: shot.controls,
+        });
+        picture.draw(first, beside.as_slice(), instants, rgb);
         if let Some(wave) = self.wave {
             ripple(rgb, width_px as usize, wave);
         }
@@ -186,11 +179,6 @@ impl Exposure {
             frames => 1.0 + 0.5 * 0.87_f64.powi(frames as i32),
         }
     }
-}
-
-/// Behind the camera.
-fn out_of_sight(shot: &Shot) -> Pose {
-    moved(shot.camera.pose, DVec3::new(-20_000.0, 0.0, 0.0))
 }
 
 /// Moved along its own axes, forward, right and down.

@@ -352,8 +352,8 @@ fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
         });
         let mut rgb = vec![0; 24 * 16 * 3];
         picture.draw(
-            &aircraft,
-            &Controls::default(),
+            (&aircraft, &Controls::default()),
+            &[],
             Instants::all(1.0),
             &mut rgb,
         );

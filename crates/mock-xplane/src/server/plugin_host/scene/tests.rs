@@ -3,13 +3,13 @@ use std::sync::Mutex;
 use xplane_bridge::datarefs::Generation;
 
 use super::*;
-use crate::server::engine::{Instants, SceneRenderer, SceneSetting};
+use crate::server::engine::{Instants, OtherAircraft, SceneRenderer, SceneSetting};
 use crate::server::world::airport::on_final;
 use crate::server::world::flight_start;
 
 const SIZE: (u64, u64) = (32, 24);
 
-/// Draws a single colour: the rain, the tenth of a second at which it falls, and whether the aircraft is within a kilometre of the camera.
+/// Draws a single colour: the rain, the tenth of a second at which it falls, and whether an aircraft is within a kilometre of the camera.
 struct Plain;
 
 struct PlainPicture {
@@ -27,10 +27,17 @@ impl Engine for Plain {
 }
 
 impl SceneRenderer for PlainPicture {
-    fn draw(&self, pose: &Pose, _: &Controls, instants: Instants, rgb: &mut [u8]) {
+    fn draw(
+        &self,
+        (pose, _): (&Pose, &Controls),
+        others: &[OtherAircraft],
+        instants: Instants,
+        rgb: &mut [u8],
+    ) {
         let rain = self.rain + (10.0 * instants.weather_s) as u8;
-        let away_m = pose.position().to_ecef().distance(self.camera_m);
-        let near = u8::from(away_m < 1_000.0);
+        let mut poses = std::iter::once(pose).chain(others.iter().map(|other| &other.pose));
+        let is_near = |pose: &Pose| pose.position().to_ecef().distance(self.camera_m) < 1_000.0;
+        let near = u8::from(poses.any(is_near));
         for pixel in rgb.chunks_exact_mut(3) {
             pixel.copy_from_slice(&[rain, 100, near]);
         }
