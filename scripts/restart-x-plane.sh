@@ -13,7 +13,7 @@ start=${X_PLANE:-$usual}
 simulator=${DTD_SIMULATOR:-auto}
 [[ $simulator == *:* ]] || simulator=127.0.0.1:49000
 host=${simulator%:*} port=${simulator##*:}
-if [[ " 127.0.0.1 localhost $(hostname -I) " != *" $host "* ]]; then
+if [[ $host != 127.* && $host != localhost ]] && ! grep -q -- "-- ${host//./\\.}$" /proc/net/fib_trie; then
     echo "$simulator is not on this computer: its restart command has to run there, for instance with ssh"
     exit 1
 fi
@@ -26,7 +26,7 @@ began() {
 processes() {
     local process since
     if [[ -n ${X_PLANE_PID_FILE-} ]]; then
-        read -r process since <"$X_PLANE_PID_FILE" || return
+        read -r process since <"$X_PLANE_PID_FILE" || [[ -n ${process-} ]] || return
         [[ -n $since && $since != $(began "$process") ]] || echo "$process"
     else
         pgrep -u "$(id -u)" -x X-Plane-x86_64

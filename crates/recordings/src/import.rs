@@ -310,8 +310,12 @@ fn make(
     workshop.remove(SCRATCH)?;
     workshop.put_in_place()?;
     // Whoever mends the description and imports again needs no second search.
-    if outcome.refused.is_empty() {
-        workshop.remove(SEARCHED)?;
+    if outcome.refused.is_empty()
+        && let Err(error) = workshop.remove(SEARCHED)
+    {
+        watch.warn(&format!(
+            "the corpus is complete, but the search's results remain: {error}"
+        ));
     }
     Ok(outcome)
 }

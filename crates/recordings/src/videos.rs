@@ -72,10 +72,12 @@ pub(crate) fn search(
         })
         .collect();
     let mut tables = Vec::new();
-    watch.begin("checksums of videos", items.len() as u64);
-    for (read, item) in (0..).zip(&items) {
+    for item in &items {
         watch.check()?;
-        watch.advance(read, &name_of(&item.video.file));
+        watch.say(&format!(
+            "reading {} for its checksum",
+            name_of(&item.video.file)
+        ));
         match item.table(searcher, folder) {
             Err(error) if !error.is_of_a_file() => return Err(error),
             table => tables.push(table),
@@ -89,7 +91,7 @@ pub(crate) fn search(
         tables.map(|table| table.expected_images).sum()
     };
     let made_images = images(&made);
-    watch.begin("search", made_images + images(&due));
+    watch.begin("", made_images + images(&due));
     watch.resume(made_images);
     let done = Mutex::new(made_images);
     let image_done = || {

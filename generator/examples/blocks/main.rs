@@ -332,10 +332,17 @@ fn unlike(
             VideoReader::open(&found.video_path(view))?,
         ];
         let [mut one, mut other] = [Vec::new(), Vec::new()];
-        while videos[0].next_frame(&mut one)?.is_some()
-            && videos[1].next_frame(&mut other)?.is_some()
-        {
-            unlike += u32::from(differs(&one, &other));
+        loop {
+            let [expected, found] = &mut videos;
+            let images = (
+                expected.next_frame(&mut one)?,
+                found.next_frame(&mut other)?,
+            );
+            match images {
+                (None, None) => break,
+                (Some(_), Some(_)) => unlike += u32::from(differs(&one, &other)),
+                _ => return Err(format!("{id}: {view} has not as many images").into()),
+            }
         }
     }
     Ok(unlike)

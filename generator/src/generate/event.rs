@@ -51,7 +51,7 @@ pub enum Event<'a> {
         /// Expected number of ticks.
         ticks: u32,
     },
-    /// A scenario's capture begins again, in a way that takes longer from now on: the pace so far says nothing about the time that is left.
+    /// A scenario's capture begins again, in a way that takes longer from now on: pace and remaining time are estimated anew.
     PaceChanged {
         /// Scenario identifier.
         id: &'a str,

@@ -233,7 +233,7 @@ impl<'a> Run<'a> {
             cancel: &self.tally.halt,
             reporter: &self.reporter,
             answer_limit: self.patience.answer,
-            is_last: failed > 0 && failed + 1 >= self.patience.attempts,
+            settles: task.images_failed && failed + 1 >= self.patience.attempts,
         };
         let recorded = record(&self.work, scenario, claim, session, &attempt).await;
         let recorded = match session.tape() {
@@ -321,6 +321,7 @@ impl<'a> Run<'a> {
             return Then::Leave;
         }
         let reason = error.to_string();
+        task.images_failed |= matches!(error, ScenarioError::Bridge(BridgeError::Pixels(_)));
         // A simulator that has ended says nothing about the scenario, unless it ends at this one again and again.
         if error.is_silence() && task.silences < self.patience.attempts {
             task.silences += 1;

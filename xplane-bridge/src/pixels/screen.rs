@@ -552,8 +552,8 @@ async fn wait_for(
 async fn why_absent(grabber: &Grabber) -> Result<&'static str, PixelError> {
     let picture = grabber.grab(RgbPicture::default(), 0).await?;
     Ok(if picture.rgb.iter().all(|level| *level <= BLACK_LEVEL) {
-        "All of it is black: the session is locked or its screen is off, or it is of Wayland, where a program cannot grab the desktop (\"Desktop \
-         session type\" in X-Plane's Log.txt); then log in to an X11 session"
+        "All of it is black: the session is locked, the screen is off, or it is a Wayland session, whose desktop programs cannot grab \
+         (\"Desktop session type\" in X-Plane's Log.txt): log in to an X11 session"
     } else {
         "Is its window open on this screen, in front of all others, not minimised and not reaching over the edge? If so, the drawing of \
          plugins is missing: switch on Settings > Graphics > \"Use Zink\" in X-Plane 12"

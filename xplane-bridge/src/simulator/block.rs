@@ -16,7 +16,6 @@ mod settling;
 mod shadow;
 mod trial;
 
-use std::borrow::Borrow;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
@@ -203,21 +202,6 @@ impl Simulator {
         shadow_place(camera, size_px, pose, clock, self.ground_msl_m?)
     }
 
-    /// Rectangles of the aircraft and its shadow at these poses.
-    fn places_of(
-        &self,
-        camera: &CameraPose,
-        size_px: (u32, u32),
-        poses: impl IntoIterator<Item = impl Borrow<Pose>>,
-    ) -> Vec<Rectangle> {
-        let places = poses.into_iter().flat_map(|pose| {
-            let pose = pose.borrow();
-            let shadow = self.shadow_on_ground(camera, size_px, pose);
-            [aircraft_place(camera, size_px, pose), shadow]
-        });
-        places.flatten().collect()
-    }
-
     /// True if time runs while images are taken, because rain falls only then: a block must be short.
     pub fn time_runs(&self) -> bool {
         self.running_at().is_some()
@@ -271,8 +255,8 @@ impl BlockRecording<'_> {
     fn no_code(&self, waited: Duration) -> PixelError {
         let tick = self.block.first_tick + self.sequence.pictures.delivered;
         PixelError::NoBlocks(format!(
-            "tick {tick}: no frame's number could be read off the screen for {waited:.0?}, as if the drawing of plugins were missing (switch \
-             on Settings > Graphics > \"Use Zink\" in X-Plane 12)"
+            "tick {tick}: no frame's number could be read off the screen for {waited:.0?}, although X-Plane's window can be seen: does \
+             something cover its edge?"
         ))
     }
 
@@ -317,7 +301,8 @@ impl BlockRecording<'_> {
                     // A skipped probe has proven the images before it.
                     idle += 1;
                     if idle > MAX_IDLE {
-                        return Err(self.no_code(Duration::ZERO).into());
+                        let reason = "a block waits for no image, and has none";
+                        return Err(PixelError::Unusable(reason.into()).into());
                     }
                     continue;
                 }
@@ -422,7 +407,7 @@ impl BlockRecording<'_> {
                 let CodedPicture { code, rgb } = self.next_grab().await?;
                 // A cover was seen, so frames are known.
                 let Some(near) = self.drawn.keys().next_back() else {
-                    return Err(self.no_code(Duration::ZERO).into());
+                    return Err(self.no_code(WATCH_TIME).into());
                 };
                 let number = code.number_near(*near);
                 watched.see(number);
@@ -614,8 +599,15 @@ impl BlockRecording<'_> {
         let drawn = before.into_iter().chain(self.drawn.range(oldest..));
         // Their answers may be due.
         let asked = self.asked.iter().map(|asked| asked.pose);
-        let poses = drawn.map(|(_, header)| header.pose).chain(asked);
-        self.simulator.places_of(&camera, size_px, poses)
+        drawn
+            .map(|(_, header)| header.pose)
+            .chain(asked)
+            .flat_map(|pose| {
+                let shadow = self.simulator.shadow_on_ground(&camera, size_px, &pose);
+                [aircraft_place(&camera, size_px, &pose), shadow]
+            })
+            .flatten()
+            .collect()
     }
 
     fn captured(&mut self, taken: Taken<Grabbed>) -> Result<CapturedFrame, BridgeError> {

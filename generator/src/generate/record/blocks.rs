@@ -102,17 +102,22 @@ pub(crate) async fn capture_blocks(
     Ok((drawn, Some(blocks)))
 }
 
-/// Compares block images with settled ones, unless that was done before; true if blocks are used from now on. A scenario's last attempt
-/// settles each image, whatever made the others fail.
+/// Compares block images with settled ones, unless that was done before; true if blocks are used from now on.
 pub(crate) async fn may_use_blocks(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
     attempt: &Attempt<'_, '_>,
 ) -> Result<bool, ScenarioError> {
-    let may = simulator.can_record_blocks() && !attempt.is_last;
-    let (Some((_, camera)), true) = (views.first(), may) else {
+    let (Some((_, camera)), true) = (views.first(), simulator.can_record_blocks()) else {
         return Ok(false);
     };
+    if attempt.settles {
+        attempt.reporter.say(&format!(
+            "{}: every image is settled in the last attempt, which takes several times as long",
+            attempt.id
+        ));
+        return Ok(false);
+    }
     if simulator.known_blocks().trial.is_some() || states.is_empty() {
         return Ok(true);
     }

@@ -16,8 +16,8 @@ pub(crate) struct Attempt<'a, 'r> {
     pub(crate) reporter: &'a Reporter<'r>,
     /// Answer timeout while images are taken.
     pub(crate) answer_limit: Duration,
-    /// True if the scenario is set aside when this one fails as well.
-    pub(crate) is_last: bool,
+    /// True if every image is settled, because an earlier attempt failed by its images and no other one will follow.
+    pub(crate) settles: bool,
 }
 
 impl Attempt<'_, '_> {

@@ -17,6 +17,8 @@ pub(crate) struct Task<'a> {
     pub(crate) scenario: &'a PlannedScenario,
     /// Reasons why earlier attempts of this run failed.
     pub(crate) reasons: Vec<String>,
+    /// True if one of them failed by its images.
+    pub(crate) images_failed: bool,
     /// Attempts that no simulator answered and that do not count.
     pub(crate) silences: u32,
     /// A failed attempt is retried after a delay.
@@ -54,6 +56,7 @@ impl<'a> Queue<'a> {
         let task = |scenario: &&'a PlannedScenario| Task {
             scenario,
             reasons: Vec::new(),
+            images_failed: false,
             silences: 0,
             not_before: None,
         };

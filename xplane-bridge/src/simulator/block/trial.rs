@@ -1,7 +1,5 @@
 //! A trial before blocks are trusted: block images beside settled ones of the same tick and its neighbours, far away and near.
 
-use std::collections::BTreeSet;
-
 use dataset::geometry::pose::FlightState;
 use futures_util::future::BoxFuture;
 
@@ -219,30 +217,25 @@ impl Simulator {
         };
         let last = moved.len().saturating_sub(1);
         for at in [last / 3, last / 2, last].into_iter().filter(|at| *at > 0) {
-            let before = self.settled(&block, at - 1).await?;
-            let own = self.settled(&block, at).await?;
-            let [image, own, before] =
-                [&*moved[at], &own, &before].map(|image| image.as_chunks::<3>().0);
-            let differ = |a: &[u8; 3], b: &[u8; 3]| {
-                a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > LATE_LEVELS)
+            // Each twice: what moves by itself differs in one of the pairs.
+            let mut settled = Vec::new();
+            for tick in [at - 1, at, at - 1, at] {
+                settled.push(self.settled(&block, tick).await?);
+            }
+            let of = |image: &[u8], pixel: usize| {
+                <[u8; 3]>::try_from(&image[3 * pixel..3 * pixel + 3]).unwrap_or_default()
             };
-            // Elsewhere the scene may move by itself.
-            let poses = [&block.states[at - 1].pose, &block.states[at].pose];
-            let places = self.places_of(&block.camera, block.size_px, poses);
-            let pixels: BTreeSet<usize> = (places.iter())
-                .flat_map(|place| place.rows(block.size_px.0))
-                .flat_map(|row| row.start / 3..row.end / 3)
-                .collect();
-            for pixel in pixels
-                .into_iter()
-                .filter(|pixel| differ(&own[*pixel], &before[*pixel]))
-            {
-                found.changing += 1;
-                let (is_own, is_before) = (
-                    !differ(&image[pixel], &own[pixel]),
-                    !differ(&image[pixel], &before[pixel]),
-                );
-                found.late += usize::from(!is_own && is_before);
+            let differ =
+                |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(b) > LATE_LEVELS);
+            for pixel in 0..moved[at].len() / 3 {
+                let [before, own, before_again, own_again] =
+                    [0, 1, 2, 3].map(|number| of(&settled[number], pixel));
+                let stays = !differ(before, before_again) && !differ(own, own_again);
+                if stays && differ(own, before) {
+                    let image = of(&moved[at], pixel);
+                    found.changing += 1;
+                    found.late += usize::from(differ(image, own) && !differ(image, before));
+                }
             }
         }
         Ok(found)

@@ -14,7 +14,7 @@ use crate::Simulator;
 use crate::datarefs::{DatarefWrite, Generation, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
-use crate::profile::{Finding, KnownProfile, PROFILE_FORMAT, Profile};
+use crate::profile::{Finding, KnownProfile, PROFILE_FORMAT, PacedBy, Profile};
 use crate::simulator::SWITCH_TIMEOUT;
 
 const NAME: &str = "profile";
@@ -46,8 +46,8 @@ pub(super) async fn measure(
         _ => {}
     }
     if let Err(error) = simulator.forget_profile().await {
-        let hint = "Nothing is measured that the plugin cannot keep; `dtd generate` works without a profile. Make room on the simulator's \
-                    disk and its plugin's folder writable, or install the plugin of this release: `dtd install-plugin XPLANE_DIR`";
+        let hint = "Nothing is measured that the plugin cannot keep; `dtd generate` works without a profile. Free space on the \
+                    simulator's disk, make the plugin's folder writable, or install the plugin of this release: `dtd install-plugin XPLANE_DIR`";
         return note(Check::warning(NAME, error.to_string(), hint));
     }
     // A clock that follows the computer's continues in a pause, and the sun with it.
@@ -101,8 +101,13 @@ async fn pace_of_this_sweep(
     let (pace, why_settled) = pace::measure(simulator, place, &options.screen, Some(intent)).await;
     note(pace::check(&pace, why_settled));
     simulator.give_clock_back(clock).await;
-    if let Finding::Found(mut pace) = pace {
+    // What a night has measured is nearer to the next one.
+    let is_of_a_night = known.is_some_and(|known| {
+        known.measured_by == PacedBy::Generate && known.size == intent.pictures
+    });
+    if let (Finding::Found(mut pace), false) = (pace, is_of_a_night) {
         pace.weather_s = known.and_then(|known| known.weather_s);
+        pace.loading_s = known.and_then(|known| known.loading_s);
         profile.pace = Finding::Found(pace);
         let kept = keep(simulator, profile).await;
         if kept.verdict != Verdict::Ok {

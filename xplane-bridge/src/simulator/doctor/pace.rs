@@ -27,14 +27,15 @@ use crate::{BlockOfTicks, BlockTrial, Simulator};
 const NOT_COUNTED: usize = 6;
 /// Images that are counted.
 const COUNTED: usize = 24;
-/// Ticks per view in the measured block: twelve seconds of a recording. The beginning of a block is a seventh of three seconds.
+/// Ticks per view in the measured block: twelve seconds of a recording. Of three seconds, the start of a block takes a seventh.
 const BLOCK_TICKS: u32 = 360;
 const BLOCK_RATE: FrameRate = FrameRate {
     numerator: 30,
     denominator: 1,
 };
-/// Over which distance the aircraft moves meanwhile, to the east and back, and in how many ticks it turns.
+/// Over which distance the aircraft moves meanwhile, to the east and back.
 const BLOCK_WAY_M: f64 = 30.0;
+/// Ticks from turn to turn.
 const TURN_TICKS: u32 = 90;
 
 /// Measures the pace of the images that are to be recorded, without encoding; and why they are settled although the window has margins.
