@@ -23,6 +23,7 @@ use dataset::plan::PlannedScenario;
 use futures_util::future::join_all;
 use indicatif::DecimalBytes;
 use store::Committed;
+use xplane_bridge::BridgeError;
 
 use super::error::{Blame, GenerateError, ScenarioError};
 use super::event::{Event, Reporter};
