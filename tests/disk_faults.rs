@@ -259,7 +259,8 @@ impl Undisturbed {
         // Measured times round to the same text now and then.
         let has_times = |name: &Path| {
             name.starts_with("judged") && !name.starts_with("judged/searched")
-                || name.starts_with("paper") && name.ends_with("report.html")
+                || name.starts_with("paper")
+                    && (name.ends_with("report.html") || name.ends_with("paper.md"))
         };
         let differs = |name: &&PathBuf| one[*name] != other[*name] || has_times(name);
         let varying: Vec<PathBuf> = one.keys().filter(differs).cloned().collect();
