@@ -49,7 +49,7 @@ pub(super) struct Tally {
     pub(super) held: u32,
 }
 
-/// What is known of a view before its block.
+/// Knowledge about a view before its block.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Known {
     /// The lag, which is used where no probe can be seen.

@@ -101,7 +101,7 @@ async fn pace_of_this_sweep(
     let (pace, why_settled) = pace::measure(simulator, place, &options.screen, Some(intent)).await;
     note(pace::check(&pace, why_settled));
     simulator.give_clock_back(clock).await;
-    // What a night has measured is nearer to the next one.
+    // A night's pace is nearer to the next night's.
     let is_of_a_night = known.is_some_and(|known| {
         known.measured_by == PacedBy::Generate && known.size == intent.pictures
     });
