@@ -33,7 +33,7 @@ const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
 /// Files of a first hour.
 const TAPE: &str = "session.mcap";
 const REPORT: &str = "report.json";
-/// What the restart command says.
+/// Output of the restart command.
 const RESTART_LOG: &str = "restart.log";
 /// Longest silence of a restarted X-Plane, twice a cold start, and longest time that the command for it may take.
 const BACK_WITHIN: Duration = Duration::from_secs(600);
@@ -162,7 +162,7 @@ async fn recorded(
     Ok(checks)
 }
 
-/// Restarts the simulator by a command, and waits until it answers: it does not while it asks a question. What the command says is kept in
+/// Restarts the simulator by a command, and waits until it answers: it does not while it asks a question. The command's output is kept in
 /// the folder.
 async fn restarted(
     command: &str,

@@ -1,4 +1,4 @@
-//! Ground-truth boxes, and what aircraft hide of each other, judged by a program that shares nothing but the meshes.
+//! An independent check of ground-truth boxes and occlusion: a NumPy program that shares only the meshes with ours.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,5 +1,5 @@
-//! Numbers of frames that are repeated, missing, half drawn or late, and frames inserted by a driver: in a paused world every image has
-//! to equal the one that was recorded without them.
+//! Numbers of frames that are repeated, missing or half drawn, and frames inserted by a driver: in a paused world every image has to equal
+//! the one that was recorded without them.
 
 use std::error::Error;
 
@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::{MARGIN_PX, Recording, sweep, unlike};
 
-/// Gives 2,000 images of two flights from two views.
+/// Two flights from two views then have 2,000 images.
 const DTD_NM: f64 = 0.65;
 /// Frames by which the scene is behind the numbers.
 const LAG: usize = 1;
@@ -32,10 +32,12 @@ pub(crate) async fn codes(size_px: (u32, u32)) -> Result<(), Box<dyn Error>> {
         .await?;
     for faults in FAULTS {
         let recording = Recording::start(size_px, MARGIN_PX, LAG, faults).await?;
-        let (mut from, mut frames) = (0, 0);
+        let (mut from, mut to, mut frames) = (0, 0, 0);
         let mut listen = |event: Event<'_>| match event {
             Event::Flown { .. } => from = recording.frames.get(),
-            Event::Committed { .. } => frames += recording.frames.get() - from,
+            Event::Captured { .. } => to = recording.frames.get(),
+            // The simulator draws on while the scenario is sealed.
+            Event::Committed { .. } => frames += to - from,
             _ => {}
         };
         let found = recording

@@ -6,7 +6,7 @@
 //! is not, nor is the trial before the first scenario. Arguments: width and height of the images (480 320), the first and the last lag (0
 //! 4), and faults of the simulator, such as `repeat=0.001`.
 //!
-//! `-- codes` records two clear flights whose frames show wrong numbers, and counts the images that differ from those of undisturbed ones.
+//! `-- codes` records two clear flights whose frames show wrong numbers, and counts the images that differ from an undisturbed recording.
 //! Arguments: width and height (480 320).
 //!
 //! `-- covers` puts something over the scene for a second in mid recording, in scenarios of four weathers: `covers.rs`. Arguments:

@@ -51,7 +51,7 @@ pub enum Event<'a> {
         /// Expected number of ticks.
         ticks: u32,
     },
-    /// A scenario's capture begins again, in a way that takes longer from now on: pace and remaining time are estimated anew.
+    /// The capture of a scenario restarts, and is slower from now on. Pace and remaining time are estimated again.
     PaceChanged {
         /// Scenario identifier.
         id: &'a str,

@@ -78,7 +78,7 @@ pub(super) async fn measure(
     note(keep(simulator, profile).await);
 }
 
-/// Whether this sweep's images are taken in blocks, and how fast: measured anew where the profile's pace is of others.
+/// Reports how, and how fast, images of this sweep are taken. Measures it if the profile has the pace of other images.
 async fn pace_of_this_sweep(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
